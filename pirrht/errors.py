@@ -1,0 +1,51 @@
+"""Everything that can go wrong in a way the caller can mend; each message says what would have worked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class PirrhtError(Exception):
+    """Base of all errors of this project; its text is one line for a person."""
+
+
+class SceneError(PirrhtError):
+    """A scene or a robot breaks a convention; the message names the file and the element."""
+
+
+class OptionError(PirrhtError):
+    """An option has a value that cannot work; the message names the option and the values that do."""
+
+
+class NotLinearlySolvable(PirrhtError):
+    """No scalar lambda satisfies `lambda G R^-1 G' = B B'` (paper, section III-A)."""
+
+
+class NoReference(PirrhtError):
+    """No allowed homology class reaches the goal from a state."""
+
+    def __init__(
+        self, state: Sequence[float], *, vertices: int, limit: float | None, blocked: Sequence[float] | None = None
+    ) -> None:
+        self.state = tuple(float(s) for s in state)
+        self.vertices = vertices
+        self.limit = limit
+        self.blocked = None if blocked is None else tuple(float(h) for h in blocked)
+        where = ", ".join(f"{s:.3g}" for s in self.state)
+        allowed = "the allowed set" if limit is None else f"|1 - H_i| <= {limit:g}"
+        text = f"no allowed class reaches the goal from ({where}): {vertices} vertices, {allowed}"
+        if self.blocked is not None:
+            text += f"; the nearest blocked signature is ({', '.join(f'{h:.3g}' for h in self.blocked)})"
+        super().__init__(text + ". Try more --vertices, a larger --limit or a smaller --radius.")
+
+
+class NoSurvivingSample(PirrhtError):
+    """Every sampled path ended outside the goal, so the estimate is undefined."""
+
+    def __init__(self, *, collisions: int, timeouts: int) -> None:
+        self.collisions = collisions
+        self.timeouts = timeouts
+        super().__init__(
+            f"none of {collisions + timeouts} samples reached the goal ({collisions} collided, "
+            f"{timeouts} ran out of time). Try more --samples or less --noise."
+        )

@@ -1,0 +1,13 @@
+"""How a path can end; rollouts and MuJoCo drives are judged by the same words."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Outcome(IntEnum):
+    """End of a path: at the goal, in a wall or outside the workspace, or out of time."""
+
+    TIMEOUT = 0
+    GOAL = 1
+    COLLISION = 2
