@@ -1,0 +1,86 @@
+"""The first-exit stochastic optimal control problem (paper, sections II and III-A)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.dynamics import Dynamics
+from pirrht.errors import NotLinearlySolvable, OptionError
+from pirrht.jit import jitable
+from pirrht.scene import Array, Scene
+
+
+@jitable
+def unit_rate(x, p):  # type: ignore[no-untyped-def]
+    """q = 1."""
+    return 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem:
+    """Minimise `E[phi(x(t_f)) + integral of q + u'Ru/2]` until the state leaves the free space or enters the goal."""
+
+    dynamics: Dynamics
+    scene: Scene
+    R: Array | Callable[[Array], Array]  # (m, m) control cost; a function of x where G or B is one
+    q: float | Callable[..., float] = 1.0  # state cost rate [cost/s]; or a function q(x, p) that numba compiles
+    q_min: float | None = None  # a lower bound of q over the workspace; needed when q is a function
+    phi: float = np.inf  # final cost off the goal; it is 0 at the goal
+
+    def __post_init__(self) -> None:
+        if callable(self.q) and self.q_min is None:
+            raise OptionError("q is a function; give q_min, its least value over the workspace, as well")
+        if not self.least_rate > 0:
+            raise OptionError(f"the least state cost rate is {self.least_rate:g}; first exit needs a positive one")
+        if np.isnan(self.phi) or self.phi < 0:
+            raise OptionError(f"the final cost phi is {self.phi:g}; it must be 0 or more (infinity is allowed)")
+        _ = self.temperature
+
+    @property
+    def least_rate(self) -> float:
+        """A lower bound of q [cost/s]."""
+        if self.q_min is not None:
+            return self.q_min
+        assert not callable(self.q)
+        return self.q
+
+    def rate(self, x: Array) -> float:
+        """State cost rate q at x (n,) [cost/s]."""
+        return float(self.q(x, self.dynamics.parameters)) if callable(self.q) else self.q
+
+    def control_cost(self, x: Array) -> Array:
+        """R at x, (m, m)."""
+        return np.asarray(self.R(x), dtype=float) if callable(self.R) else self.R
+
+    @property
+    def temperature(self) -> float:
+        """The scalar lambda of `lambda G R^-1 G' = B B'` [cost].
+
+        Raises:
+            NotLinearlySolvable: no scalar fits, at some state of the workspace; both matrices are in the message.
+        """
+        value: float | None = None
+        for x in self._probes():
+            G, B = self.dynamics.G_c(x), self.dynamics.B_c(x)
+            shape = G @ np.linalg.inv(self.control_cost(x)) @ G.T
+            noise = B @ B.T
+            here = float(np.trace(noise) / np.trace(shape))
+            value = here if value is None else value
+            if not (np.allclose(value * shape, noise, rtol=1e-8, atol=0) and value > 0):
+                raise NotLinearlySolvable(
+                    f"no lambda solves lambda G R^-1 G' = B B' at x = {x.tolist()}: G R^-1 G' = {shape.tolist()}, "
+                    f"B B' = {noise.tolist()}; choose R proportional to G' (B B')^-1 G"
+                )
+        assert value is not None
+        return value
+
+    def _probes(self) -> list[Array]:
+        constant = self.dynamics.constant and not callable(self.R)
+        count = 1 if constant else 16
+        fraction = (np.arange(1, count + 1)[:, None] * np.array([0.7548776662, 0.5698402910])) % 1.0
+        points = self.scene.lower + fraction * (self.scene.upper - self.scene.lower)
+        rest = np.linspace(-np.pi, np.pi, count)[:, None] * np.ones((1, self.dynamics.n - 2))
+        return list(np.hstack([points, rest]))
