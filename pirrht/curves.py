@@ -1,0 +1,154 @@
+"""Planar curves made of arcs and straight pieces: where they run, where they enter the goal, how they wind.
+
+A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0. Everything
+here is exact for such curves: no curve is cut into steps to be measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pirrht.scene import Array
+
+TWO_PI = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Curves:
+    """k planar curves that a steering method proposes, one row each."""
+
+    start: Array  # (k, 3) x, y [m], heading of travel [rad]
+    curvature: Array  # (k, P) counter-clockwise positive [1/m]
+    length: Array  # (k, P) [m]
+    cost: Array  # (k,) steering cost of the whole curve
+    tails: Array  # (k, n) first states
+    heads: Array  # (k, n) last states
+
+    def points(self, spacing: float) -> list[Array]:
+        """Each curve as a polyline (l, 2); straight pieces keep their ends only, arcs get points every `spacing` m."""
+        return [
+            trace(self.start[i], self.curvature[i], self.length[i], spacing) for i in range(self.start.shape[0])
+        ]
+
+
+@njit(cache=True, nogil=True)
+def along(x, y, theta, curvature, s):  # type: ignore[no-untyped-def]
+    """Pose (x, y, theta) after arc length s on a piece."""
+    if abs(curvature) * abs(s) < 1e-9:
+        return x + s * np.cos(theta), y + s * np.sin(theta), theta + curvature * s
+    end = theta + curvature * s
+    return x + (np.sin(end) - np.sin(theta)) / curvature, y - (np.cos(end) - np.cos(theta)) / curvature, end
+
+
+@njit(cache=True, nogil=True)
+def turns_of_chord(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Angle from a to b seen from the origin, the one of least magnitude, in whole turns (paper, section IV-A)."""
+    return np.arctan2(ax * by - ay * bx, ax * bx + ay * by) / TWO_PI
+
+
+@njit(cache=True, nogil=True)
+def turns_of_piece(x, y, theta, curvature, length, mx, my):  # type: ignore[no-untyped-def]
+    """Angle that a piece sweeps as seen from the marker (mx, my), in turns; exact off the marker."""
+    if length <= 0.0:
+        return 0.0
+    parts = int(np.ceil(abs(curvature) * length / (0.5 * np.pi)))
+    if parts <= 1 and abs(curvature) * length < 1e-9:
+        bx, by, _ = along(x, y, theta, curvature, length)
+        return turns_of_chord(x - mx, y - my, bx - mx, by - my)
+    cx, cy = x - np.sin(theta) / curvature, y + np.cos(theta) / curvature
+    inside_circle = (mx - cx) ** 2 + (my - cy) ** 2 < 1.0 / curvature**2
+    step = length / parts
+    total = 0.0
+    for _ in range(parts):
+        bx, by, end = along(x, y, theta, curvature, step)
+        total += turns_of_chord(x - mx, y - my, bx - mx, by - my)
+        if inside_circle:
+            side = (bx - x) * (my - y) - (by - y) * (mx - x)
+            # Between chord and arc, which lies right of the chord of a left turn: the loop arc - chord winds once.
+            if side * curvature < 0.0:
+                total += np.sign(curvature)
+        x, y, theta = bx, by, end
+    return total
+
+
+@njit(cache=True, nogil=True)
+def entry_of_piece(x, y, theta, curvature, length, gx, gy, radius):  # type: ignore[no-untyped-def]
+    """Arc length at which a piece first touches the disc, or infinity."""
+    dx, dy = x - gx, y - gy
+    gap = dx * dx + dy * dy - radius * radius
+    if gap <= 0.0:
+        return 0.0
+    if abs(curvature) * length < 1e-9:
+        along_ray = dx * np.cos(theta) + dy * np.sin(theta)
+        root = along_ray * along_ray - gap
+        if root < 0.0 or along_ray > 0.0:
+            return np.inf
+        s = -along_ray - np.sqrt(root)
+        return s if s <= length else np.inf
+    r = 1.0 / abs(curvature)
+    cx, cy = x - np.sin(theta) / curvature, y + np.cos(theta) / curvature
+    d = np.hypot(gx - cx, gy - cy)
+    if d > r + radius or d < abs(r - radius) or d == 0.0:
+        return np.inf
+    half = np.arccos(min(1.0, max(-1.0, (r * r + d * d - radius * radius) / (2.0 * r * d))))
+    to_goal = np.arctan2(gy - cy, gx - cx)
+    from_start = np.arctan2(y - cy, x - cx)
+    best = np.inf
+    for angle in (to_goal - half, to_goal + half):
+        turn = (angle - from_start) * np.sign(curvature)
+        best = min(best, (turn % TWO_PI) * r)
+    return best if best <= length else np.inf
+
+
+@njit(cache=True, nogil=True)
+def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no-untyped-def]
+    """Arc length at which a curve first touches the disc, or infinity."""
+    x, y, theta = start[0], start[1], start[2]
+    done = 0.0
+    for p in range(length.shape[0]):
+        s = entry_of_piece(x, y, theta, curvature[p], length[p], gx, gy, radius)
+        if s < np.inf:
+            return done + s
+        x, y, theta = along(x, y, theta, curvature[p], length[p])
+        done += length[p]
+    return np.inf
+
+
+@njit(cache=True, nogil=True)
+def turns_of_curve(start, curvature, length, markers, out):  # type: ignore[no-untyped-def]
+    """H-signature (M,) of a curve, written to out (paper, section IV-A), without the paper's leading 1."""
+    for k in range(markers.shape[0]):
+        out[k] = 0.0
+    x, y, theta = start[0], start[1], start[2]
+    for p in range(length.shape[0]):
+        for k in range(markers.shape[0]):
+            out[k] += turns_of_piece(x, y, theta, curvature[p], length[p], markers[k, 0], markers[k, 1])
+        x, y, theta = along(x, y, theta, curvature[p], length[p])
+
+
+@njit(cache=True, nogil=True)
+def cut(length, limit, out):  # type: ignore[no-untyped-def]
+    """Piece lengths (P,) of the part of a curve before arc length `limit`, written to out."""
+    left = limit
+    for p in range(length.shape[0]):
+        out[p] = max(0.0, min(length[p], left))
+        left -= length[p]
+
+
+def trace(start: Array, curvature: Array, length: Array, spacing: float) -> Array:
+    """One curve as a polyline (l, 2) [m]; points on arcs are at most `spacing` m apart."""
+    x, y, theta = (float(v) for v in start)
+    points = [(x, y)]
+    for kappa, total in zip(curvature, length, strict=True):
+        if total <= 0:
+            continue
+        parts = 1 if kappa == 0 else max(1, int(np.ceil(total / spacing)))
+        for i in range(1, parts + 1):
+            points.append(along(x, y, theta, kappa, total * i / parts)[:2])
+        x, y, theta = along(x, y, theta, kappa, total)
+    polyline: NDArray[np.float64] = np.array(points)
+    return polyline

@@ -1,0 +1,96 @@
+"""Homology classes of planar paths: H-signatures and the integers behind them (paper, section IV-A).
+
+From a point x every path to the goal point has H = H(straight line from x) + k with whole turns k. The tuple k is
+the class, and two paths from x are homologous exactly when their tuples are equal: no tolerance is involved. The
+integer k_l also counts how often a path crosses the cut, the ray that leaves marker l away from the goal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pirrht.scene import Array
+
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Homology:
+    """Markers of the topological obstacles and the goal point that all signatures refer to."""
+
+    markers: Array  # (M, 2) one point inside each topological obstacle [m]
+    goal: Array  # (2,) goal representative point [m]
+
+    @property
+    def M(self) -> int:
+        """Number of topological obstacles."""
+        return int(self.markers.shape[0])
+
+    def straight(self, points: Array) -> Array:
+        """H of the straight lines from points (k, 2) to the goal point, (k, M) [turns], without the leading 1."""
+        out = np.empty((len(points), self.M))
+        _straight(np.ascontiguousarray(points, dtype=float), self.markers, self.goal, out)
+        return out
+
+    def turns(self, polyline: Array) -> Array:
+        """H of a polyline (l, 2), (M,) [turns], without the leading 1."""
+        out = np.zeros(self.M)
+        _turns(np.ascontiguousarray(polyline[:, :2], dtype=float), self.markers, out)
+        return out
+
+    def winding(self, polyline: Array) -> tuple[int, ...]:
+        """Class of a path (l, 2), completed by the straight line from its end to the goal point."""
+        ends = self.straight(polyline[[0, -1], :2])
+        whole = self.turns(polyline) + ends[1] - ends[0]
+        return tuple(int(k) for k in np.rint(whole))
+
+    def signature(self, start: Array, winding: Sequence[int]) -> Array:
+        """The paper's H = 1 + H(sigma) of a class seen from start (2,), (M,)."""
+        value: Array = 1.0 + self.straight(start[None, :2])[0] + np.asarray(winding, dtype=float)
+        return value
+
+    @property
+    def cuts(self) -> Array:
+        """Unit directions (M, 2) of the cuts: from each marker away from the goal point."""
+        away = self.markers - self.goal
+        return np.asarray(away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-300)[:, None])
+
+    @property
+    def hash_weights(self) -> IntArray:
+        """Odd 63-bit integers r (M,) such that a class has the additive key sum k_l r_l (mod 2^64)."""
+        draws = np.random.default_rng(0x5157).integers(0, 2**62, size=self.M, dtype=np.int64)
+        return draws * 2 + 1
+
+    def key(self, winding: Sequence[int]) -> int:
+        """The additive key of a class, as kernels carry it (a wrapped 64-bit integer)."""
+        weights = self.hash_weights
+        with np.errstate(over="ignore"):
+            return int(np.sum(np.asarray(winding, dtype=np.int64) * weights, dtype=np.int64))
+
+
+def class_id(winding: Sequence[int]) -> str:
+    """The public name of a class: its integers joined by commas; "-" where there is nothing to wind around."""
+    return ",".join(str(int(k)) for k in winding) or "-"
+
+
+@njit(cache=True, nogil=True)
+def _straight(points, markers, goal, out):  # type: ignore[no-untyped-def]
+    for i in range(points.shape[0]):
+        for k in range(markers.shape[0]):
+            ax, ay = points[i, 0] - markers[k, 0], points[i, 1] - markers[k, 1]
+            bx, by = goal[0] - markers[k, 0], goal[1] - markers[k, 1]
+            out[i, k] = np.arctan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * np.pi)
+
+
+@njit(cache=True, nogil=True)
+def _turns(points, markers, out):  # type: ignore[no-untyped-def]
+    for i in range(points.shape[0] - 1):
+        for k in range(markers.shape[0]):
+            ax, ay = points[i, 0] - markers[k, 0], points[i, 1] - markers[k, 1]
+            bx, by = points[i + 1, 0] - markers[k, 0], points[i + 1, 1] - markers[k, 1]
+            out[k] += np.arctan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * np.pi)

@@ -1,0 +1,152 @@
+"""Obstacle-blind optimal connections between two states (the paper's TPBVP) and the paths made of them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pirrht.curves import Curves, trace
+from pirrht.errors import OptionError
+from pirrht.problem import Problem
+from pirrht.scene import Array, Scene
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trajectory:
+    """A deterministic path with the controls that drive it, piecewise constant in time."""
+
+    controls: Array  # (l, m) control of each piece
+    durations: Array  # (l,) [s]
+    points: Array  # (k, 2) the path as a polyline, for pictures and signatures [m]
+    cost: float  # steering cost
+    length: float  # [m]
+
+    def tape(self, dt: float, steps: int) -> Array:
+        """Mean control of each of `steps` intervals of dt, (steps, m); zero after the end (the paper's footnote)."""
+        out = np.zeros((steps, self.controls.shape[1]))
+        _resample(self.controls, self.durations, dt, out)
+        return out
+
+
+class Steering(ABC):
+    """Optimal curves of the deterministic system without obstacles, and what they cost."""
+
+    n: int  # states of a vertex
+
+    @abstractmethod
+    def distance(self, tails: Array, heads: Array) -> Array:
+        """Cost of the obstacle-blind optimum from tails to heads, (..., n) x 2 -> (...,). Need not be symmetric."""
+
+    @abstractmethod
+    def connect(self, tails: Array, heads: Array) -> Curves:
+        """The optimal curves from tails (k, n) to heads (k, n)."""
+
+    @abstractmethod
+    def trajectory(self, start: Array, curvature: Array, length: Array) -> Trajectory:
+        """Controls along one curve of any number of pieces, from start (3,) with curvature (P,), length (P,)."""
+
+    @abstractmethod
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """A random state of the workspace, (n,)."""
+
+    def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
+        """Indices of the `count` states that cost least to reach from x (forward) or to come from."""
+        cost = self.distance(x, states) if forward else self.distance(states, x)
+        if count >= len(states):
+            return np.argsort(cost, kind="stable")
+        chosen = np.argpartition(cost, count)[:count]
+        return np.asarray(chosen[np.argsort(cost[chosen], kind="stable")])
+
+    @property
+    @abstractmethod
+    def cost_per_meter(self) -> float:
+        """Steering cost of one meter of curve."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StraightLine(Steering):
+    """The single integrator's optimum: a straight line at the speed that balances q against u'Ru/2."""
+
+    speed: float = 1.0  # [m/s]
+    cost_rate: float = 2.0  # q + u'Ru/2 at that speed [cost/s]
+
+    n = 2
+
+    @classmethod
+    def of(cls, problem: Problem) -> StraightLine:
+        """The optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1)."""
+        R = problem.control_cost(np.zeros(problem.dynamics.n))
+        if not np.allclose(R, R[0, 0] * np.eye(len(R))):
+            raise OptionError("straight lines are optimal only for R a multiple of the identity; bring a Steering")
+        speed = float(np.sqrt(2.0 * problem.least_rate / R[0, 0]))
+        return cls(speed=speed, cost_rate=2.0 * problem.least_rate)
+
+    @property
+    def cost_per_meter(self) -> float:
+        """Cost rate over speed."""
+        return self.cost_rate / self.speed
+
+    def distance(self, tails: Array, heads: Array) -> Array:
+        """Cost rate times travel time, (...,)."""
+        gap = heads - tails
+        cost: Array = np.hypot(gap[..., 0], gap[..., 1]) * self.cost_per_meter
+        return cost
+
+    def connect(self, tails: Array, heads: Array) -> Curves:
+        """One straight piece each."""
+        tails, heads = np.atleast_2d(tails), np.atleast_2d(heads)
+        gap = heads - tails
+        length = np.hypot(gap[:, 0], gap[:, 1])
+        start = np.column_stack([tails, np.arctan2(gap[:, 1], gap[:, 0])])
+        return Curves(
+            start=start,
+            curvature=np.zeros((len(gap), 1)),
+            length=length[:, None],
+            cost=length * self.cost_per_meter,
+            tails=tails,
+            heads=heads,
+        )
+
+    def trajectory(self, start: Array, curvature: Array, length: Array) -> Trajectory:
+        """Velocity along each piece; curvature must be zero (turns between pieces are free)."""
+        raise OptionError("a straight-line path has corners: build it with `StraightLine.along`")
+
+    def along(self, points: Array) -> Trajectory:
+        """Constant-speed travel along a polyline (k, 2)."""
+        gap = np.diff(points, axis=0)
+        length = np.hypot(gap[:, 0], gap[:, 1])
+        keep = length > 0
+        gap, length = gap[keep], length[keep]
+        total = float(length.sum())
+        return Trajectory(
+            controls=self.speed * gap / length[:, None],
+            durations=length / self.speed,
+            points=points,
+            cost=total * self.cost_per_meter,
+            length=total,
+        )
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """Uniform in the workspace."""
+        return np.asarray(rng.uniform(scene.lower, scene.upper))
+
+
+@njit(cache=True, nogil=True)
+def _resample(controls, durations, dt, out):  # type: ignore[no-untyped-def]
+    steps, m = out.shape
+    now = 0.0
+    for p in range(durations.shape[0]):
+        end = now + durations[p]
+        i = int(now / dt)
+        while i < steps and i * dt < end:
+            overlap = min(end, (i + 1) * dt) - max(now, i * dt)
+            if overlap > 0.0:
+                for j in range(m):
+                    out[i, j] += controls[p, j] * overlap / dt
+            i += 1
+        now = end
