@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pirrht.curves import Curves, trace
+from pirrht.curves import Curves
 from pirrht.errors import OptionError
 from pirrht.problem import Problem
 from pirrht.scene import Array, Scene
+
+
+SPACING = 0.05  # distance of points on drawn arcs [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,8 +49,8 @@ class Steering(ABC):
         """The optimal curves from tails (k, n) to heads (k, n)."""
 
     @abstractmethod
-    def trajectory(self, start: Array, curvature: Array, length: Array) -> Trajectory:
-        """Controls along one curve of any number of pieces, from start (3,) with curvature (P,), length (P,)."""
+    def controls(self, heading: Array, curvature: Array) -> Array:
+        """Controls (l, m) that drive pieces starting at headings (l,) [rad] with curvatures (l,) [1/m]."""
 
     @abstractmethod
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
@@ -67,12 +69,32 @@ class Steering(ABC):
     def cost_per_meter(self) -> float:
         """Steering cost of one meter of curve."""
 
+    @property
+    @abstractmethod
+    def speed(self) -> float:
+        """Speed along the curves [m/s]."""
+
+    def trajectory(self, path: Curves) -> Trajectory:
+        """The controls along a path whose rows are consecutive curves."""
+        pieces = path.curvature.shape[1]
+        heading = path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
+        length, keep = path.length.ravel(), path.length.ravel() > 0
+        total = float(length.sum())
+        polylines = path.points(SPACING)
+        return Trajectory(
+            controls=self.controls(heading.reshape(-1, pieces).ravel()[keep], path.curvature.ravel()[keep]),
+            durations=length[keep] / self.speed,
+            points=np.vstack([polylines[0], *(line[1:] for line in polylines[1:])]),
+            cost=total * self.cost_per_meter,
+            length=total,
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StraightLine(Steering):
     """The single integrator's optimum: a straight line at the speed that balances q against u'Ru/2."""
 
-    speed: float = 1.0  # [m/s]
+    pace: float = 1.0  # speed [m/s]
     cost_rate: float = 2.0  # q + u'Ru/2 at that speed [cost/s]
 
     n = 2
@@ -84,12 +106,17 @@ class StraightLine(Steering):
         if not np.allclose(R, R[0, 0] * np.eye(len(R))):
             raise OptionError("straight lines are optimal only for R a multiple of the identity; bring a Steering")
         speed = float(np.sqrt(2.0 * problem.least_rate / R[0, 0]))
-        return cls(speed=speed, cost_rate=2.0 * problem.least_rate)
+        return cls(pace=speed, cost_rate=2.0 * problem.least_rate)
 
     @property
     def cost_per_meter(self) -> float:
         """Cost rate over speed."""
-        return self.cost_rate / self.speed
+        return self.cost_rate / self.pace
+
+    @property
+    def speed(self) -> float:
+        """The constant pace."""
+        return self.pace
 
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost rate times travel time, (...,)."""
@@ -112,24 +139,9 @@ class StraightLine(Steering):
             heads=heads,
         )
 
-    def trajectory(self, start: Array, curvature: Array, length: Array) -> Trajectory:
-        """Velocity along each piece; curvature must be zero (turns between pieces are free)."""
-        raise OptionError("a straight-line path has corners: build it with `StraightLine.along`")
-
-    def along(self, points: Array) -> Trajectory:
-        """Constant-speed travel along a polyline (k, 2)."""
-        gap = np.diff(points, axis=0)
-        length = np.hypot(gap[:, 0], gap[:, 1])
-        keep = length > 0
-        gap, length = gap[keep], length[keep]
-        total = float(length.sum())
-        return Trajectory(
-            controls=self.speed * gap / length[:, None],
-            durations=length / self.speed,
-            points=points,
-            cost=total * self.cost_per_meter,
-            length=total,
-        )
+    def controls(self, heading: Array, curvature: Array) -> Array:
+        """Velocity along the heading; straight lines have no curvature."""
+        return self.pace * np.column_stack([np.cos(heading), np.sin(heading)])
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """Uniform in the workspace."""

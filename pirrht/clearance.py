@@ -1,0 +1,199 @@
+"""The clearance field: FCL sampled once on a grid, so that a million queries cost milliseconds.
+
+The distance to a convex solid is convex with second derivatives of at most 1/distance, so bilinear interpolation
+of the distance to the nearest of several solids is too high by at most h^2 / (4 d). That bound is subtracted: the
+field never claims more clearance than there is. The border of the workspace is exact and kept out of the grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pirrht.collision import Collision
+from pirrht.scene import Array, Scene
+
+LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
+BAND = 3.0  # a cell is refined where its clearance is less than this many of its own widths
+REACH = 1.0  # the field is cut off at this clearance [m]; exits and bridges are decided far below it
+FREE, UNSURE, BLOCKED = 1, 0, -1
+LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m] is left to FCL
+
+
+class Field(NamedTuple):
+    """Clearance of the robot's centre on a grid; plain arrays, so that kernels can take it."""
+
+    x0: float  # position of sample (0, 0) [m]
+    y0: float
+    spacing: float  # h [m]
+    nearest: NDArray[np.float32]  # (nx, ny) clearance to the nearest component, never too high [m]
+    second: NDArray[np.float32]  # (nx, ny) clearance to the second nearest component [m]
+    label: NDArray[np.int32]  # (nx, ny) index of the nearest component
+    lower: Array  # (2,) border of the workspace [m]
+    upper: Array  # (2,)
+
+
+def build_field(scene: Scene, collision: Collision, groups: Sequence[Sequence[int]]) -> Field:
+    """Sample FCL near the obstacles, coarser farther away; `groups` are the components (lists of obstacles)."""
+    h = scene.robot_radius / 8.0
+    span = scene.upper - scene.lower
+    h = float(max(h, span.max() / 4000.0))
+    coarse = h * 2 ** (LEVELS - 1)
+    shape = np.ceil(span / coarse).astype(int) + 1
+    r = scene.robot_radius
+    sample = _Sampler(scene, collision, groups)
+    known = np.ones(tuple(shape), dtype=bool)
+    nearest, second, label = sample.at(coarse, known, None)
+    width = coarse
+    for _ in range(LEVELS - 1):
+        margin = width**2 / (4.0 * np.maximum(_least(nearest) + r - np.sqrt(2.0) * width, 0.5 * r))
+        refine = _refine(nearest, width)
+        width /= 2.0
+        near_guess, second_guess = _upsample(nearest) - _fill(margin), _upsample(second)
+        label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[: near_guess.shape[0], : near_guess.shape[1]]
+        guess = (near_guess, second_guess, label_guess.copy())
+        guess[0][::2, ::2] = nearest
+        nearest, second, label = sample.at(width, refine, guess)
+    final = width**2 / (4.0 * np.maximum(nearest + r, r) - 4.0 * np.sqrt(2.0) * width)
+    return Field(
+        x0=float(scene.lower[0]),
+        y0=float(scene.lower[1]),
+        spacing=float(width),
+        nearest=(nearest - final).astype(np.float32),
+        second=(second - final).astype(np.float32),
+        label=label.astype(np.int32),
+        lower=scene.lower.astype(float),
+        upper=scene.upper.astype(float),
+    )
+
+
+class _Sampler:
+    """Asks FCL for the grid points of one level that a mask selects."""
+
+    def __init__(self, scene: Scene, collision: Collision, groups: Sequence[Sequence[int]]) -> None:
+        self.scene, self.collision, self.groups = scene, collision, groups
+
+    def at(
+        self, width: float, mask: NDArray[np.bool_], guess: tuple[Array, Array, NDArray[np.int64]] | None
+    ) -> tuple[Array, Array, NDArray[np.int64]]:
+        index = np.argwhere(mask)
+        points = self.scene.lower + index * width
+        r = self.scene.robot_radius
+        if guess is None:
+            shape = mask.shape
+            guess = (np.full(shape, REACH), np.full(shape, REACH), np.full(shape, -1, dtype=np.int64))
+        nearest, second, label = guess
+        if len(points) and self.groups:
+            one, two, which = self.collision.nearest_groups(points, self.groups, REACH + r)
+            nearest[mask], second[mask], label[mask] = one - r, two - r, which
+        return nearest, second, label
+
+
+def _least(values: Array) -> Array:
+    """Least corner of each cell."""
+    least: Array = np.minimum(
+        np.minimum(values[:-1, :-1], values[1:, :-1]), np.minimum(values[:-1, 1:], values[1:, 1:])
+    )
+    return least
+
+
+def _refine(nearest: Array, width: float) -> NDArray[np.bool_]:
+    """Which points of the next finer grid lie in a cell that holds, or is close to, the surface."""
+    cell = _least(nearest) < BAND * width
+    deep = -_least(-nearest) < -1.5 * width
+    cell &= ~deep
+    fine = np.zeros(tuple(2 * s - 1 for s in nearest.shape), dtype=bool)
+    block = np.repeat(np.repeat(cell, 2, axis=0), 2, axis=1)
+    for i in (0, 1):
+        for j in (0, 1):
+            fine[i : i + block.shape[0], j : j + block.shape[1]] |= block
+    fine[::2, ::2] = False
+    return fine
+
+
+def _upsample(values: Array) -> Array:
+    fine = np.empty(tuple(2 * s - 1 for s in values.shape))
+    fine[::2, ::2] = values
+    fine[1::2, ::2] = 0.5 * (values[:-1] + values[1:])
+    fine[::2, 1::2] = 0.5 * (values[:, :-1] + values[:, 1:])
+    fine[1::2, 1::2] = 0.25 * (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:])
+    return fine
+
+
+def _fill(margin: Array) -> Array:
+    """Spread a bound per cell to the points of the next finer grid (the largest of the cells around)."""
+    fine = np.zeros(tuple(2 * s + 1 for s in margin.shape))
+    block = np.repeat(np.repeat(margin, 2, axis=0), 2, axis=1)
+    for i in (0, 1):
+        for j in (0, 1):
+            view = fine[i : i + block.shape[0], j : j + block.shape[1]]
+            np.maximum(view, block, out=view)
+    return fine
+
+
+@njit(cache=True, nogil=True)
+def border(field, x, y):  # type: ignore[no-untyped-def]
+    """Distance of (x, y) to the border of the workspace, negative outside [m]."""
+    return min(min(x - field.lower[0], field.upper[0] - x), min(y - field.lower[1], field.upper[1] - y))
+
+
+@njit(cache=True, nogil=True)
+def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value of one of the field's grids at (x, y) inside the workspace."""
+    fx, fy = (x - field.x0) / field.spacing, (y - field.y0) / field.spacing
+    i = min(max(int(fx), 0), grid.shape[0] - 2)
+    j = min(max(int(fy), 0), grid.shape[1] - 2)
+    u, v = fx - i, fy - j
+    return (grid[i, j] * (1.0 - u) + grid[i + 1, j] * u) * (1.0 - v) + (
+        grid[i, j + 1] * (1.0 - u) + grid[i + 1, j + 1] * u
+    ) * v
+
+
+@njit(cache=True, nogil=True)
+def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
+    """Component that is nearest at the grid point closest to (x, y)."""
+    i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.label.shape[0] - 1)
+    j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.label.shape[1] - 1)
+    return field.label[i, j]
+
+
+@njit(cache=True, nogil=True)
+def clearance(field, x, y):  # type: ignore[no-untyped-def]
+    """A lower bound of the clearance at (x, y), border included [m]."""
+    edge = border(field, x, y)
+    if edge <= 0.0:
+        return edge
+    return min(edge, interpolate(field, field.nearest, x, y))
+
+
+@njit(cache=True, nogil=True)
+def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
+    """Whether the Lipschitz upper bound from the nearest grid point is already negative."""
+    i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.label.shape[0] - 1)
+    j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.label.shape[1] - 1)
+    gap = np.hypot(x - field.x0 - i * field.spacing, y - field.y0 - j * field.spacing)
+    return field.nearest[i, j] + gap + field.spacing < 0.0
+
+
+@njit(cache=True, nogil=True)
+def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for the segment ab: discs of certified clearance must cover it."""
+    length = np.hypot(bx - ax, by - ay)
+    if length == 0.0:
+        return FREE if clearance(field, ax, ay) > 0.0 else UNSURE
+    ux, uy = (bx - ax) / length, (by - ay) / length
+    s = 0.0
+    while True:
+        x, y = ax + s * ux, ay + s * uy
+        c = clearance(field, x, y)
+        if c < LEAST_STEP:
+            if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y):
+                return BLOCKED
+            return UNSURE
+        if s >= length:
+            return FREE
+        s = min(s + c, length)

@@ -1,0 +1,118 @@
+"""Which proposed curves are edges: free of obstacles, where they end in the goal, how they change the class."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pirrht.clearance import BLOCKED, FREE, LEAST_STEP, UNSURE, Field, _surely_blocked, border, clearance
+from pirrht.collision import Collision
+from pirrht.curves import Curves, along, cut, entry_of_curve, turns_of_curve
+from pirrht.homology import Homology
+from pirrht.scene import Array, Goal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Edges:
+    """What became of k proposed curves."""
+
+    free: NDArray[np.bool_]  # (k,) usable as an edge
+    cost: Array  # (k,) steering cost up to the goal's disc
+    turns: NDArray[np.int32]  # (k, M) whole turns an edge adds to the class of its head
+    length: Array  # (k, P) piece lengths, cut where a curve enters the goal's disc [m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Inspector:
+    """Judges curves with the clearance field, and asks FCL where the field cannot certify."""
+
+    field: Field
+    collision: Collision
+    homology: Homology
+    goal: Goal
+
+    def inspect(self, curves: Curves, h_tails: Array, h_heads: Array, into_goal: NDArray[np.bool_]) -> Edges:
+        """Judge curves whose tails and heads have straight-line signatures h (k, M).
+
+        A curve that enters the goal is an edge only if its head is a root (`into_goal`); it ends, and is paid for,
+        where it first enters the disc.
+        """
+        k, M = len(curves.cost), self.homology.M
+        status = np.empty(k, dtype=np.int8)
+        turns = np.empty((k, M), dtype=np.int32)
+        length = np.empty_like(curves.length)
+        _inspect(
+            self.field, curves.start, curves.curvature, curves.length, h_tails, h_heads, into_goal,
+            self.homology.markers, self.goal.center, self.goal.radius, status, turns, length,
+        )  # fmt: skip
+        for i in np.flatnonzero(status == UNSURE):
+            if self._ask(curves.start[i], curves.curvature[i], length[i]):
+                status[i] = FREE
+        whole = np.maximum(curves.length.sum(axis=1), 1e-300)
+        return Edges(
+            free=status == FREE, cost=curves.cost * (length.sum(axis=1) / whole), turns=turns, length=length
+        )
+
+    def curve_free(self, start: Array, curvature: Array, length: Array) -> bool:
+        """Whether one curve (P pieces) is free."""
+        status = certify_curve(self.field, start, curvature, length)
+        return bool(status == FREE or (status == UNSURE and self._ask(start, curvature, length)))
+
+    def _ask(self, start: Array, curvature: Array, length: Array) -> bool:
+        """FCL's own word on a curve: one swept capsule where it is straight, bisection where it turns."""
+        x, y, theta = (float(v) for v in start)
+        for kappa, total in zip(curvature, length, strict=True):
+            if total <= 0 and not np.all(length <= 0):
+                continue
+            end = along(x, y, theta, kappa, total)
+            if kappa == 0:
+                free = bool(self.collision.segments_free(np.array([[x, y]]), np.array([end[:2]]))[0])
+            else:
+                free = self._arc_free(x, y, theta, kappa, float(total))
+            if not free:
+                return False
+            x, y, theta = end
+        return True
+
+    def _arc_free(self, x: float, y: float, theta: float, kappa: float, total: float) -> bool:
+        return self.collision.bisect_free(lambda s: np.array(along(x, y, theta, kappa, s)[:2]), total)
+
+
+@njit(cache=True, nogil=True)
+def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for one curve: discs of certified clearance must cover it."""
+    x, y, theta = start[0], start[1], start[2]
+    for p in range(length.shape[0]):
+        s = 0.0
+        while True:
+            px, py, _ = along(x, y, theta, curvature[p], s)
+            c = clearance(field, px, py)
+            if c < LEAST_STEP:
+                blocked = border(field, px, py) <= 0.0 or _surely_blocked(field, px, py)
+                return BLOCKED if blocked else UNSURE
+            if s >= length[p]:
+                break
+            s = min(s + c, length[p])
+        x, y, theta = along(x, y, theta, curvature[p], length[p])
+    return FREE
+
+
+@njit(cache=True, nogil=True)
+def _inspect(field, start, curvature, length, h_tails, h_heads, into_goal, markers, goal, radius, status, turns, cut_length):  # type: ignore[no-untyped-def] # fmt: skip  # noqa: E501
+    M = markers.shape[0]
+    swept = np.empty(M)
+    for i in range(length.shape[0]):
+        s = entry_of_curve(start[i], curvature[i], length[i], goal[0], goal[1], radius)
+        if s < np.inf and not into_goal[i]:
+            status[i] = BLOCKED
+            continue
+        cut(length[i], s, cut_length[i])
+        status[i] = certify_curve(field, start[i], curvature[i], cut_length[i])
+        if status[i] == BLOCKED:
+            continue
+        turns_of_curve(start[i], curvature[i], length[i], markers, swept)
+        for k in range(M):
+            turns[i, k] = int(np.rint(swept[k] + h_heads[i, k] - h_tails[i, k]))
