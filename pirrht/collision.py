@@ -1,8 +1,8 @@
 """How far is the robot from the obstacles, and is this path free: the only door to FCL.
 
 The robot is a sphere at a fixed height. FCL's distance from a sphere is exact for boxes, cylinders, spheres,
-capsules and the outside of triangle meshes; meshes are hollow to it, and from an ellipsoid it can be millimetres
-too great. `collide` is right for every convex solid, so it has the last word on those two.
+capsules and the outside of triangle meshes; meshes are hollow to it, and from an ellipsoid it can be
+millimetres too great. `collide` is right for every convex solid, so it has the last word on those two.
 """
 
 from __future__ import annotations
@@ -47,20 +47,15 @@ class Collision:
         self._collision_request = fcl.CollisionRequest()
         self._border: tuple[float, ...] = (*scene.lower.tolist(), *scene.upper.tolist())
         self._slack = 2 * TOLERANCE if self._doubtful else 1e-9
-        self._axes = _stack([o.rotation for o in scene.obstacles], (3, 3))
-        boxes = [_own_box(o) for o in scene.obstacles]
-        self._half = _stack([half for _, half in boxes], (3,))
-        offset = _stack([middle for middle, _ in boxes], (3,))
-        self._middle = _stack([o.position for o in scene.obstacles], (3,))
-        self._middle = self._middle + np.einsum("mij,mj->mi", self._axes, offset)
+        boxes = np.array([_rectangle(o) for o in scene.obstacles]).reshape(-1, 2, 2)
+        self._lowest, self._highest = boxes[:, 0], boxes[:, 1]
 
     def extents(self) -> tuple[Array, Array]:
         """Rectangles around the obstacles seen from above: lower and upper corners, 2 x (M, 2) [m]."""
-        reach = np.einsum("mij,mj->mi", np.abs(self._axes), self._half)
-        return (self._middle - reach)[:, :2], (self._middle + reach)[:, :2]
+        return self._lowest, self._highest
 
     def distance(self, points: Array) -> Array:
-        """From the robot's centre to the nearest obstacle, (k, 2) -> (k,) [m]; 0 inside, inf if there is none."""
+        """From the robot's centre to the nearest obstacle, (k, 2) -> (k,) [m]; 0 inside, infinite if none."""
         if not self._solids:
             return np.full(len(points), np.inf)
         nearest = self._nearest
@@ -183,12 +178,14 @@ class Collision:
         lifted[:, 2] = self.scene.robot_height
         return lifted
 
-    def _lower_bounds(self, lifted: Array, members: IntArray) -> Array:
-        axes = self._axes[members]
-        own = np.einsum("kj,mji->kmi", lifted, axes) - np.einsum("mj,mji->mi", self._middle[members], axes)
-        outside = np.maximum(np.abs(own) - self._half[members], 0.0)
-        # rounding must not make a bound exceed the distance it bounds
-        return np.asarray(np.sqrt(np.einsum("kmi,kmi->km", outside, outside)) * (1 - 1e-12) - 1e-12)
+    def _lower_bounds(self, points: Array, members: IntArray) -> Array:
+        """Distances from points (k, 2) to the members' rectangles, (k, m) [m]."""
+        low, high = self._lowest[members], self._highest[members]
+        x, y = points[:, :1], points[:, 1:2]
+        dx = np.maximum(np.maximum(low[:, 0] - x, x - high[:, 0]), 0.0)
+        dy = np.maximum(np.maximum(low[:, 1] - y, y - high[:, 1]), 0.0)
+        bounds: Array = np.sqrt(dx * dx + dy * dy)
+        return bounds
 
     def _nearest(self, point: Array) -> float:
         probe, request = self._probe, self._distance_request
@@ -277,10 +274,6 @@ def _manager(objects: list[Any]) -> Any:
     return manager
 
 
-def _stack(arrays: list[Array], shape: tuple[int, ...]) -> Array:
-    return np.array(arrays, dtype=float).reshape(len(arrays), *shape)
-
-
 def _pose(obstacle: Obstacle) -> Any:
     return fcl.Transform(
         np.asarray(obstacle.rotation, dtype=float), np.asarray(obstacle.position, dtype=float)
@@ -328,16 +321,19 @@ def _hull(obstacle: Obstacle) -> tuple[Array, IntArray]:
     return vertices, faces
 
 
-def _own_box(obstacle: Obstacle) -> tuple[Array, Array]:
-    """Centre and half sizes (3,) [m] of the bounding box along the solid's own axes."""
+def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
+    """Corners of an axis-parallel rectangle that contains the solid seen from above, 2 x (2,) [m]."""
     a, b, c = (float(s) for s in obstacle.size)
     if obstacle.kind is Kind.MESH:
         assert obstacle.vertices is not None
         low, high = obstacle.vertices.min(axis=0), obstacle.vertices.max(axis=0)
-        return 0.5 * (low + high), 0.5 * (high - low)
-    half = {
-        Kind.CYLINDER: (a, a, b),
-        Kind.SPHERE: (a, a, a),
-        Kind.CAPSULE: (a, a, a + b),
-    }.get(obstacle.kind, (a, b, c))
-    return np.zeros(3), np.array(half)
+    else:
+        high = {
+            Kind.CYLINDER: np.array([a, a, b]),
+            Kind.SPHERE: np.array([a, a, a]),
+            Kind.CAPSULE: np.array([a, a, a + b]),
+        }.get(obstacle.kind, np.array([a, b, c]))
+        low = -high
+    middle = obstacle.position + obstacle.rotation @ (0.5 * (low + high))
+    reach = np.abs(obstacle.rotation) @ (0.5 * (high - low)) + PROBE
+    return (middle - reach)[:2], (middle + reach)[:2]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -55,6 +55,16 @@ class Inspector:
         return Edges(
             free=status == FREE, cost=curves.cost * (length.sum(axis=1) / whole), turns=turns, length=length
         )
+
+    def cut_at_goal(self, path: Curves) -> Curves:
+        """A path whose last curve ends where it first enters the goal's disc."""
+        s = entry_of_curve(
+            path.start[-1], path.curvature[-1], path.length[-1], *self.goal.center, self.goal.radius
+        )
+        length = path.length.copy()
+        cut(path.length[-1], s, length[-1])
+        share = length.sum(axis=1) / np.maximum(path.length.sum(axis=1), 1e-300)
+        return replace(path, length=length, cost=path.cost * share)
 
     def curve_free(self, start: Array, curvature: Array, length: Array) -> bool:
         """Whether one curve (P pieces) is free."""

@@ -223,7 +223,7 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
 
     @njit(cache=True, nogil=True)
     def append(graph, vertex, cost, key, parent_turns, e, limit, K):  # type: ignore[no-untyped-def]
-        """AppendNode: True if the node is new or cheaper; False if dominated, blocked or pruned; None if full."""
+        """AppendNode: whether the node is new or cheaper, and neither dominated nor blocked nor pruned."""
         _ = token
         slot = find(graph, vertex, key)
         if slot >= 0:
@@ -253,19 +253,22 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
         """ChooseParent: offer a vertex the nodes of all its successors; False if there is no room for them."""
         if graph.nodes[vertex] > 0 and graph.parent[vertex, 0] == ROOT:
             return True
-        e = graph.first_out[vertex]
-        while e >= 0:
-            h = graph.head[e]
-            for slot in range(graph.nodes[h]):
-                if graph.nodes[vertex] >= graph.cost.shape[1] and K == 0:
-                    return False
-                if graph.size[2] + 1 >= graph.queue_cost.shape[0]:
-                    return False
-                key = graph.key[h, slot] + graph.edge_key[e]
-                cost = graph.cost[h, slot] + graph.edge_cost[e]
-                if append(graph, vertex, cost, key, graph.turns[h, slot], e, limit, K):
-                    _push(graph, cost, vertex, key)
-            e = graph.next_out[e]
+        evicted = -1
+        while evicted != graph.size[3]:  # an eviction moves nodes about: look again until none happens
+            evicted = graph.size[3]
+            e = graph.first_out[vertex]
+            while e >= 0:
+                h = graph.head[e]
+                for slot in range(graph.nodes[h]):
+                    if graph.nodes[vertex] >= graph.cost.shape[1] and K == 0:
+                        return False
+                    if graph.size[2] + 1 >= graph.queue_cost.shape[0]:
+                        return False
+                    key = graph.key[h, slot] + graph.edge_key[e]
+                    cost = graph.cost[h, slot] + graph.edge_cost[e]
+                    if append(graph, vertex, cost, key, graph.turns[h, slot], e, limit, K):
+                        _push(graph, cost, vertex, key)
+                e = graph.next_out[e]
         return True
 
     @njit(cache=True, nogil=True)

@@ -39,6 +39,7 @@ class Steering(ABC):
     """Optimal curves of the deterministic system without obstacles, and what they cost."""
 
     n: int  # states of a vertex
+    symmetric: bool = False  # whether every curve may be driven the other way round at the same cost
 
     @abstractmethod
     def distance(self, tails: Array, heads: Array) -> Array:
@@ -55,6 +56,10 @@ class Steering(ABC):
     @abstractmethod
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """A random state of the workspace, (n,)."""
+
+    @abstractmethod
+    def roots(self, goal: Array) -> Array:
+        """States (k, n) at the goal point (2,) that the tree starts from."""
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Indices of the `count` states that cost least to reach from x (forward) or to come from."""
@@ -98,6 +103,7 @@ class StraightLine(Steering):
     cost_rate: float = 2.0  # q + u'Ru/2 at that speed [cost/s]
 
     n = 2
+    symmetric = True
 
     @classmethod
     def of(cls, problem: Problem) -> StraightLine:
@@ -142,6 +148,10 @@ class StraightLine(Steering):
     def controls(self, heading: Array, curvature: Array) -> Array:
         """Velocity along the heading; straight lines have no curvature."""
         return self.pace * np.column_stack([np.cos(heading), np.sin(heading)])
+
+    def roots(self, goal: Array) -> Array:
+        """The goal point itself."""
+        return goal[None, :].astype(float)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """Uniform in the workspace."""

@@ -1,0 +1,63 @@
+"""What planner and sampler know about a scene: where the robot fits, and what there is to wind around."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.clearance import Field, build_field
+from pirrht.collision import Collision
+from pirrht.components import Component, components
+from pirrht.edges import Inspector
+from pirrht.errors import SceneError
+from pirrht.homology import Homology
+from pirrht.scene import Array, Scene
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FreeSpace:
+    """A scene together with its collision checker, clearance field and topological obstacles."""
+
+    scene: Scene
+    collision: Collision
+    field: Field
+    obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
+    homology: Homology
+
+    @classmethod
+    def of(cls, scene: Scene) -> FreeSpace:
+        """Examine a scene.
+
+        Raises:
+            SceneError: the start or the goal point is in collision.
+        """
+        collision = Collision(scene)
+        for what, point in (("start", scene.start), ("goal", scene.goal.center)):
+            clearance = float(collision.clearance(point[None, :2])[0])
+            if clearance <= 0.0:
+                raise SceneError(
+                    f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g}) is in collision for a robot of radius "
+                    f"{scene.robot_radius:g} (it lacks {-clearance:.3g} m); move it or choose a smaller --radius"
+                )
+        parts = components(scene, collision)
+        encircled = tuple(part for part in parts if part.marker is not None)
+        markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
+        return cls(
+            scene=scene,
+            collision=collision,
+            field=build_field(scene, collision, [part.members for part in parts]),
+            obstacles=encircled,
+            homology=Homology(markers=markers, goal=scene.goal.center.astype(float)),
+        )
+
+    @property
+    def inspector(self) -> Inspector:
+        """The judge of proposed edges."""
+        return Inspector(
+            field=self.field, collision=self.collision, homology=self.homology, goal=self.scene.goal
+        )
+
+    def clearance(self, position: Array) -> float:
+        """FCL's clearance of the robot's centre at one position (2,) [m]."""
+        return float(self.collision.clearance(position[None, :2])[0])

@@ -1,0 +1,166 @@
+"""Shortening a path inside its homology class until it is taut."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pirrht.clearance import FREE, certify_segment
+from pirrht.curves import Curves, entry_of_piece
+from pirrht.edges import Inspector
+from pirrht.scene import Array
+from pirrht.steering import Steering, StraightLine
+
+ROUNDS = 12
+GAIN = 1e-5  # a round that shortens the path by less than this share is the last
+FLAT = 0.02  # corners that turn less than this [rad] are not cut any more
+HALVINGS = 6
+
+
+def polish(path: Curves, steering: Steering, inspector: Inspector) -> Curves:
+    """A path (rows are consecutive curves into the goal) of the same class that is never longer.
+
+    Every new piece is certified by the clearance field, which is FCL's distance with its error bound taken off.
+    """
+    if not isinstance(steering, StraightLine):
+        return path
+    points = np.vstack([path.start[:, :2], _end(path)])
+    short = taut_polyline(points, inspector)
+    return steering.connect(short[:-1], short[1:])
+
+
+def taut_polyline(points: Array, inspector: Inspector) -> Array:
+    """A polyline (k, 2) that ends in the goal's disc, pulled taut inside its class, (l, 2)."""
+    goal = inspector.goal
+    room = np.empty((max(64, 8 * len(points)), 2))
+    count = _taut(
+        inspector.field, inspector.homology.markers, goal.center, goal.radius, np.ascontiguousarray(points), room
+    )
+    short = room[:count].copy()
+    before, after = _length(points), _length(short)
+    return short if after <= before else points
+
+
+def _end(path: Curves) -> Array:
+    x, y, theta = path.start[-1]
+    s = float(path.length[-1].sum())
+    return np.array([x + s * np.cos(theta), y + s * np.sin(theta)])
+
+
+def _length(points: Array) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+@njit(cache=True, nogil=True)
+def _contractible(points, i, j, markers):  # type: ignore[no-untyped-def]
+    """Whether the loop points[i..j] and straight back encircles no marker."""
+    for k in range(markers.shape[0]):
+        mx, my = markers[k, 0], markers[k, 1]
+        winding = 0
+        for a in range(i, j + 1):
+            b = a + 1 if a < j else i
+            ya, yb = points[a, 1] - my, points[b, 1] - my
+            if (ya <= 0.0) != (yb <= 0.0):
+                side = (points[a, 0] - mx) * yb - (points[b, 0] - mx) * ya
+                if (side > 0.0) == (yb > 0.0):
+                    winding += 1 if yb > 0.0 else -1
+        if winding != 0:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _clear(field, goal, radius, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Whether the segment ab is certainly free up to where it enters the goal's disc."""
+    length = np.hypot(bx - ax, by - ay)
+    s = entry_of_piece(ax, ay, np.arctan2(by - ay, bx - ax), 0.0, length, goal[0], goal[1], radius)
+    if s < length:
+        bx, by = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
+    return certify_segment(field, ax, ay, bx, by) == FREE
+
+
+@njit(cache=True, nogil=True)
+def _shortcut(field, markers, goal, radius, points, count):  # type: ignore[no-untyped-def]
+    """Leave out every run of corners that a free straight piece of the same class can replace."""
+    i = 0
+    while i < count - 2:
+        for j in range(count - 1, i + 1, -1):
+            if _clear(field, goal, radius, points[i, 0], points[i, 1], points[j, 0], points[j, 1]) and _contractible(
+                points, i, j, markers
+            ):
+                for k in range(j, count):
+                    points[i + 1 + k - j] = points[k]
+                count -= j - i - 1
+                break
+        i += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _cut_share(field, markers, goal, radius, triangle):  # type: ignore[no-untyped-def]
+    """Largest share t of both legs such that the corner can be cut from leg to leg; triangle is (before, corner, after)."""  # noqa: E501
+    low, high = 0.0, 1.0
+    work = triangle.copy()
+    for _ in range(HALVINGS):
+        t = 0.5 * (low + high)
+        work[0] = triangle[1] + t * (triangle[0] - triangle[1])
+        work[2] = triangle[1] + t * (triangle[2] - triangle[1])
+        clear = _clear(field, goal, radius, work[0, 0], work[0, 1], work[2, 0], work[2, 1])
+        if clear and _contractible(work, 0, 2, markers):
+            low = t
+        else:
+            high = t
+    return low
+
+
+@njit(cache=True, nogil=True)
+def _round_corners(field, markers, goal, radius, points, count, out):  # type: ignore[no-untyped-def]
+    """Cut every corner as far as the obstacles allow; number of points written to out."""
+    out[0] = points[0]
+    n = 1
+    triangle = np.empty((3, 2))
+    for i in range(1, count - 1):
+        triangle[0], triangle[1], triangle[2] = out[n - 1], points[i], points[i + 1]
+        ax, ay = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1]
+        bx, by = triangle[2, 0] - triangle[1, 0], triangle[2, 1] - triangle[1, 1]
+        t = 0.0
+        if abs(np.arctan2(ax * by - ay * bx, ax * bx + ay * by)) > FLAT and n + 2 + count - i < out.shape[0]:
+            t = _cut_share(field, markers, goal, radius, triangle)
+        if t > 0.0:
+            out[n] = triangle[1] + t * (triangle[0] - triangle[1])
+            out[n + 1] = triangle[1] + t * (triangle[2] - triangle[1])
+            n += 2
+        else:
+            out[n] = triangle[1]
+            n += 1
+    out[n] = points[count - 1]
+    return n + 1
+
+
+@njit(cache=True, nogil=True)
+def _taut(field, markers, goal, radius, points, out):  # type: ignore[no-untyped-def]
+    count = points.shape[0]
+    work = np.empty_like(out)
+    out[:count] = points
+    out[count] = goal
+    count += 1
+    before = np.inf
+    for _ in range(ROUNDS):
+        count = _shortcut(field, markers, goal, radius, out, count)
+        length = 0.0
+        for i in range(count - 1):
+            length += np.hypot(out[i + 1, 0] - out[i, 0], out[i + 1, 1] - out[i, 1])
+        if before - length < GAIN * length:
+            break
+        before = length
+        count = _round_corners(field, markers, goal, radius, out, count, work)
+        out[:count] = work[:count]
+    count = _shortcut(field, markers, goal, radius, out, count)
+    for i in range(count - 1):
+        gap = out[i + 1] - out[i]
+        length = np.hypot(gap[0], gap[1])
+        s = entry_of_piece(out[i, 0], out[i, 1], np.arctan2(gap[1], gap[0]), 0.0, length, goal[0], goal[1], radius)
+        if s <= length:
+            out[i + 1] = out[i] + gap * (s / length)
+            return i + 2
+    return count

@@ -1,0 +1,297 @@
+"""The expansion phase: a goal-rooted tree in the H-augmented space, and the references it gives (Algorithms 1-3, 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht import graph as g
+from pirrht.curves import Curves
+from pirrht.edges import Edges
+from pirrht.errors import NoReference, OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.homology import class_id
+from pirrht.polish import polish
+from pirrht.scene import Array
+from pirrht.steering import Steering, Trajectory
+
+GOAL_SHARE = 0.02  # share of the draws that go to the goal's disc, which uniform draws would rarely hit
+DRAWS_PER_VERTEX = 50
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reference:
+    """The best known path of one homology class from a state into the goal."""
+
+    winding: tuple[int, ...]  # (M,) whole turns against the straight line from the state to the goal point
+    signature: Array  # (M,) the paper's H, leading 1 included
+    path: Curves  # rows are consecutive curves
+    trajectory: Trajectory
+
+    @property
+    def cost(self) -> float:
+        """Steering cost; it orders references and is never mixed with psi."""
+        return self.trajectory.cost
+
+    @property
+    def length(self) -> float:
+        """Path length [m]."""
+        return self.trajectory.length
+
+    @property
+    def id(self) -> str:
+        """Public name of the class, relative to the state it was asked for."""
+        return class_id(self.winding)
+
+
+class HomologyTree:
+    """RRG on the state space with at most one node per allowed class at each vertex.
+
+    Args:
+        space: the examined scene.
+        steering: the obstacle-blind two-point optimum.
+        limit: H_limit of the allowed set |1 - H_i| <= H_limit, asked at every vertex.
+        allowed: a predicate on the paper's H (M,) that takes the limit's place.
+        classes: keep at most so many cheapest classes per vertex; 0 keeps all.
+        rng: source of the random states.
+    """
+
+    def __init__(
+        self,
+        space: FreeSpace,
+        steering: Steering,
+        *,
+        limit: float = 0.6,
+        allowed: Callable[[Array], bool] | None = None,
+        classes: int = 16,
+        rng: np.random.Generator,
+    ) -> None:
+        if not (np.isfinite(limit) and limit > 0):
+            raise OptionError(f"the limit H_limit is {limit:g}; it must be positive (0.5 < limit < 1 is usual)")
+        if classes < 0:
+            raise OptionError(f"classes is {classes}; it must be 0 (all) or more")
+        self.space, self.steering, self.limit, self.classes = space, steering, limit, classes
+        self.rng = rng
+        self.inspector = space.inspector
+        self.kernels = g.kernels() if allowed is None else g.kernels(g.user_predicate(allowed))
+        self._predicate = allowed is not None
+        self.states = np.zeros((256, steering.n))
+        self.in_goal = np.zeros(256, dtype=np.bool_)
+        self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, space.homology.M)
+        self.draws = 0
+        self._add_roots()
+
+    @property
+    def size(self) -> int:
+        """Number of vertices."""
+        return int(self.graph.size[0])
+
+    @property
+    def node_count(self) -> int:
+        """Number of nodes, all classes of all vertices."""
+        return int(self.graph.nodes[: self.size].sum())
+
+    def grow(self, vertices: int, *, progress: Callable[[int], None] | None = None) -> None:
+        """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1)."""
+        budget = DRAWS_PER_VERTEX * max(0, vertices - self.size)
+        while self.size < vertices and budget > 0:
+            budget -= 1
+            if self.extend(self._sample()) and progress is not None:
+                progress(self.size)
+
+    def extend(self, x: Array) -> bool:
+        """One iteration of Algorithm 1 with the state x (n,); whether it became a vertex."""
+        self.draws += 1
+        if not self.space.collision.free(x[None, :2])[0]:
+            return False
+        if self.space.scene.goal.contains(x[:2]):
+            self._add_vertex(x, root=True)
+            self._link_backward(self.size - 1)
+        else:
+            near = self._near(x, forward=True)
+            edges = self._inspect(x, near, forward=True)
+            heads = near[edges.free]
+            if self._classes_over(x, heads, edges)[0] == 0:
+                return False
+            self._add_vertex(x, root=False)
+            v = self.size - 1
+            self._add_edges(np.full(len(heads), v), heads, edges.cost[edges.free], edges.turns[edges.free])
+            self._refill(v)
+            if self.steering.symmetric:
+                self._mirror(v, near, edges)
+            else:
+                self._link_backward(v)
+        self._relax()
+        return True
+
+    def references(self, x: Array, *, polished: bool = True) -> list[Reference]:
+        """The best path of every allowed class from x (n,), cheapest first; the tree is not changed (Algorithm 5).
+
+        Raises:
+            NoReference: no allowed class reaches the goal from x.
+        """
+        near = self._near(x, forward=True)
+        edges = self._inspect(x, near, forward=True)
+        heads = near[edges.free]
+        count, found = self._classes_over(x, heads, edges)
+        if count == 0:
+            raise NoReference(x, vertices=self.size, limit=None if self._predicate else self.limit)
+        best = np.argsort(found.cost[:count], kind="stable")
+        references = [
+            self._reference(x, int(heads[found.edge[i]]), int(found.slot[i]), found.turns[i], polished) for i in best
+        ]
+        return sorted(references, key=lambda reference: reference.cost)
+
+    def path_of(self, vertex: int, slot: int) -> list[int]:
+        """Vertices from a node to its root, first to last."""
+        gr = self.graph
+        key, path = gr.key[vertex, slot], [vertex]
+        while gr.parent[vertex, slot] != g.ROOT:
+            e = gr.parent[vertex, slot]
+            with np.errstate(over="ignore"):
+                key = key - gr.edge_key[e]
+            vertex = int(gr.head[e])
+            slot = g.find(gr, vertex, key)
+            path.append(vertex)
+        return path
+
+    # -- growing -----------------------------------------------------------------------------------------------
+
+    def _sample(self) -> Array:
+        x = self.steering.sample(self.space.scene, self.rng)
+        if self.rng.random() < GOAL_SHARE:
+            goal = self.space.scene.goal
+            angle, radius = self.rng.uniform(-np.pi, np.pi), goal.radius * np.sqrt(self.rng.random())
+            x[:2] = goal.center + radius * np.array([np.cos(angle), np.sin(angle)])
+        return x
+
+    def _add_roots(self) -> None:
+        for x in self.steering.roots(self.space.scene.goal.center):
+            self._add_vertex(x, root=True)
+
+    def _add_vertex(self, x: Array, *, root: bool) -> None:
+        v = self.size
+        if v >= len(self.states):
+            self._enlarge(vertices=2 * v)
+            self.states = np.vstack([self.states, np.zeros_like(self.states)])
+            self.in_goal = np.concatenate([self.in_goal, np.zeros_like(self.in_goal)])
+        self.states[v], self.in_goal[v] = x, root
+        self.graph.straight[v] = self.space.homology.straight(x[None, :2])[0]
+        self.graph.size[0] = v + 1
+        if root:
+            self.graph.nodes[v] = 1
+
+    def _add_edges(
+        self, tails: NDArray[np.int64], heads: NDArray[np.int64], cost: Array, turns: NDArray[np.int32]
+    ) -> None:
+        while self.graph.size[1] + len(tails) > len(self.graph.tail):
+            self._enlarge(edges=2 * len(self.graph.tail))
+        g.add_edges(self.graph, tails, heads, cost, turns, self._weights)
+
+    def _link_backward(self, v: int) -> None:
+        """Rewire, lines 1-7: edges from the vertices near v to v."""
+        near = self._near(self.states[v], forward=False)
+        near = near[(near != v) & ~self.in_goal[near]]
+        edges = self._inspect(self.states[v], near, forward=False, root=bool(self.in_goal[v]))
+        tails = near[edges.free]
+        self._add_edges(tails, np.full(len(tails), v), edges.cost[edges.free], edges.turns[edges.free])
+        for u in tails if self.in_goal[v] else ():
+            self._refill(int(u))
+
+    def _mirror(self, v: int, near: NDArray[np.int64], edges: Edges) -> None:
+        """The same edges the other way round, where steering is symmetric and the head is not in the goal."""
+        both = edges.free & ~self.in_goal[near]
+        tails = near[both]
+        self._add_edges(tails, np.full(len(tails), v), edges.cost[both], -edges.turns[both])
+
+    def _refill(self, v: int) -> None:
+        if not self.graph.waiting[v]:
+            self.graph.waiting[v] = True
+            self.graph.refill[self.graph.size[3]] = v
+            self.graph.size[3] += 1
+
+    def _relax(self) -> None:
+        while True:
+            status = self.kernels.relax(self.graph, self.limit, self.classes)
+            if status == g.DONE:
+                return
+            if status == g.NODES_FULL:
+                self._enlarge(nodes=2 * self.graph.cost.shape[1])
+            else:
+                self._enlarge(queue=2 * len(self.graph.queue_cost))
+
+    def _enlarge(self, *, vertices: int = 0, edges: int = 0, nodes: int = 0, queue: int = 0) -> None:
+        gr = self.graph
+        self.graph = g.enlarged(
+            gr,
+            vertices or len(gr.nodes),
+            edges or len(gr.tail),
+            nodes or gr.cost.shape[1],
+            queue or len(gr.queue_cost),
+        )
+
+    # -- asking ------------------------------------------------------------------------------------------------
+
+    @property
+    def _weights(self) -> NDArray[np.int64]:
+        return self.space.homology.hash_weights
+
+    def _near(self, x: Array, *, forward: bool) -> NDArray[np.int64]:
+        """NearForward and NearBackward: the RRG's k nearest, k = e (1 + 1/n) log |V|."""
+        count = int(np.ceil(np.e * (1.0 + 1.0 / self.steering.n) * np.log(self.size + 1)))
+        return self.steering.nearest(self.states[: self.size], x, count, forward=forward)
+
+    def _inspect(self, x: Array, near: NDArray[np.int64], *, forward: bool, root: bool = False) -> Edges:
+        here = np.broadcast_to(x, (len(near), len(x)))
+        h_here = np.repeat(self.space.homology.straight(x[None, :2]), len(near), axis=0)
+        h_near = self.graph.straight[near]
+        if forward:
+            curves = self.steering.connect(here, self.states[near])
+            return self.inspector.inspect(curves, h_here, h_near, self.in_goal[near])
+        curves = self.steering.connect(self.states[near], here)
+        return self.inspector.inspect(curves, h_near, h_here, np.full(len(near), root))
+
+    def _classes_over(self, x: Array, heads: NDArray[np.int64], edges: Edges) -> tuple[int, _Found]:
+        straight = self.space.homology.straight(x[None, :2])[0]
+        room = self.classes or max(1, int(self.graph.nodes[heads].sum()))
+        found = _Found(
+            cost=np.full(room, np.inf),
+            key=np.zeros(room, np.int64),
+            turns=np.zeros((room, self.space.homology.M), np.int32),
+            edge=np.zeros(room, np.int64),
+            slot=np.zeros(room, np.int64),
+        )
+        count = self.kernels.best_classes(
+            self.graph, straight, heads, edges.cost[edges.free], edges.turns[edges.free], self._weights,
+            self.limit, found.cost, found.key, found.turns, found.edge, found.slot,
+        )  # fmt: skip
+        return int(count), found
+
+    def _reference(
+        self, x: Array, head: int, slot: int, turns: NDArray[np.int32], polished: bool
+    ) -> Reference:
+        states = np.vstack([x, self.states[self.path_of(head, slot)]])
+        path = self.inspector.cut_at_goal(self.steering.connect(states[:-1], states[1:]))
+        if polished:
+            path = polish(path, self.steering, self.inspector)
+        winding = tuple(int(k) for k in turns)
+        return Reference(
+            winding=winding,
+            signature=self.space.homology.signature(x, winding),
+            path=path,
+            trajectory=self.steering.trajectory(path),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """Best classes over candidate edges; rows beyond the count are empty."""
+
+    cost: Array
+    key: NDArray[np.int64]
+    turns: NDArray[np.int32]
+    edge: NDArray[np.int64]
+    slot: NDArray[np.int64]
