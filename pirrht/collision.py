@@ -20,7 +20,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 PROBE = 1e-6  # radius of the sphere that stands for the robot's centre [m]
-TOLERANCE = 2e-5  # over-estimate of a distance that is left to ellipsoids and meshes [m]
+TOLERANCE = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]
 SHORTEST = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]
 _CHUNK = 1_000_000  # point-obstacle pairs bounded at once
 

@@ -1,8 +1,8 @@
 """Topological obstacles: connected components of the obstacles inflated by the robot's radius.
 
 Where the robot cannot pass between two solids they are one obstacle, and a component that reaches the border
-cannot be encircled, so it has no marker. An inflated shape P_i is the set of planar points p with d_i(p) at most
-the robot's radius; d_i is the distance from a convex solid, so P_i and every minimisation below are convex.
+cannot be encircled, so it has no marker. An inflated shape P_i is the set of planar points p with d_i(p) at
+most the robot's radius; d_i, the distance from a convex solid, is convex, and so is every minimisation below.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Component:
 def components(scene: Scene, collision: Collision) -> tuple[Component, ...]:
     """Topological obstacles of a scene, ordered by their first member; those out of reach are left out.
 
-    A joint is certified by a common point of two inflated shapes. A gap only micrometres narrower than the robot
-    (tens of them at an ellipsoid) may count as a passage.
+    A joint is certified by a common point of two inflated shapes. A gap that is only micrometres narrower
+    than the robot may count as a passage.
     """
     planar = _Planar(scene, collision)
     root = list(range(len(scene.obstacles)))
@@ -97,11 +97,10 @@ class _Planar:
         self.radius = scene.robot_radius
         low, high = collision.extents()
         self.low, self.high = low - self.radius, high + self.radius
-        rough = np.array(
-            [o.kind is Kind.ELLIPSOID for o in scene.obstacles]
-        )  # its distance is 2e-5 m uncertain
-        self.offset = np.where(rough, 0.02, 1e-4) * self.radius
-        self.doubt = np.where(rough, 0.02, 1e-6)  # possible error of a slope
+        # the distance from an ellipsoid is uncertain by micrometres, so its slope takes a longer lever
+        rough = np.array([o.kind is Kind.ELLIPSOID for o in scene.obstacles], dtype=bool)
+        self.offset = np.where(rough, 0.04, 1e-4) * self.radius
+        self.doubt = np.where(rough, 1e-3, 1e-6)  # possible error of a slope
 
     def distance(self, i: int, point: Array) -> float:
         """d_i at a planar point (2,) [m]."""
@@ -135,7 +134,9 @@ class _Planar:
             for k in (i, j):
                 if excess[k] > 0:
                     a, b = self.slope(k, x, y)
-                    polygon = _cut(polygon, a, b, a * x + b * y - excess[k] + self.doubt[k] * size)
+                    polygon = _cut(
+                        polygon, a, b, a * x + b * y - excess[k] + min(self.doubt[k] * size, excess[k])
+                    )
             if len(polygon) < 3 or area < 1e-18:
                 return False
         return False

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numba import njit
@@ -55,22 +56,21 @@ class Homology:
         return value
 
     @property
-    def cuts(self) -> Array:
-        """Unit directions (M, 2) of the cuts: from each marker away from the goal point."""
-        away = self.markers - self.goal
-        return np.asarray(away / np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-300)[:, None])
-
-    @property
     def hash_weights(self) -> IntArray:
-        """Odd 63-bit integers r (M,) such that a class has the additive key sum k_l r_l (mod 2^64)."""
-        draws = np.random.default_rng(0x5157).integers(0, 2**62, size=self.M, dtype=np.int64)
-        return draws * 2 + 1
+        """Odd integers r (M,) such that a class has the additive key sum k_l r_l (mod 2^64)."""
+        return _hash_weights(self.M)
 
     def key(self, winding: Sequence[int]) -> int:
         """The additive key of a class, as kernels carry it (a wrapped 64-bit integer)."""
         weights = self.hash_weights
         with np.errstate(over="ignore"):
             return int(np.sum(np.asarray(winding, dtype=np.int64) * weights, dtype=np.int64))
+
+
+@cache
+def _hash_weights(M: int) -> IntArray:
+    draws = np.random.default_rng(0x5157).integers(0, 2**62, size=M, dtype=np.int64)
+    return draws * 2 + 1
 
 
 def class_id(winding: Sequence[int]) -> str:
@@ -84,7 +84,9 @@ def _straight(points, markers, goal, out):  # type: ignore[no-untyped-def]
         for k in range(markers.shape[0]):
             ax, ay = points[i, 0] - markers[k, 0], points[i, 1] - markers[k, 1]
             bx, by = goal[0] - markers[k, 0], goal[1] - markers[k, 1]
-            out[i, k] = np.arctan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * np.pi)
+            cross, dot = ax * by - ay * bx, ax * bx + ay * by
+            # On the cut itself the angle jumps; it counts as the right side, as `cross > 0` does in the rollouts.
+            out[i, k] = -0.5 if cross == 0.0 and dot < 0.0 else np.arctan2(cross, dot) / (2.0 * np.pi)
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,84 @@
+"""Normal and uniform numbers that depend only on (seed, sample, draw), never on the number of threads.
+
+Each sample owns a SplitMix64 sequence (Steele, Lea and Flood, OOPSLA 2014) that starts at a mix of seed and sample
+index; normals come from a 256-layer ziggurat (Marsaglia and Tsang, J. Stat. Software 2000).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from pirrht.scene import Array
+
+LAYERS = 256
+TAIL = 3.6541528853610088  # where the lowest layer ends and the tail begins
+AREA = 0.00492867323399  # area of each layer
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+MIX_2 = np.uint64(0x94D049BB133111EB)
+UNIT = 1.0 / 9007199254740992.0  # 2^-53
+
+
+def _layers() -> tuple[Array, Array]:
+    """Right ends of the layers, x[0] > x[1] > ... > x[256] = 0, and the density there."""
+    x = np.zeros(LAYERS + 1)
+    x[0] = AREA / np.exp(-0.5 * TAIL**2)
+    x[1] = TAIL
+    for i in range(2, LAYERS):
+        x[i] = np.sqrt(-2.0 * np.log(AREA / x[i - 1] + np.exp(-0.5 * x[i - 1] ** 2)))
+    return x, np.exp(-0.5 * x**2)
+
+
+EDGE, DENSITY = _layers()
+
+
+@njit(cache=True, nogil=True)
+def _mix(z):  # type: ignore[no-untyped-def]
+    z = (z ^ (z >> np.uint64(30))) * MIX_1
+    z = (z ^ (z >> np.uint64(27))) * MIX_2
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(cache=True, nogil=True)
+def stream(seed, sample):  # type: ignore[no-untyped-def]
+    """Start of the sequence of one sample."""
+    return _mix(np.uint64(seed) ^ _mix((np.uint64(sample) + np.uint64(1)) * GOLDEN))
+
+
+@njit(cache=True, nogil=True)
+def uniform(state):  # type: ignore[no-untyped-def]
+    """The next state of a sequence and a number in [0, 1)."""
+    state = state + GOLDEN
+    return state, np.float64(_mix(state) >> np.uint64(11)) * UNIT
+
+
+@njit(cache=True, nogil=True)
+def _slow_normal(state, layer, x):  # type: ignore[no-untyped-def]
+    """The rare outcomes of a ziggurat draw: accepted (flag 1) in the wedge or the tail, or not (flag 0)."""
+    state, u = uniform(state)
+    if layer > 0:
+        height = DENSITY[layer] + u * (DENSITY[layer + 1] - DENSITY[layer])
+        return state, x, height < np.exp(-0.5 * x * x)
+    while True:
+        state, v = uniform(state)
+        beyond = -np.log(1.0 - u) / TAIL
+        if -2.0 * np.log(1.0 - v) > beyond * beyond:
+            return state, TAIL + beyond, True
+        state, u = uniform(state)
+
+
+@njit(cache=True, nogil=True)
+def normal(state):  # type: ignore[no-untyped-def]
+    """The next state of a sequence and a standard normal number."""
+    while True:
+        state = state + GOLDEN
+        bits = _mix(state)
+        layer = np.int64(bits & np.uint64(255))
+        x = np.float64(bits >> np.uint64(11)) * UNIT * EDGE[layer]
+        sign = 1.0 - 2.0 * np.float64((bits >> np.uint64(8)) & np.uint64(1))
+        if x < EDGE[layer + 1]:
+            return state, sign * x
+        state, x, accepted = _slow_normal(state, layer, x)
+        if accepted:
+            return state, sign * x

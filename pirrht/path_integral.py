@@ -1,0 +1,242 @@
+"""Importance-sampled path integrals: the value, the control and the class weights at a state (paper, III and IV-C).
+
+With S samples drawn around H references, psi = E_P[W]. The paper averages H estimators, each weighing its samples
+by dP/dQ_h. The balance heuristic weighs every sample by dP / (1/S sum_g N_g dQ_g) instead: with finitely many
+samples the plain average is too high by up to lambda ln H, since samples around one reference practically never
+visit the classes of the others. Only the estimate of psi is unbiased; u is a ratio and v a logarithm.
+Weights stay logarithms throughout: phi/lambda can exceed a million.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.rollout import Kernels, Paths, Tapes, World, empty_paths, kernels_for
+from pirrht.scene import Array
+
+EXITS = ("bridge", "endpoint")
+WEIGHTS = ("balance", "average")
+TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
+NEGLIGIBLE = 1e-10  # normalised weights below this do not contribute to the tape
+OTHER = "other"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sampling:
+    """How paths are drawn and weighed."""
+
+    dt: float = 0.1  # rollout step [s]
+    samples: int = 200  # N, around each reference
+    exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
+    weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
+    threads: int | None = None  # None: all cores this process may use; results do not depend on it
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.dt) and self.dt > 0):
+            raise OptionError(f"dt is {self.dt:g}; it must be a positive number of seconds")
+        if self.samples < 1:
+            raise OptionError(f"samples is {self.samples}; at least 1 is needed")
+        for name, known in (("exit", EXITS), ("weights", WEIGHTS)):
+            if getattr(self, name) not in known:
+                raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rollouts:
+    """S sampled paths from one state; full states are simulated again for those that are shown."""
+
+    x0: Array  # (n,)
+    seed: int
+    tapes: Tapes
+    paths: Paths
+    log_weight: Array  # (S,) log of each sample's contribution to psi; -inf for paths that ran out of time
+
+    @property
+    def size(self) -> int:
+        """S."""
+        return len(self.log_weight)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Estimate:
+    """What the samples say about one state."""
+
+    control: Array  # (m,) u* now
+    tape: Array  # (T, m) open-loop controls, sum over all samples of weight times control carried
+    alive: Array  # (T,) weight of the samples still under way at each step
+    log_psi: float
+    value: float  # v = -lambda log psi
+    ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
+    weight: Array  # (S,) normalised weights
+    class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
+    class_ess: dict[str, float]  # effective sample size within each class
+    proposal_weights: list[float]  # weight by the reference a sample was drawn around
+    survivors: int  # samples that reached the goal
+    rollouts: Rollouts
+
+
+class PathIntegral:
+    """Draws and weighs samples around references; the problem and its scene stay fixed."""
+
+    def __init__(self, problem: Problem, space: FreeSpace, sampling: Sampling) -> None:
+        self.problem, self.space, self.sampling = problem, space, sampling
+        self.temperature = problem.temperature
+        self.kernels: Kernels = kernels_for(problem)
+        self.world = _world(problem, space, sampling.exit == "bridge")
+        self.threads = sampling.threads or len(os.sched_getaffinity(0))
+
+    def horizon(self, reference_cost: float) -> int:
+        """Number of steps after which a path weighs nothing, T_max = (c_ref + 40 lambda) / q_min."""
+        return int(np.ceil((reference_cost + TAIL * self.temperature) / self.problem.least_rate / self.sampling.dt))
+
+    def rollout(self, x: Array, controls: Array, seed: int, *, counts: Sequence[int] | None = None) -> Rollouts:
+        """Sample paths from x (n,) around tapes (H, T, m), `counts` (H,) of each (default: N each)."""
+        H = len(controls)
+        number = np.full(H, self.sampling.samples) if counts is None else np.asarray(counts)
+        first = np.concatenate([[0], np.cumsum(number)]).astype(np.int64)
+        busy = np.any(controls != 0.0, axis=2)
+        active = np.where(busy.any(axis=1), controls.shape[1] - np.argmax(busy[:, ::-1], axis=1), 0)
+        tapes = Tapes(np.ascontiguousarray(controls, dtype=float), active.astype(np.int64), first)
+        S = int(first[-1])
+        paths = empty_paths(S, H)
+        x0 = np.ascontiguousarray(x, dtype=float)
+        dt = self.sampling.dt
+
+        def work(part: tuple[int, int]) -> None:
+            self.kernels.sample(self.world, tapes, x0, dt, np.uint64(seed), part[0], part[1], paths)
+
+        _in_parallel(work, S, self.threads)
+        return Rollouts(
+            x0=x0, seed=seed, tapes=tapes, paths=paths, log_weight=self._log_weight(paths, tapes, number)
+        )
+
+    def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
+        """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.
+
+        Raises:
+            NoSurvivingSample: no sample has any weight.
+        """
+        log_weight = rollouts.log_weight
+        top = float(log_weight.max())
+        outcome = rollouts.paths.outcome
+        if not np.isfinite(top):
+            raise NoSurvivingSample(
+                collisions=int(np.sum(outcome == Outcome.COLLISION)), timeouts=int(np.sum(outcome == Outcome.TIMEOUT))
+            )
+        relative = np.exp(log_weight - top)
+        total = float(relative.sum())
+        weight = relative / total
+        log_psi = top + float(np.log(total)) - float(np.log(rollouts.size))
+        tape, alive = self._tape(rollouts, weight)
+        names = dict(classes or {})
+        groups = _groups(rollouts.paths.key, names)
+        first = rollouts.tapes.first
+        return Estimate(
+            control=tape[0].copy(),
+            tape=tape,
+            alive=alive,
+            log_psi=log_psi,
+            value=-self.temperature * log_psi,
+            ess=float(1.0 / np.sum(weight**2)),
+            weight=weight,
+            class_weights={name: float(weight[mask].sum()) for name, mask in groups.items()},
+            class_ess={name: _ess(weight[mask]) for name, mask in groups.items()},
+            proposal_weights=[float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)],
+            survivors=int(np.sum(outcome == Outcome.GOAL)),
+            rollouts=rollouts,
+        )
+
+    def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+        """States (c, T+1, n) of chosen samples (c,), and the number of steps each took, (c,)."""
+        T = rollouts.tapes.control.shape[1]
+        states = np.zeros((len(chosen), T + 1, len(rollouts.x0)))
+        steps = np.zeros(len(chosen), np.int64)
+        self.kernels.trace(
+            self.world, rollouts.tapes, rollouts.x0, self.sampling.dt, np.uint64(rollouts.seed), chosen, states, steps
+        )
+        return states, steps
+
+    def _log_weight(self, paths: Paths, tapes: Tapes, number: NDArray[np.int64]) -> Array:
+        final = np.where(paths.outcome == Outcome.COLLISION, self.problem.phi, 0.0)
+        cost = -(paths.work + final) / self.temperature
+        H, S = len(number), len(paths.work)
+        if self.sampling.weights == "average":
+            own = np.repeat(np.arange(H), number)
+            # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
+            log_weight = cost - paths.log_ratio[np.arange(S), own] + np.log(S / (H * number[own]))
+        else:
+            log_weight = cost - _log_mean(paths.log_ratio, number / S)
+        return np.where(paths.outcome == Outcome.TIMEOUT, -np.inf, log_weight)
+
+    def _tape(self, rollouts: Rollouts, weight: Array) -> tuple[Array, Array]:
+        T, m = rollouts.tapes.control.shape[1:]
+        total, alive = np.zeros((T, m)), np.zeros(T)
+        chosen = np.flatnonzero(weight > NEGLIGIBLE)
+        self.kernels.control(
+            self.world, rollouts.tapes, rollouts.x0, self.sampling.dt, np.uint64(rollouts.seed), chosen,
+            weight[chosen], total, alive,
+        )  # fmt: skip
+        return total, alive
+
+
+def _world(problem: Problem, space: FreeSpace, bridge: bool) -> World:
+    d = problem.dynamics
+    x = np.zeros(d.n)
+    constant = d.constant
+    return World(
+        field=space.field,
+        goal=space.scene.goal.center.astype(float),
+        goal_radius=float(space.scene.goal.radius),
+        markers=space.homology.markers,
+        weights=space.homology.hash_weights,
+        parameters=np.asarray(d.parameters, dtype=float),
+        gain=np.linalg.solve(d.B_c(x), d.G_c(x)) if constant else np.zeros((d.m, d.m)),
+        diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.m, d.m)),
+        rate=0.0 if callable(problem.q) else float(problem.q),
+        bridge=bridge,
+    )
+
+
+def _log_mean(log_ratio: Array, share: Array) -> Array:
+    """log sum_g share_g exp(log_ratio_g), row by row."""
+    top = log_ratio.max(axis=1)
+    mean: Array = top + np.log(np.exp(log_ratio - top[:, None]) @ share)
+    return mean
+
+
+def _ess(weight: Array) -> float:
+    square = float(np.sum(weight**2))
+    return float(weight.sum()) ** 2 / square if square > 0 else 0.0
+
+
+def _groups(key: NDArray[np.int64], names: Mapping[int, str]) -> dict[str, NDArray[np.bool_]]:
+    groups = {name: key == k for k, name in names.items()}
+    rest = np.ones(len(key), dtype=np.bool_)
+    for mask in groups.values():
+        rest &= ~mask
+    return {**groups, OTHER: rest}
+
+
+@cache
+def _pool(threads: int, process: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads)
+
+
+def _in_parallel(work, count: int, threads: int) -> None:  # type: ignore[no-untyped-def]
+    """Split a range of samples over threads; what a sample is does not depend on the split."""
+    if threads == 1 or count < 64:
+        work((0, count))
+        return
+    edges = np.linspace(0, count, 2 * threads + 1).astype(int)
+    list(_pool(threads, os.getpid()).map(work, zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)))

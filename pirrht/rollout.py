@@ -1,0 +1,236 @@
+"""Compiled rollouts: noisy paths around references, their cost, and how likely each reference makes them.
+
+Everything is expressed in noise units: with a = B_c^-1 G_c u and the path's own increments y = a dt + dw, a step is
+x + f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper, Girsanov's theorem).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pirrht.clearance import Field
+from pirrht.exits import INSIDE, bridge_exit, endpoint_exit, sweep_exit
+from pirrht.jit import as_jitable, source_token
+from pirrht.noise import normal, stream, uniform
+from pirrht.problem import Problem, unit_rate
+from pirrht.scene import Array
+
+
+class World(NamedTuple):
+    """What a rollout needs to know of scene and problem."""
+
+    field: Field
+    goal: Array  # (2,) [m]
+    goal_radius: float
+    markers: Array  # (M, 2) [m]
+    weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker
+    parameters: Array  # p of the dynamics
+    gain: Array  # (m, m) B_c^-1 G_c, if constant
+    diffusion: Array  # (m, m) B_c, if constant
+    rate: float  # q, if constant [cost/s]
+    bridge: bool  # exit rule: along the step, or at its end
+
+
+class Tapes(NamedTuple):
+    """H references as control tapes of T steps."""
+
+    control: Array  # (H, T, m)
+    active: NDArray[np.int64]  # (H,) number of steps before a tape is zero for good
+    first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
+
+
+class Paths(NamedTuple):
+    """What is kept of S sampled paths; kernels write into it."""
+
+    work: Array  # (S,) integral of q up to the exit [cost]
+    log_ratio: Array  # (S, H) log dQ_g/dP of each path under each reference
+    key: NDArray[np.int64]  # (S,) class of the path itself, as an additive key
+    outcome: NDArray[np.int8]  # (S,) Outcome
+    steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
+
+
+class Kernels(NamedTuple):
+    """Compiled rollouts of one kind of dynamics."""
+
+    sample: Callable[..., None]  # fills Paths for a range of samples
+    control: Callable[..., None]  # weighted sum of the controls that samples carried
+    trace: Callable[..., None]  # states of chosen samples
+
+
+def empty_paths(S: int, H: int) -> Paths:
+    """Room for S paths under H references."""
+    return Paths(np.zeros(S), np.zeros((S, H)), np.zeros(S, np.int64), np.zeros(S, np.int8), np.zeros(S, np.int32))
+
+
+def kernels_for(problem: Problem) -> Kernels:
+    """The compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
+    d = problem.dynamics
+    constant = d.constant
+    gain = None if constant else as_jitable(_function(d.control_block))
+    noise = None if constant else as_jitable(_function(d.diffusion_block))
+    q = as_jitable(problem.q) if callable(problem.q) else unit_rate
+    return _build(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
+
+
+def _function(block: Array | Callable[..., None]) -> Callable[..., None]:
+    if isinstance(block, np.ndarray):
+        matrix = block
+
+        def fill(x, p, out):  # type: ignore[no-untyped-def]
+            out[:, :] = matrix
+
+        return fill
+    return block
+
+
+@cache
+def _build(
+    drift: Callable[..., None],
+    control_block: Callable[..., None] | None,
+    diffusion_block: Callable[..., None] | None,
+    q: Callable[..., float],
+    n: int,
+    m: int,
+    varying_rate: bool,
+    noisy_position: bool,
+) -> Kernels:
+    varying = control_block is not None
+    gain_at: Any = control_block if varying else drift
+    noise_at: Any = diffusion_block if varying else drift
+    token = source_token(drift, gain_at, noise_at, q)
+    fixed = n - m
+
+    @njit(cache=True, nogil=True)
+    def blocks(world, x, G, D, B):  # type: ignore[no-untyped-def]
+        """D = B_c^-1 G_c and B = B_c at x."""
+        gain_at(x, world.parameters, G)
+        noise_at(x, world.parameters, B)
+        D[:, :] = np.linalg.solve(B, G)
+
+    @njit(cache=True, nogil=True)
+    def position_covariance(B, dt, cov):  # type: ignore[no-untyped-def]
+        """Covariance (xx, xy, yy) of the position over one step."""
+        cov[:] = 0.0
+        for j in range(m):
+            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+            by = B[1 - fixed, j] if fixed <= 1 else 0.0
+            cov[0] += bx * bx * dt
+            cov[1] += bx * by * dt
+            cov[2] += by * by * dt
+
+    @njit(cache=True, nogil=True)
+    def one_path(world, tapes, h, x0, dt, seed, sample, ratio, states, applied):  # type: ignore[no-untyped-def]
+        """Simulate one sample; `ratio` (H,), `states` (T+1, n) and `applied` (T, m) are filled if not empty."""
+        _ = token
+        H, T = tapes.control.shape[0], tapes.control.shape[1]
+        M = world.markers.shape[0]
+        x, moved, f, y = x0.copy(), x0.copy(), np.empty(n), np.empty(m)
+        G, D, B = np.zeros((m, m)), world.gain.copy(), world.diffusion.copy()
+        cov = np.zeros(3)
+        if not varying:
+            position_covariance(B, dt, cov)
+        root = np.sqrt(dt)
+        state = stream(seed, sample)
+        work, key = 0.0, np.int64(0)
+        if states.shape[0] > 0:
+            states[0, :] = x
+        for i in range(T):
+            if varying:
+                blocks(world, x, G, D, B)
+                position_covariance(B, dt, cov)
+            drift(x, world.parameters, f)
+            for j in range(m):
+                state, z = normal(state)
+                y[j] = z * root
+                if i < tapes.active[h]:
+                    for k in range(m):
+                        y[j] += D[j, k] * tapes.control[h, i, k] * dt
+            for g in range(ratio.shape[0]):
+                if i < tapes.active[g]:
+                    for j in range(m):
+                        a = 0.0
+                        for k in range(m):
+                            a += D[j, k] * tapes.control[g, i, k]
+                        ratio[g] += a * (y[j] - 0.5 * a * dt)
+            for j in range(n):
+                moved[j] = x[j] + f[j] * dt
+            for j in range(m):
+                for k in range(m):
+                    moved[fixed + j] += B[j, k] * y[k]
+            if applied.shape[0] > 0:
+                if m == 1:
+                    applied[i, 0] = y[0] / (D[0, 0] * dt)
+                else:
+                    applied[i, :] = np.linalg.solve(D, y) / dt
+            for k in range(M):
+                bx, by = world.goal[0] - world.markers[k, 0], world.goal[1] - world.markers[k, 1]
+                ax, ay = x[0] - world.markers[k, 0], x[1] - world.markers[k, 1]
+                cx, cy = moved[0] - world.markers[k, 0], moved[1] - world.markers[k, 1]
+                before, after = ax * by - ay * bx, cx * by - cy * bx
+                if (before > 0.0) != (after > 0.0):
+                    share = before / (before - after)
+                    px, py = ax + share * (cx - ax), ay + share * (cy - ay)
+                    if px * bx + py * by < 0.0:
+                        key += world.weights[k] if after > 0.0 else -world.weights[k]
+            if not world.bridge:
+                exit, share = endpoint_exit(world.field, world.goal, world.goal_radius, moved[0], moved[1])
+            elif noisy_position:
+                state, u_wall = uniform(state)
+                state, u_goal = uniform(state)
+                exit, share = bridge_exit(
+                    world.field, world.goal, world.goal_radius, x[0], x[1], moved[0], moved[1], cov, u_wall, u_goal
+                )
+            else:
+                exit, share = sweep_exit(
+                    world.field, world.goal, world.goal_radius, x[0], x[1], moved[0], moved[1]
+                )
+            work += (q(x, world.parameters) if varying_rate else world.rate) * dt * share
+            for j in range(n):
+                x[j] = moved[j]
+            if states.shape[0] > 0:
+                states[i + 1, :] = x
+            if exit != INSIDE:
+                return work, key, exit, i + 1
+        return work, key, 0, T
+
+    @njit(cache=True, nogil=True)
+    def sample(world, tapes, x0, dt, seed, start, stop, paths):  # type: ignore[no-untyped-def]
+        nothing = np.empty((0, 1))
+        h = 0
+        for s in range(start, stop):
+            while s >= tapes.first[h + 1]:
+                h += 1
+            work, key, outcome, steps = one_path(
+                world, tapes, h, x0, dt, seed, s, paths.log_ratio[s], nothing, nothing
+            )
+            paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
+
+    @njit(cache=True, nogil=True)
+    def control(world, tapes, x0, dt, seed, chosen, weight, total, alive):  # type: ignore[no-untyped-def]
+        nothing, ratio = np.empty((0, 1)), np.empty(0)
+        applied = np.zeros((tapes.control.shape[1], m))
+        h = 0
+        for c in range(chosen.shape[0]):
+            s = chosen[c]
+            while s >= tapes.first[h + 1]:
+                h += 1
+            _, _, _, steps = one_path(world, tapes, h, x0, dt, seed, s, ratio, nothing, applied)
+            for i in range(steps):
+                alive[i] += weight[c]
+                for j in range(m):
+                    total[i, j] += weight[c] * applied[i, j]
+
+    @njit(cache=True, nogil=True)
+    def trace(world, tapes, x0, dt, seed, chosen, states, steps):  # type: ignore[no-untyped-def]
+        nothing, ratio = np.empty((0, 1)), np.empty(0)
+        for c in range(chosen.shape[0]):
+            h = np.searchsorted(tapes.first, chosen[c], side="right") - 1
+            _, _, _, steps[c] = one_path(world, tapes, h, x0, dt, seed, chosen[c], ratio, states[c], nothing)
+
+    return Kernels(sample, control, trace)
