@@ -1,0 +1,42 @@
+"""Small MJCF texts and the way tests load what is wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from pirrht.errors import SceneError
+from sim.mjcf import load
+
+GOAL = '<site name="goal" type="cylinder" pos="9 9 0" size="0.4 0.01"/>'
+START = '<site name="start" pos="1 1 0"/>'
+SPACE = '<site name="workspace" type="box" pos="5 5 0" size="5 5 1"/>'
+SITES = GOAL + START + SPACE
+FLOOR = '<geom name="floor" type="plane" size="6 7 0.1"/>'
+ROBOT = {
+    "body": '<body name="robot">',
+    "joints": '<joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>',
+    "geom": '<geom name="footprint" size="0.1" pos="0 0 0.1"/>',
+    "dynamics": '<text name="pirrht_dynamics" data="single_integrator"/>',
+    "command": '<numeric name="pirrht_command" data="1 0 0 1"/>',
+}
+
+
+def mjcf(world: str, *, head: str = "") -> str:
+    return f'<mujoco><compiler angle="degree"/>{head}<worldbody>{world}</worldbody></mujoco>'
+
+
+def robot_mjcf(**changes: str) -> str:
+    part = ROBOT | changes
+    return (
+        "<mujoco><custom>" + part["dynamics"] + part["command"] + "</custom>"
+        "<worldbody>" + part["body"] + part["joints"] + part["geom"] + "</body></worldbody>"
+        '<actuator><velocity joint="x" kv="500"/><velocity joint="y" kv="500"/></actuator></mujoco>'
+    )
+
+
+def refusal(*args, **options) -> str:
+    with pytest.raises(SceneError) as caught:
+        load(*args, **options)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
