@@ -126,8 +126,8 @@ def _check_reach(model: mujoco.MjModel, path: Path) -> None:
         reach = _reach(model, data, int(geom), centre)
         if reach > radius + 1e-9:
             raise SceneError(
-                f'{path}: geom "{model.geom(geom).name}" reaches {reach:.4g} m off the centre of "footprint", '
-                f"whose radius is {radius:g}; choose a --radius of at least {np.ceil(reach * 1e3) / 1e3:g}"
+                f'{path}: geom "{model.geom(geom).name}" reaches {reach:.4g} m off the "footprint" centre, '
+                f"beyond its radius {radius:g}; choose a --radius of at least {np.ceil(reach * 1e3) / 1e3:g}"
             )
 
 
