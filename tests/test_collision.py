@@ -174,17 +174,28 @@ def test_arcs_certified_free_touch_nothing(seed):
     assert 0 < sum(verdicts) < len(verdicts)
 
 
-def test_an_arc_that_only_cuts_a_thin_wall_is_blocked():
-    wall = Obstacle(
-        name="wall",
-        kind=Kind.BOX,
-        size=np.array([0.001, 1, 1]),
-        position=np.array([0, 0, HEIGHT]),
-        rotation=np.eye(3),
-    )
-    collision = among(wall)
+def wall_at(x: float, thickness: float = 0.002) -> Collision:
+    """A wall that begins at x, across the workspace."""
+    size, position = np.array([0.5 * thickness, 3, 1]), np.array([x + 0.5 * thickness, 0, HEIGHT])
+    return among(Obstacle(name="wall", kind=Kind.BOX, size=size, position=position, rotation=np.eye(3)))
+
+
+def test_a_path_through_a_thin_wall_is_blocked():
+    collision = wall_at(0.0)
     assert not collision.bisect_free(lambda s: np.array([s - 1, 0.0]), 2.0)
     assert not collision.segments_free(np.array([[-1.0, 0]]), np.array([[1.0, 0]]))[0]
+
+
+@pytest.mark.parametrize("reach", [0.2, 1.0, 2.2])
+@pytest.mark.parametrize(("gap", "free"), [(2e-4, True), (-2e-4, False)])
+def test_a_path_may_end_or_turn_just_before_a_wall_but_not_in_it(reach, gap, free):
+    collision = wall_at(0.123)
+    end = 0.123 - RADIUS - gap
+    tail, head = np.array([end - reach, 0.3]), np.array([end, 0.3])
+    assert collision.segments_free(tail[None], head[None])[0] == free
+    assert collision.segments_free(head[None], tail[None])[0] == free
+    turned = collision.bisect_free(lambda s: np.array([end - abs(s - reach), 0.3]), 1.9 * reach)
+    assert turned == free
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -1,0 +1,235 @@
+"""Topological obstacles: what the robot cannot pass between is one."""
+
+from __future__ import annotations
+
+import time
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from pirrht.collision import Collision
+from pirrht.components import components, projected_area
+from pirrht.scene import Goal, Kind, Obstacle, Scene
+
+RADIUS, HEIGHT = 0.2, 0.1
+OCTAHEDRON = np.vstack([np.eye(3), -np.eye(3)])
+
+
+def solid(kind, size, position, rotation=None, name="solid", height=HEIGHT):
+    corners = OCTAHEDRON * size
+    return Obstacle(
+        name=name,
+        kind=kind,
+        size=np.array(size, dtype=float),
+        position=np.array([*position, height], dtype=float),
+        rotation=np.eye(3) if rotation is None else rotation.as_matrix(),
+        vertices=corners if kind is Kind.MESH else None,
+        faces=ConvexHull(corners).simplices.astype(np.int64) if kind is Kind.MESH else None,
+    )
+
+
+def box(x0, x1, y0, y1, name="box"):
+    return solid(Kind.BOX, [(x1 - x0) / 2, (y1 - y0) / 2, 0.3], [(x0 + x1) / 2, (y0 + y1) / 2], name=name)
+
+
+def disc(x, y, radius=0.075, name="disc"):
+    return solid(Kind.CYLINDER, [radius, 0.3, 0], [x, y], name=name)
+
+
+def scene_of(*obstacles, half=(5.0, 5.0), radius=RADIUS):
+    return Scene(
+        name="test",
+        lower=-np.array(half),
+        upper=np.array(half),
+        obstacles=obstacles,
+        goal=Goal(center=np.zeros(2), radius=0.1),
+        start=np.zeros(3),
+        robot_radius=radius,
+        robot_height=HEIGHT,
+    )
+
+
+def found(*obstacles, **workspace):
+    scene = scene_of(*obstacles, **workspace)
+    return components(scene, Collision(scene))
+
+
+def members(result):
+    return [component.members for component in result]
+
+
+def test_an_empty_scene_has_no_components():
+    assert found() == ()
+
+
+def test_touching_boxes_are_one_component():
+    (one,) = found(box(0, 1, 0, 1, "left"), box(1, 2, 0, 2, "right"))
+    assert one.members == (0, 1)
+    assert one.names == ("left", "right")
+    assert one.marker == pytest.approx([1.5, 1.0])
+    assert not one.joins_border
+
+
+@pytest.mark.parametrize(("gap", "count"), [(0.39, 1), (0.39999, 1), (0.40001, 2), (0.41, 2)])
+def test_a_gap_counts_when_the_robot_fits_through(gap, count):
+    assert len(found(box(0, 1, 0, 1), box(1 + gap, 3, 0.2, 0.7))) == count
+    assert len(found(disc(0, 0), disc(*(0.15 + gap) * np.array([0.6, 0.8])))) == count
+    corner = gap * np.array([0.6, 0.8])
+    assert len(found(box(-1, 0, -1, 0), box(corner[0], 2, corner[1], 2))) == count
+
+
+def test_overlapping_rectangles_alone_do_not_join():
+    diagonal = Rotation.from_euler("z", 45, degrees=True)
+    walls = [solid(Kind.BOX, [2, 0.05, 0.3], [0, y], diagonal) for y in (0, 1.0)]
+    assert len(found(*walls)) == 2
+
+
+def test_a_u_is_one_component_and_what_stands_inside_is_another():
+    result = found(box(-2, -1.8, -2, 2), box(-2, 2, -2, -1.8), disc(0, 0), box(1.8, 2, -2, 2))
+    assert members(result) == [(0, 1, 3), (2,)]
+    assert result[1].marker == pytest.approx([0, 0])
+
+
+def test_components_are_ordered_by_their_first_member():
+    row = [disc(3, 0), disc(-3, 0), disc(0, 0), disc(-3.2, 0), disc(3.2, 0)]
+    assert members(found(*row)) == [(0, 4), (1, 3), (2,)]
+
+
+@pytest.mark.parametrize("radius", [0.3, 0.5])
+def test_the_marker_is_the_centre_of_the_largest_member_and_ties_go_to_the_first(radius):
+    (one,) = found(disc(-0.5, 0, 0.3), disc(0, 0, 0.3), disc(0.5, 0, radius))
+    assert one.marker == pytest.approx([-0.5 if radius == 0.3 else 0.5, 0])
+
+
+@pytest.mark.parametrize(("gap", "joins"), [(0.199, True), (0.201, False)])
+@pytest.mark.parametrize("side", range(4))
+def test_a_component_joins_the_border_where_the_robots_centre_cannot_pass(gap, joins, side):
+    turn = Rotation.from_euler("z", 90 * side, degrees=True).as_matrix()[:2, :2]
+    discs = [disc(*(turn @ [x, 1.0])) for x in (4.925 - gap, 4.5)]
+    (one,) = found(*discs)
+    assert one.joins_border == joins
+    assert (one.marker is None) == joins
+
+
+def test_a_wall_across_the_workspace_joins_the_border_and_a_corner_does_not_count_twice():
+    result = found(box(-9, 9, -0.1, 0.1), disc(4.9, 4.9), disc(0, 2))
+    assert [component.joins_border for component in result] == [True, True, False]
+
+
+def test_solids_that_the_robot_cannot_reach_are_left_out():
+    high = solid(Kind.SPHERE, [0.1, 0, 0], [0, 0], height=HEIGHT + 0.31)
+    outside, astride_a_corner = disc(5.3, 0), disc(5.2, 5.2)
+    assert members(found(high, outside, astride_a_corner, disc(2, 2))) == [(3,)]
+    assert members(found(disc(5.1, 5.1), disc(5.27, 0))) == [(0,), (1,)]
+
+
+def test_the_marker_of_a_leaning_pole_is_where_it_crosses_the_robots_height():
+    lean = Rotation.from_euler("y", 60, degrees=True)
+    pole = solid(Kind.CAPSULE, [0.05, 1.5, 0], [0, 0], lean, height=HEIGHT + 0.6)
+    (one,) = found(pole)
+    crossing = -0.6 * np.tan(np.pi / 3)
+    assert one.marker == pytest.approx([crossing, 0], abs=0.05 / np.cos(np.pi / 3))
+
+
+@pytest.mark.parametrize("kind", list(Kind), ids=lambda kind: kind.value)
+def test_markers_lie_in_their_inflated_solids(kind):
+    rng = np.random.default_rng(1)
+    for seed in range(20):
+        turn = Rotation.random(random_state=seed)
+        obstacle = solid(
+            kind, rng.uniform(0.1, 1.0, 3), rng.uniform(-1, 1, 2), turn, height=rng.uniform(-0.5, 0.7)
+        )
+        for component in found(obstacle):
+            assert Collision(scene_of(obstacle)).distance(component.marker[None])[0] <= RADIUS
+
+
+def gap_in_mujoco(one, other):
+    spec = mujoco.MjSpec()
+    for k, obstacle in enumerate((one, other)):
+        geom = spec.worldbody.add_geom(
+            type=getattr(mujoco.mjtGeom, f"mjGEOM_{obstacle.kind.name}"),
+            size=obstacle.size,
+            pos=obstacle.position,
+            quat=Rotation.from_matrix(obstacle.rotation).as_quat(scalar_first=True),
+        )
+        if obstacle.kind is Kind.MESH:
+            spec.add_mesh(name=f"mesh{k}", uservert=obstacle.vertices.ravel().tolist())
+            geom.meshname = f"mesh{k}"
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return mujoco.mj_geomDistance(model, data, 0, 1, 100.0, None)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_upright_solids_are_joined_exactly_if_the_robot_is_wider_than_their_gap(seed):
+    rng = np.random.default_rng([2, seed])
+    tried = 0
+    while tried < 40:
+        pair = [
+            solid(
+                rng.choice(list(Kind)),
+                rng.uniform(0.1, 1.0, 3),
+                rng.uniform(-2, 2, 2),
+                Rotation.from_euler("z", rng.uniform(0, 6)),
+            )
+            for _ in range(2)
+        ]
+        gap = gap_in_mujoco(*pair)
+        if gap < 0.02:
+            continue
+        tried += 1
+        for robot, count in ((0.5 * gap * 1.001, 1), (0.5 * gap * 0.999, 2)):
+            assert len(found(*pair, half=(9, 9), radius=robot)) == count, pair
+
+
+@pytest.mark.parametrize("kind", list(Kind), ids=lambda kind: kind.value)
+def test_projected_area_is_that_of_the_shadow(kind):
+    rng = np.random.default_rng(3)
+    ball = rng.normal(size=(20000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    for seed in range(5):
+        a, b, c = size = rng.uniform(0.2, 1.0, 3)
+        turn = Rotation.random(random_state=seed)
+        rim = np.hstack(
+            [ball[:, :2] / np.linalg.norm(ball[:, :2], axis=1, keepdims=True) * a, b * np.sign(ball[:, 2:])]
+        )
+        surface = {
+            Kind.BOX: np.sign(ball) * size,
+            Kind.CYLINDER: rim,
+            Kind.SPHERE: ball * a,
+            Kind.CAPSULE: ball * a + np.array([0, 0, b]) * np.sign(ball[:, 2:]),
+            Kind.ELLIPSOID: ball * size,
+            Kind.MESH: OCTAHEDRON * size,
+        }[kind]
+        shadow = ConvexHull(turn.apply(surface)[:, :2]).volume
+        assert projected_area(solid(kind, [a, b, c], [0, 0], turn)) == pytest.approx(shadow, rel=0.005)
+
+
+def test_hundreds_of_touching_cylinders_are_few_components_and_quick():
+    rng = np.random.default_rng(4)
+    cells = np.argwhere(rng.random((30, 80)) < 0.16)[:365]
+    discs = [disc(*(cell * 0.15 + 0.075 - np.array([2.25, 6.0]))) for cell in cells]
+    begin = time.perf_counter()
+    result = found(*discs, half=(2.25, 6.0), radius=0.12)
+    assert time.perf_counter() - begin < 1.0
+    assert members(result) == by_centres(discs, 2 * (0.075 + 0.12))
+    assert 1 < len(result) < 50
+
+
+def by_centres(discs, reach):
+    """Components of equal discs, from the distances of their centres alone."""
+    centres = np.array([d.position[:2] for d in discs])
+    near = np.hypot(*(centres[:, None] - centres).T) <= reach
+    left, result = set(range(len(discs))), []
+    while left:
+        group, new = set(), {min(left)}
+        while new:
+            group |= new
+            new = set(np.flatnonzero(near[sorted(new)].any(axis=0)).tolist()) - group
+        left -= group
+        result.append(tuple(sorted(group)))
+    return result
