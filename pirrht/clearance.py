@@ -7,14 +7,15 @@ field never claims more clearance than there is. The border of the workspace is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pirrht.collision import Collision
+from pirrht.jit import kernel
 from pirrht.scene import Array, Scene
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
@@ -135,13 +136,13 @@ def _fill(margin: Array) -> Array:
     return fine
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def border(field, x, y):  # type: ignore[no-untyped-def]
     """Distance of (x, y) to the border of the workspace, negative outside [m]."""
     return min(min(x - field.lower[0], field.upper[0] - x), min(y - field.lower[1], field.upper[1] - y))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
     """Bilinear value of one of the field's grids at (x, y) inside the workspace."""
     fx, fy = (x - field.x0) / field.spacing, (y - field.y0) / field.spacing
@@ -153,7 +154,7 @@ def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
     ) * v
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
     """Component that is nearest at the grid point closest to (x, y)."""
     i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.label.shape[0] - 1)
@@ -161,7 +162,7 @@ def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
     return field.label[i, j]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def clearance(field, x, y):  # type: ignore[no-untyped-def]
     """A lower bound of the clearance at (x, y), border included [m]."""
     edge = border(field, x, y)
@@ -170,19 +171,19 @@ def clearance(field, x, y):  # type: ignore[no-untyped-def]
     return min(edge, interpolate(field, field.nearest, x, y))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
     """Whether the Lipschitz upper bound from the nearest grid point is already negative."""
     i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.label.shape[0] - 1)
     j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.label.shape[1] - 1)
-    gap = np.hypot(x - field.x0 - i * field.spacing, y - field.y0 - j * field.spacing)
+    gap = math.hypot(x - field.x0 - i * field.spacing, y - field.y0 - j * field.spacing)
     return field.nearest[i, j] + gap + field.spacing < 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """FREE, BLOCKED or UNSURE for the segment ab: discs of certified clearance must cover it."""
-    length = np.hypot(bx - ax, by - ay)
+    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
     if length == 0.0:
         return FREE if clearance(field, ax, ay) > 0.0 else UNSURE
     ux, uy = (bx - ax) / length, (by - ay) / length

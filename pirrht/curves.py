@@ -6,12 +6,13 @@ here is exact for such curves: no curve is cut into steps to be measured.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pirrht.jit import kernel
 from pirrht.scene import Array
 
 TWO_PI = 2.0 * np.pi
@@ -35,31 +36,31 @@ class Curves:
         ]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def along(x, y, theta, curvature, s):  # type: ignore[no-untyped-def]
     """Pose (x, y, theta) after arc length s on a piece."""
     if abs(curvature) * abs(s) < 1e-9:
-        return x + s * np.cos(theta), y + s * np.sin(theta), theta + curvature * s
+        return x + s * math.cos(theta), y + s * math.sin(theta), theta + curvature * s
     end = theta + curvature * s
-    return x + (np.sin(end) - np.sin(theta)) / curvature, y - (np.cos(end) - np.cos(theta)) / curvature, end
+    return x + (math.sin(end) - math.sin(theta)) / curvature, y - (math.cos(end) - math.cos(theta)) / curvature, end
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def turns_of_chord(ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Angle from a to b seen from the origin, the one of least magnitude, in whole turns (paper, section IV-A)."""
-    return np.arctan2(ax * by - ay * bx, ax * bx + ay * by) / TWO_PI
+    return math.atan2(ax * by - ay * bx, ax * bx + ay * by) / TWO_PI
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def turns_of_piece(x, y, theta, curvature, length, mx, my):  # type: ignore[no-untyped-def]
     """Angle that a piece sweeps as seen from the marker (mx, my), in turns; exact off the marker."""
     if length <= 0.0:
         return 0.0
-    parts = int(np.ceil(abs(curvature) * length / (0.5 * np.pi)))
+    parts = int(math.ceil(abs(curvature) * length / (0.5 * np.pi)))
     if parts <= 1 and abs(curvature) * length < 1e-9:
         bx, by, _ = along(x, y, theta, curvature, length)
         return turns_of_chord(x - mx, y - my, bx - mx, by - my)
-    cx, cy = x - np.sin(theta) / curvature, y + np.cos(theta) / curvature
+    cx, cy = x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
     inside_circle = (mx - cx) ** 2 + (my - cy) ** 2 < 1.0 / curvature**2
     step = length / parts
     total = 0.0
@@ -70,12 +71,12 @@ def turns_of_piece(x, y, theta, curvature, length, mx, my):  # type: ignore[no-u
             side = (bx - x) * (my - y) - (by - y) * (mx - x)
             # Between chord and arc, which lies right of the chord of a left turn: the loop arc - chord winds once.
             if side * curvature < 0.0:
-                total += np.sign(curvature)
+                total += math.copysign(1.0, curvature)
         x, y, theta = bx, by, end
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def entry_of_piece(x, y, theta, curvature, length, gx, gy, radius):  # type: ignore[no-untyped-def]
     """Arc length at which a piece first touches the disc, or infinity."""
     dx, dy = x - gx, y - gy
@@ -83,28 +84,28 @@ def entry_of_piece(x, y, theta, curvature, length, gx, gy, radius):  # type: ign
     if gap <= 0.0:
         return 0.0
     if abs(curvature) * length < 1e-9:
-        along_ray = dx * np.cos(theta) + dy * np.sin(theta)
+        along_ray = dx * math.cos(theta) + dy * math.sin(theta)
         root = along_ray * along_ray - gap
         if root < 0.0 or along_ray > 0.0:
             return np.inf
-        s = -along_ray - np.sqrt(root)
+        s = -along_ray - math.sqrt(root)
         return s if s <= length else np.inf
     r = 1.0 / abs(curvature)
-    cx, cy = x - np.sin(theta) / curvature, y + np.cos(theta) / curvature
-    d = np.hypot(gx - cx, gy - cy)
+    cx, cy = x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
+    d = math.sqrt((gx - cx) ** 2 + (gy - cy) ** 2)
     if d > r + radius or d < abs(r - radius) or d == 0.0:
         return np.inf
-    half = np.arccos(min(1.0, max(-1.0, (r * r + d * d - radius * radius) / (2.0 * r * d))))
-    to_goal = np.arctan2(gy - cy, gx - cx)
-    from_start = np.arctan2(y - cy, x - cx)
+    half = math.acos(min(1.0, max(-1.0, (r * r + d * d - radius * radius) / (2.0 * r * d))))
+    to_goal = math.atan2(gy - cy, gx - cx)
+    from_start = math.atan2(y - cy, x - cx)
     best = np.inf
     for angle in (to_goal - half, to_goal + half):
-        turn = (angle - from_start) * np.sign(curvature)
+        turn = (angle - from_start) * math.copysign(1.0, curvature)
         best = min(best, (turn % TWO_PI) * r)
     return best if best <= length else np.inf
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no-untyped-def]
     """Arc length at which a curve first touches the disc, or infinity."""
     x, y, theta = start[0], start[1], start[2]
@@ -118,7 +119,7 @@ def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no
     return np.inf
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def turns_of_curve(start, curvature, length, markers, out):  # type: ignore[no-untyped-def]
     """H-signature (M,) of a curve, written to out (paper, section IV-A), without the paper's leading 1."""
     for k in range(markers.shape[0]):
@@ -130,7 +131,7 @@ def turns_of_curve(start, curvature, length, markers, out):  # type: ignore[no-u
         x, y, theta = along(x, y, theta, curvature[p], length[p])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cut(length, limit, out):  # type: ignore[no-untyped-def]
     """Piece lengths (P,) of the part of a curve before arc length `limit`, written to out."""
     left = limit

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pirrht.clearance import BLOCKED, FREE, LEAST_STEP, UNSURE, Field, _surely_blocked, border, clearance
 from pirrht.collision import Collision
 from pirrht.curves import Curves, along, cut, entry_of_curve, turns_of_curve
 from pirrht.homology import Homology
+from pirrht.jit import kernel
 from pirrht.scene import Array, Goal
 
 
@@ -91,7 +92,7 @@ class Inspector:
         return self.collision.bisect_free(lambda s: np.array(along(x, y, theta, kappa, s)[:2]), total)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
     """FREE, BLOCKED or UNSURE for one curve: discs of certified clearance must cover it."""
     x, y, theta = start[0], start[1], start[2]
@@ -110,7 +111,7 @@ def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-d
     return FREE
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _inspect(field, start, curvature, length, h_tails, h_heads, into_goal, markers, goal, radius, status, turns, cut_length):  # type: ignore[no-untyped-def] # fmt: skip  # noqa: E501
     M = markers.shape[0]
     swept = np.empty(M)
@@ -125,4 +126,4 @@ def _inspect(field, start, curvature, length, h_tails, h_heads, into_goal, marke
             continue
         turns_of_curve(start[i], curvature[i], length[i], markers, swept)
         for k in range(M):
-            turns[i, k] = int(np.rint(swept[k] + h_heads[i, k] - h_tails[i, k]))
+            turns[i, k] = int(math.floor(swept[k] + h_heads[i, k] - h_tails[i, k] + 0.5))

@@ -10,16 +10,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from pirrht.clearance import border, clearance, interpolate, nearest_label
 from pirrht.curves import entry_of_piece
+from pirrht.jit import kernel
+from pirrht.noise import uniform
 
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
 FAR = 40.0  # exponents beyond this are taken as certain survival
+LEAST = 1e-300  # variances are kept above this, where noise does not act towards a wall
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mean_crossing(c0, c1, deviation):  # type: ignore[no-untyped-def]
     """Mean share of the step at which a bridge from distance c0 > 0 first meets the wall, given that it does.
 
@@ -31,7 +33,7 @@ def mean_crossing(c0, c1, deviation):  # type: ignore[no-untyped-def]
     return min(1.0, a * mills)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _survival(c0, c1, variance):  # type: ignore[no-untyped-def]
     """Probability that a bridge between two positive distances misses the wall."""
     if c1 <= 0.0:
@@ -40,7 +42,7 @@ def _survival(c0, c1, variance):  # type: ignore[no-untyped-def]
     return 1.0 if exponent > FAR else 1.0 - math.exp(-exponent)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _border_survival(field, x, y, nx, ny, vx, vy):  # type: ignore[no-untyped-def]
     alive = _survival(x - field.lower[0], nx - field.lower[0], vx)
     alive *= _survival(field.upper[0] - x, field.upper[0] - nx, vx)
@@ -48,80 +50,91 @@ def _border_survival(field, x, y, nx, ny, vx, vy):  # type: ignore[no-untyped-de
     return alive * _survival(field.upper[1] - y, field.upper[1] - ny, vy)
 
 
-@njit(cache=True, nogil=True)
-def _slope(field, x, y):  # type: ignore[no-untyped-def]
-    """Unit gradient of the clearance at (x, y)."""
+@kernel
+def _towards_wall(field, x, y, cov):  # type: ignore[no-untyped-def]
+    """Variance of a step along the gradient of the clearance at (x, y)."""
+    if cov[1] == 0.0 and cov[0] == cov[2]:
+        return cov[0]
     h = 0.5 * field.spacing
     gx = interpolate(field, field.nearest, x + h, y) - interpolate(field, field.nearest, x - h, y)
     gy = interpolate(field, field.nearest, x, y + h) - interpolate(field, field.nearest, x, y - h)
-    size = math.hypot(gx, gy)
-    return (gx / size, gy / size) if size > 0.0 else (1.0, 0.0)
+    size = gx * gx + gy * gy
+    if size == 0.0:
+        return cov[0]
+    return max((cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy) / size, LEAST)
 
 
-@njit(cache=True, nogil=True)
-def wall_survival(field, x, y, nx, ny, cov):  # type: ignore[no-untyped-def]
-    """Probability that a step from (x, y) to (nx, ny) touches neither obstacle nor border, and the worst distances.
-
-    Args: cov is the covariance (xx, xy, yy) of the step. Each of the two nearest components is a wall of its own.
-    Returns: probability, distance before, distance after, variance towards that wall.
-    """
-    c0 = interpolate(field, field.nearest, x, y)
-    edge0, edge1 = border(field, x, y), border(field, nx, ny)
-    if edge1 <= 0.0:
-        return 0.0, edge0, edge1, max(cov[0], cov[2])
-    c1 = interpolate(field, field.nearest, nx, ny)
-    reach = max(cov[0], cov[2])
-    if c1 > 0.0 and 2.0 * c0 * c1 > FAR * reach and 2.0 * edge0 * edge1 > FAR * reach:
-        return 1.0, c0, c1, reach
-    alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2])
-    if c1 > 0.0 and 2.0 * c0 * c1 > FAR * reach:
-        return alive, edge0, edge1, reach
-    variance = cov[0]
-    if cov[1] != 0.0 or cov[0] != cov[2]:
-        gx, gy = _slope(field, x, y)
-        variance = cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy
-    if c1 <= 0.0 or variance <= 0.0:
-        return (0.0 if c1 <= 0.0 else alive), c0, c1, max(variance, 1e-300)
+@kernel
+def _obstacle_survival(field, x, y, nx, ny, c0, c1, variance):  # type: ignore[no-untyped-def]
+    """Probability that a bridge misses the obstacles: each of the two nearest components is a wall of its own."""
+    if c1 <= 0.0:
+        return 0.0
     d0, d1 = interpolate(field, field.second, x, y), interpolate(field, field.second, nx, ny)
     if nearest_label(field, x, y) != nearest_label(field, nx, ny):
-        alive *= _survival(c0, d1, variance) * _survival(d0, c1, variance)
-    else:
-        alive *= _survival(c0, c1, variance) * _survival(d0, d1, variance)
-    return alive, c0, c1, variance
+        return _survival(c0, d1, variance) * _survival(d0, c1, variance)
+    return _survival(c0, c1, variance) * _survival(d0, d1, variance)
 
 
-@njit(cache=True, nogil=True)
-def bridge_exit(field, goal, radius, x, y, nx, ny, cov, u_wall, u_goal):  # type: ignore[no-untyped-def]
-    """How a noisy step ends and the expected share of the step until it does; u are uniform numbers."""
-    alive, c0, c1, variance = wall_survival(field, x, y, nx, ny, cov)
-    g0, g1 = math.hypot(x - goal[0], y - goal[1]), math.hypot(nx - goal[0], ny - goal[1])
-    ex, ey = (x - goal[0]) / g0, (y - goal[1]) / g0
-    goal_variance = cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey
-    missed = _survival(g0 - radius, g1 - radius, max(goal_variance, 1e-300))
-    at_goal, at_wall = u_goal >= missed, u_wall >= alive
-    if not at_goal and not at_wall:
-        return INSIDE, 1.0
-    goal_time = mean_crossing(g0 - radius, g1 - radius, math.sqrt(max(goal_variance, 1e-300)))
-    wall_time = mean_crossing(max(c0, 0.0), c1, math.sqrt(max(variance, 1e-300)))
-    if at_goal and not (at_wall and wall_time < goal_time):
-        return GOAL, goal_time
-    return COLLISION, wall_time
+@kernel
+def distances(field, goal, radius, x, y):  # type: ignore[no-untyped-def]
+    """How far (x, y) is from the obstacles, from the border and from the goal's disc, each negative beyond [m]."""
+    edge = border(field, x, y)
+    to_goal = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2) - radius
+    return (interpolate(field, field.nearest, x, y) if edge > 0.0 else edge), edge, to_goal
 
 
-@njit(cache=True, nogil=True)
+@kernel
+def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  # type: ignore[no-untyped-def]
+    """How a noisy step from (x, y) to (nx, ny) ends.
+
+    Args: `before` and `after` are the `distances` of its ends, cov the covariance (xx, xy, yy) of the step, and
+        state the random sequence.
+    Returns: next state of the sequence, INSIDE or the Outcome, expected share of the step until the exit.
+    """
+    c0, e0, g0 = before
+    c1, e1, g1 = after
+    reach = FAR * max(cov[0], cov[2])
+    near_wall = c1 <= 0.0 or 2.0 * c0 * c1 < reach
+    near_border = e1 <= 0.0 or 2.0 * e0 * e1 < reach
+    near_goal = g1 <= 0.0 or 2.0 * g0 * g1 < reach
+    if not (near_wall or near_border or near_goal):
+        return state, INSIDE, 1.0
+    wall_time, goal_time = 2.0, 2.0
+    if near_wall or near_border:
+        variance = _towards_wall(field, x, y, cov)
+        alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2]) if near_border else 1.0
+        if near_wall and alive > 0.0:
+            alive *= _obstacle_survival(field, x, y, nx, ny, c0, c1, variance)
+        state, u = uniform(state)
+        if u >= alive:
+            wall_time = mean_crossing(max(min(c0, e0), 0.0), min(c1, e1), math.sqrt(variance))
+    if near_goal:
+        ex, ey = (x - goal[0]) / (g0 + radius), (y - goal[1]) / (g0 + radius)
+        variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, LEAST)
+        state, u = uniform(state)
+        if u >= _survival(g0, g1, variance):
+            goal_time = mean_crossing(g0, g1, math.sqrt(variance))
+    if goal_time > 1.5 and wall_time > 1.5:
+        return state, INSIDE, 1.0
+    if goal_time <= wall_time:
+        return state, GOAL, goal_time
+    return state, COLLISION, wall_time
+
+
+@kernel
 def endpoint_exit(field, goal, radius, nx, ny):  # type: ignore[no-untyped-def]
     """The paper's rule: the step ends the path if its end lies outside the free space or in the goal."""
     if clearance(field, nx, ny) <= 0.0:
         return COLLISION, 1.0
-    if math.hypot(nx - goal[0], ny - goal[1]) <= radius:
+    if (nx - goal[0]) ** 2 + (ny - goal[1]) ** 2 <= radius * radius:
         return GOAL, 1.0
     return INSIDE, 1.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sweep_exit(field, goal, radius, x, y, nx, ny):  # type: ignore[no-untyped-def]
     """How a step without position noise ends: the straight segment is marched by certified clearances."""
-    length = math.hypot(nx - x, ny - y)
+    length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
     if length == 0.0:
         return endpoint_exit(field, goal, radius, nx, ny)
     ux, uy = (nx - x) / length, (ny - y) / length

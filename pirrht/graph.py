@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit, objmode
 from numpy.typing import NDArray
 
-from pirrht.jit import jitable, source_token
+from pirrht.jit import jitable, kernel, source_token
 from pirrht.scene import Array
 
 DONE, NODES_FULL, QUEUE_FULL = 0, 1, 2
@@ -88,28 +88,29 @@ def enlarged(graph: Graph, vertices: int, edges: int, nodes: int, queue: int) ->
     return bigger
 
 
-@njit(cache=True, nogil=True)
-def add_edge(graph, tail, head, cost, turns, key):  # type: ignore[no-untyped-def]
+@kernel
+def _add_edge(graph, tail, head, cost, turns, row, key):  # type: ignore[no-untyped-def]
     """Append a directed edge and link it into both of its lists."""
     e = graph.size[1]
     graph.size[1] = e + 1
     graph.tail[e], graph.head[e], graph.edge_cost[e], graph.edge_key[e] = tail, head, cost, key
-    graph.edge_turns[e, :] = turns
+    for k in range(turns.shape[1]):
+        graph.edge_turns[e, k] = turns[row, k]
     graph.next_out[e], graph.first_out[tail] = graph.first_out[tail], e
     graph.next_in[e], graph.first_in[head] = graph.first_in[head], e
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_edges(graph, tails, heads, costs, turns, weights):  # type: ignore[no-untyped-def]
     """Append many edges; `weights` make the additive keys."""
     for i in range(tails.shape[0]):
         key = np.int64(0)
         for k in range(weights.shape[0]):
             key += np.int64(turns[i, k]) * weights[k]
-        add_edge(graph, tails[i], heads[i], costs[i], turns[i], key)
+        _add_edge(graph, tails[i], heads[i], costs[i], turns, i, key)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def find(graph, vertex, key):  # type: ignore[no-untyped-def]
     """Slot of a class at a vertex, -1 if it has none."""
     for slot in range(graph.nodes[vertex]):
@@ -118,7 +119,7 @@ def find(graph, vertex, key):  # type: ignore[no-untyped-def]
     return -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _push(graph, cost, vertex, key):  # type: ignore[no-untyped-def]
     i = graph.size[2]
     graph.size[2] = i + 1
@@ -129,14 +130,14 @@ def _push(graph, cost, vertex, key):  # type: ignore[no-untyped-def]
     graph.queue_cost[i], graph.queue_vertex[i], graph.queue_key[i] = cost, vertex, key
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _move(graph, source, target):  # type: ignore[no-untyped-def]
     graph.queue_cost[target] = graph.queue_cost[source]
     graph.queue_vertex[target] = graph.queue_vertex[source]
     graph.queue_key[target] = graph.queue_key[source]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pop(graph):  # type: ignore[no-untyped-def]
     cost, vertex, key = graph.queue_cost[0], graph.queue_vertex[0], graph.queue_key[0]
     last = graph.size[2] - 1
@@ -155,17 +156,18 @@ def _pop(graph):  # type: ignore[no-untyped-def]
     return cost, vertex, key
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _remove(graph, vertex, slot):  # type: ignore[no-untyped-def]
     last = graph.nodes[vertex] - 1
     graph.cost[vertex, slot] = graph.cost[vertex, last]
     graph.key[vertex, slot] = graph.key[vertex, last]
     graph.parent[vertex, slot] = graph.parent[vertex, last]
-    graph.turns[vertex, slot, :] = graph.turns[vertex, last, :]
+    for k in range(graph.turns.shape[2]):
+        graph.turns[vertex, slot, k] = graph.turns[vertex, last, k]
     graph.nodes[vertex] = last
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _evict(graph, vertex, slot):  # type: ignore[no-untyped-def]
     """Drop a node and every node that descends from it; their vertices will ask their successors again."""
     stack = [(np.int64(vertex), graph.key[vertex, slot])]
@@ -187,10 +189,10 @@ def _evict(graph, vertex, slot):  # type: ignore[no-untyped-def]
 
 
 @jitable
-def within_limit(straight, turns, limit):  # type: ignore[no-untyped-def]
-    """The paper's allowed set: |1 - H_i| <= limit for every obstacle."""
-    for k in range(turns.shape[0]):
-        if abs(straight[k] + turns[k]) > limit:
+def within_limit(signature, limit):  # type: ignore[no-untyped-def]
+    """The paper's allowed set: |1 - H_i| <= limit for every obstacle; the signature (M,) comes without the 1."""
+    for k in range(signature.shape[0]):
+        if abs(signature[k]) > limit:
             return False
     return True
 
@@ -199,10 +201,9 @@ def user_predicate(predicate: Callable[[Array], bool]) -> Callable[..., Any]:
     """Wrap any Python predicate on the paper's H (M,), leading 1 included, for use in the kernels."""
 
     @njit
-    def allowed(straight, turns, limit):  # type: ignore[no-untyped-def]
-        signature = 1.0 + straight + turns
+    def allowed(signature, limit):  # type: ignore[no-untyped-def]
         with objmode(verdict="boolean"):
-            verdict = bool(predicate(signature))
+            verdict = bool(predicate(1.0 + signature))
         return verdict
 
     wrapped: Callable[..., Any] = allowed
@@ -221,9 +222,12 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
     """Relaxation and look-up for one allowed set (compiled once, cached on disk for the default)."""
     token = source_token(allowed)
 
-    @njit(cache=True, nogil=True)
-    def append(graph, vertex, cost, key, parent_turns, e, limit, K):  # type: ignore[no-untyped-def]
-        """AppendNode: whether the node is new or cheaper, and neither dominated nor blocked nor pruned."""
+    @kernel
+    def append(graph, vertex, cost, key, source, at, e, limit, K):  # type: ignore[no-untyped-def]
+        """AppendNode for the class that edge e makes of node `at` of vertex `source`.
+
+        Whether the node is new or cheaper, and neither dominated nor blocked nor pruned.
+        """
         _ = token
         slot = find(graph, vertex, key)
         if slot >= 0:
@@ -232,23 +236,31 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
             graph.cost[vertex, slot] = cost
             graph.parent[vertex, slot] = e
             return True
-        turns = parent_turns + graph.edge_turns[e]
-        if not allowed(graph.straight[vertex], turns, limit):
+        M = graph.turns.shape[2]
+        turns, signature = np.empty(M, np.int32), np.empty(M)
+        for k in range(M):
+            turns[k] = graph.turns[source, at, k] + graph.edge_turns[e, k]
+            signature[k] = graph.straight[vertex, k] + turns[k]
+        if not allowed(signature, limit):
             return False
         count = graph.nodes[vertex]
         if K > 0 and count >= K:
-            worst = np.argmax(graph.cost[vertex, :count])
+            worst = 0
+            for i in range(1, count):
+                if graph.cost[vertex, i] > graph.cost[vertex, worst]:
+                    worst = i
             graph.pruned[0] += 1
             if cost >= graph.cost[vertex, worst] - TIE:
                 return False
             _evict(graph, vertex, worst)
             count = graph.nodes[vertex]
         graph.cost[vertex, count], graph.key[vertex, count], graph.parent[vertex, count] = cost, key, e
-        graph.turns[vertex, count, :] = turns
+        for k in range(M):
+            graph.turns[vertex, count, k] = turns[k]
         graph.nodes[vertex] = count + 1
         return True
 
-    @njit(cache=True, nogil=True)
+    @kernel
     def fill(graph, vertex, limit, K):  # type: ignore[no-untyped-def]
         """ChooseParent: offer a vertex the nodes of all its successors; False if there is no room for them."""
         if graph.nodes[vertex] > 0 and graph.parent[vertex, 0] == ROOT:
@@ -266,12 +278,12 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
                         return False
                     key = graph.key[h, slot] + graph.edge_key[e]
                     cost = graph.cost[h, slot] + graph.edge_cost[e]
-                    if append(graph, vertex, cost, key, graph.turns[h, slot], e, limit, K):
+                    if append(graph, vertex, cost, key, h, slot, e, limit, K):
                         _push(graph, cost, vertex, key)
                 e = graph.next_out[e]
         return True
 
-    @njit(cache=True, nogil=True)
+    @kernel
     def relax(graph, limit, K):  # type: ignore[no-untyped-def]
         """Rewire, lines 9-17: uniform-cost search until nothing improves; says what must grow if room runs out."""
         while graph.size[2] > 0 or graph.size[3] > 0:
@@ -288,7 +300,6 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
             slot = find(graph, vertex, key)
             if slot < 0 or graph.cost[vertex, slot] != cost:
                 continue
-            turns = graph.turns[vertex, slot].copy()
             e = graph.first_in[vertex]
             while e >= 0:
                 u = graph.tail[e]
@@ -298,17 +309,18 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
                     return NODES_FULL if not room else QUEUE_FULL
                 if graph.nodes[u] == 0 or graph.parent[u, 0] != ROOT:
                     new_key, new_cost = key + graph.edge_key[e], cost + graph.edge_cost[e]
-                    if append(graph, u, new_cost, new_key, turns, e, limit, K):
+                    slot = find(graph, vertex, key)  # an eviction may have moved it
+                    if append(graph, u, new_cost, new_key, vertex, slot, e, limit, K):
                         _push(graph, new_cost, u, new_key)
                 e = graph.next_in[e]
         return DONE
 
-    @njit(cache=True, nogil=True)
+    @kernel
     def best_classes(graph, straight, heads, costs, turns, weights, limit, out_cost, out_key, out_turns, out_edge, out_slot):  # type: ignore[no-untyped-def] # fmt: skip  # noqa: E501
         """Algorithm 5: the cheapest way into each allowed class over candidate edges; number of classes found."""
         count = 0
         M = straight.shape[0]
-        whole = np.empty(M, np.int32)
+        whole, signature = np.empty(M, np.int32), np.empty(M)
         for i in range(heads.shape[0]):
             h = heads[i]
             for slot in range(graph.nodes[h]):
@@ -316,6 +328,7 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
                 key = graph.key[h, slot]
                 for k in range(M):
                     whole[k] = graph.turns[h, slot, k] + turns[i, k]
+                    signature[k] = straight[k] + whole[k]
                     key += np.int64(turns[i, k]) * weights[k]
                 at = -1
                 for j in range(count):
@@ -323,11 +336,14 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
                         at = j
                         break
                 if at < 0:
-                    if not allowed(straight, whole, limit):
+                    if not allowed(signature, limit):
                         continue
                     at = count
                     if count == out_cost.shape[0]:
-                        at = np.argmax(out_cost)
+                        at = 0
+                        for j in range(1, count):
+                            if out_cost[j] > out_cost[at]:
+                                at = j
                         if cost >= out_cost[at]:
                             continue
                     else:
@@ -335,7 +351,8 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
                 elif cost >= out_cost[at]:
                     continue
                 out_cost[at], out_key[at], out_edge[at], out_slot[at] = cost, key, i, slot
-                out_turns[at, :] = whole
+                for k in range(M):
+                    out_turns[at, k] = whole[k]
         return count
 
     return Kernels(relax, best_classes)

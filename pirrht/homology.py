@@ -7,14 +7,15 @@ integer k_l also counts how often a path crosses the cut, the ray that leaves ma
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pirrht.jit import kernel
 from pirrht.scene import Array
 
 IntArray = NDArray[np.int64]
@@ -78,7 +79,7 @@ def class_id(winding: Sequence[int]) -> str:
     return ",".join(str(int(k)) for k in winding) or "-"
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _straight(points, markers, goal, out):  # type: ignore[no-untyped-def]
     for i in range(points.shape[0]):
         for k in range(markers.shape[0]):
@@ -86,13 +87,13 @@ def _straight(points, markers, goal, out):  # type: ignore[no-untyped-def]
             bx, by = goal[0] - markers[k, 0], goal[1] - markers[k, 1]
             cross, dot = ax * by - ay * bx, ax * bx + ay * by
             # On the cut itself the angle jumps; it counts as the right side, as `cross > 0` does in the rollouts.
-            out[i, k] = -0.5 if cross == 0.0 and dot < 0.0 else np.arctan2(cross, dot) / (2.0 * np.pi)
+            out[i, k] = -0.5 if cross == 0.0 and dot < 0.0 else math.atan2(cross, dot) / (2.0 * np.pi)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _turns(points, markers, out):  # type: ignore[no-untyped-def]
     for i in range(points.shape[0] - 1):
         for k in range(markers.shape[0]):
             ax, ay = points[i, 0] - markers[k, 0], points[i, 1] - markers[k, 1]
             bx, by = points[i + 1, 0] - markers[k, 0], points[i + 1, 1] - markers[k, 1]
-            out[k] += np.arctan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * np.pi)
+            out[k] += math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * np.pi)

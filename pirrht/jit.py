@@ -15,6 +15,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _inlined: set[str] = set()
 
+kernel = njit(cache=True, nogil=True, error_model="numpy")  # how every compiled function of this package is built
+
 
 def jitable(function: F) -> F:
     """Mark a module-level function as inlinable in kernels; it stays an ordinary Python function.

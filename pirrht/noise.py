@@ -7,8 +7,8 @@ index; normals come from a 256-layer ziggurat (Marsaglia and Tsang, J. Stat. Sof
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pirrht.jit import kernel
 from pirrht.scene import Array
 
 LAYERS = 256
@@ -33,27 +33,27 @@ def _layers() -> tuple[Array, Array]:
 EDGE, DENSITY = _layers()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _mix(z):  # type: ignore[no-untyped-def]
     z = (z ^ (z >> np.uint64(30))) * MIX_1
     z = (z ^ (z >> np.uint64(27))) * MIX_2
     return z ^ (z >> np.uint64(31))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def stream(seed, sample):  # type: ignore[no-untyped-def]
     """Start of the sequence of one sample."""
     return _mix(np.uint64(seed) ^ _mix((np.uint64(sample) + np.uint64(1)) * GOLDEN))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def uniform(state):  # type: ignore[no-untyped-def]
     """The next state of a sequence and a number in [0, 1)."""
     state = state + GOLDEN
     return state, np.float64(_mix(state) >> np.uint64(11)) * UNIT
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _slow_normal(state, layer, x):  # type: ignore[no-untyped-def]
     """The rare outcomes of a ziggurat draw: accepted (flag 1) in the wedge or the tail, or not (flag 0)."""
     state, u = uniform(state)
@@ -68,7 +68,7 @@ def _slow_normal(state, layer, x):  # type: ignore[no-untyped-def]
         state, u = uniform(state)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def normal(state):  # type: ignore[no-untyped-def]
     """The next state of a sequence and a standard normal number."""
     while True:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-from numba import njit
 
 from pirrht.clearance import FREE, certify_segment
 from pirrht.curves import Curves, entry_of_piece
 from pirrht.edges import Inspector
+from pirrht.jit import kernel
 from pirrht.scene import Array
 from pirrht.steering import Steering, StraightLine
 
@@ -51,7 +53,7 @@ def _length(points: Array) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _contractible(points, i, j, markers):  # type: ignore[no-untyped-def]
     """Whether the loop points[i..j] and straight back encircles no marker."""
     for k in range(markers.shape[0]):
@@ -69,17 +71,17 @@ def _contractible(points, i, j, markers):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _clear(field, goal, radius, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Whether the segment ab is certainly free up to where it enters the goal's disc."""
-    length = np.hypot(bx - ax, by - ay)
-    s = entry_of_piece(ax, ay, np.arctan2(by - ay, bx - ax), 0.0, length, goal[0], goal[1], radius)
+    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+    s = entry_of_piece(ax, ay, math.atan2(by - ay, bx - ax), 0.0, length, goal[0], goal[1], radius)
     if s < length:
         bx, by = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
     return certify_segment(field, ax, ay, bx, by) == FREE
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _shortcut(field, markers, goal, radius, points, count):  # type: ignore[no-untyped-def]
     """Leave out every run of corners that a free straight piece of the same class can replace."""
     i = 0
@@ -89,78 +91,88 @@ def _shortcut(field, markers, goal, radius, points, count):  # type: ignore[no-u
                 points, i, j, markers
             ):
                 for k in range(j, count):
-                    points[i + 1 + k - j] = points[k]
+                    points[i + 1 + k - j, 0] = points[k, 0]
+                    points[i + 1 + k - j, 1] = points[k, 1]
                 count -= j - i - 1
                 break
         i += 1
     return count
 
 
-@njit(cache=True, nogil=True)
-def _cut_share(field, markers, goal, radius, triangle):  # type: ignore[no-untyped-def]
-    """Largest share t of both legs such that the corner can be cut from leg to leg; triangle is (before, corner, after)."""  # noqa: E501
+@kernel
+def _cut_share(field, markers, goal, radius, corner):  # type: ignore[no-untyped-def]
+    """Largest share of both legs by which a corner can be cut; corner is (before, corner, after), (3, 2).
+
+    Rows 0 and 2 are replaced by the ends of that cut.
+    """
+    x, y = corner[1, 0], corner[1, 1]
+    ax, ay, bx, by = corner[0, 0] - x, corner[0, 1] - y, corner[2, 0] - x, corner[2, 1] - y
     low, high = 0.0, 1.0
-    work = triangle.copy()
     for _ in range(HALVINGS):
         t = 0.5 * (low + high)
-        work[0] = triangle[1] + t * (triangle[0] - triangle[1])
-        work[2] = triangle[1] + t * (triangle[2] - triangle[1])
-        clear = _clear(field, goal, radius, work[0, 0], work[0, 1], work[2, 0], work[2, 1])
-        if clear and _contractible(work, 0, 2, markers):
+        corner[0, 0], corner[0, 1] = x + t * ax, y + t * ay
+        corner[2, 0], corner[2, 1] = x + t * bx, y + t * by
+        clear = _clear(field, goal, radius, corner[0, 0], corner[0, 1], corner[2, 0], corner[2, 1])
+        if clear and _contractible(corner, 0, 2, markers):
             low = t
         else:
             high = t
+    corner[0, 0], corner[0, 1] = x + low * ax, y + low * ay
+    corner[2, 0], corner[2, 1] = x + low * bx, y + low * by
     return low
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _round_corners(field, markers, goal, radius, points, count, out):  # type: ignore[no-untyped-def]
     """Cut every corner as far as the obstacles allow; number of points written to out."""
-    out[0] = points[0]
+    out[0, 0], out[0, 1] = points[0, 0], points[0, 1]
     n = 1
-    triangle = np.empty((3, 2))
+    corner = np.empty((3, 2))
     for i in range(1, count - 1):
-        triangle[0], triangle[1], triangle[2] = out[n - 1], points[i], points[i + 1]
-        ax, ay = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1]
-        bx, by = triangle[2, 0] - triangle[1, 0], triangle[2, 1] - triangle[1, 1]
+        for c in range(2):
+            corner[0, c], corner[1, c], corner[2, c] = out[n - 1, c], points[i, c], points[i + 1, c]
+        ax, ay = corner[1, 0] - corner[0, 0], corner[1, 1] - corner[0, 1]
+        bx, by = corner[2, 0] - corner[1, 0], corner[2, 1] - corner[1, 1]
         t = 0.0
-        if abs(np.arctan2(ax * by - ay * bx, ax * bx + ay * by)) > FLAT and n + 2 + count - i < out.shape[0]:
-            t = _cut_share(field, markers, goal, radius, triangle)
+        if abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by)) > FLAT and n + 2 + count - i < out.shape[0]:
+            t = _cut_share(field, markers, goal, radius, corner)
         if t > 0.0:
-            out[n] = triangle[1] + t * (triangle[0] - triangle[1])
-            out[n + 1] = triangle[1] + t * (triangle[2] - triangle[1])
+            for c in range(2):
+                out[n, c], out[n + 1, c] = corner[0, c], corner[2, c]
             n += 2
         else:
-            out[n] = triangle[1]
+            out[n, 0], out[n, 1] = points[i, 0], points[i, 1]
             n += 1
-    out[n] = points[count - 1]
+    out[n, 0], out[n, 1] = points[count - 1, 0], points[count - 1, 1]
     return n + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _taut(field, markers, goal, radius, points, out):  # type: ignore[no-untyped-def]
+    """Shortcut and cut corners in turn until nothing is gained; number of points written to out."""
     count = points.shape[0]
-    work = np.empty_like(out)
-    out[:count] = points
-    out[count] = goal
+    work = np.empty((out.shape[0], 2))
+    for i in range(count):
+        out[i, 0], out[i, 1] = points[i, 0], points[i, 1]
+    out[count, 0], out[count, 1] = goal[0], goal[1]
     count += 1
     before = np.inf
     for _ in range(ROUNDS):
         count = _shortcut(field, markers, goal, radius, out, count)
         length = 0.0
         for i in range(count - 1):
-            length += np.hypot(out[i + 1, 0] - out[i, 0], out[i + 1, 1] - out[i, 1])
+            length += math.sqrt((out[i + 1, 0] - out[i, 0]) ** 2 + (out[i + 1, 1] - out[i, 1]) ** 2)
         if before - length < GAIN * length:
             break
         before = length
         count = _round_corners(field, markers, goal, radius, out, count, work)
-        out[:count] = work[:count]
-    count = _shortcut(field, markers, goal, radius, out, count)
+        for i in range(count):
+            out[i, 0], out[i, 1] = work[i, 0], work[i, 1]
     for i in range(count - 1):
-        gap = out[i + 1] - out[i]
-        length = np.hypot(gap[0], gap[1])
-        s = entry_of_piece(out[i, 0], out[i, 1], np.arctan2(gap[1], gap[0]), 0.0, length, goal[0], goal[1], radius)
+        dx, dy = out[i + 1, 0] - out[i, 0], out[i + 1, 1] - out[i, 1]
+        length = math.sqrt(dx * dx + dy * dy)
+        s = entry_of_piece(out[i, 0], out[i, 1], math.atan2(dy, dx), 0.0, length, goal[0], goal[1], radius)
         if s <= length:
-            out[i + 1] = out[i] + gap * (s / length)
+            out[i + 1, 0], out[i + 1, 1] = out[i, 0] + dx * s / length, out[i, 1] + dy * s / length
             return i + 2
     return count

@@ -11,13 +11,12 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pirrht.clearance import Field
-from pirrht.exits import INSIDE, bridge_exit, endpoint_exit, sweep_exit
-from pirrht.jit import as_jitable, source_token
-from pirrht.noise import normal, stream, uniform
+from pirrht.exits import INSIDE, bridge_exit, distances, endpoint_exit, sweep_exit
+from pirrht.jit import as_jitable, kernel, source_token
+from pirrht.noise import normal, stream
 from pirrht.problem import Problem, unit_rate
 from pirrht.scene import Array
 
@@ -41,6 +40,7 @@ class Tapes(NamedTuple):
     """H references as control tapes of T steps."""
 
     control: Array  # (H, T, m)
+    drift: Array  # (H, T, m) a = B_c^-1 G_c u, the same in noise units, where the gain is constant
     active: NDArray[np.int64]  # (H,) number of steps before a tape is zero for good
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
 
@@ -78,6 +78,35 @@ def kernels_for(problem: Problem) -> Kernels:
     return _build(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
 
 
+@kernel
+def solve(A, Y, X):  # type: ignore[no-untyped-def]
+    """Solve A X = Y for small A (m, m) by elimination with row pivots; Y, X (m, k)."""
+    m = A.shape[0]
+    work = A.copy()
+    for i in range(m):
+        for k in range(Y.shape[1]):
+            X[i, k] = Y[i, k]
+    for i in range(m):
+        pivot = i
+        for r in range(i + 1, m):
+            if abs(work[r, i]) > abs(work[pivot, i]):
+                pivot = r
+        for c in range(m):
+            work[i, c], work[pivot, c] = work[pivot, c], work[i, c]
+        for k in range(Y.shape[1]):
+            X[i, k], X[pivot, k] = X[pivot, k], X[i, k]
+        for r in range(m):
+            if r != i:
+                factor = work[r, i] / work[i, i]
+                for c in range(i, m):
+                    work[r, c] -= factor * work[i, c]
+                for k in range(Y.shape[1]):
+                    X[r, k] -= factor * X[i, k]
+    for i in range(m):
+        for k in range(Y.shape[1]):
+            X[i, k] /= work[i, i]
+
+
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:
     if isinstance(block, np.ndarray):
         matrix = block
@@ -106,17 +135,17 @@ def _build(
     token = source_token(drift, gain_at, noise_at, q)
     fixed = n - m
 
-    @njit(cache=True, nogil=True)
+    @kernel
     def blocks(world, x, G, D, B):  # type: ignore[no-untyped-def]
         """D = B_c^-1 G_c and B = B_c at x."""
         gain_at(x, world.parameters, G)
         noise_at(x, world.parameters, B)
-        D[:, :] = np.linalg.solve(B, G)
+        solve(B, G, D)
 
-    @njit(cache=True, nogil=True)
+    @kernel
     def position_covariance(B, dt, cov):  # type: ignore[no-untyped-def]
         """Covariance (xx, xy, yy) of the position over one step."""
-        cov[:] = 0.0
+        cov[0], cov[1], cov[2] = 0.0, 0.0, 0.0
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
             by = B[1 - fixed, j] if fixed <= 1 else 0.0
@@ -124,7 +153,17 @@ def _build(
             cov[1] += bx * by * dt
             cov[2] += by * by * dt
 
-    @njit(cache=True, nogil=True)
+    @kernel
+    def drift_of(tapes, D, g, i, j):  # type: ignore[no-untyped-def]
+        """Component j of a = B_c^-1 G_c u of reference g in step i."""
+        if not varying:
+            return tapes.drift[g, i, j]
+        a = 0.0
+        for k in range(m):
+            a += D[j, k] * tapes.control[g, i, k]
+        return a
+
+    @kernel
     def one_path(world, tapes, h, x0, dt, seed, sample, ratio, states, applied):  # type: ignore[no-untyped-def]
         """Simulate one sample; `ratio` (H,), `states` (T+1, n) and `applied` (T, m) are filled if not empty."""
         _ = token
@@ -132,14 +171,17 @@ def _build(
         M = world.markers.shape[0]
         x, moved, f, y = x0.copy(), x0.copy(), np.empty(n), np.empty(m)
         G, D, B = np.zeros((m, m)), world.gain.copy(), world.diffusion.copy()
+        column, carried = np.empty((m, 1)), np.empty((m, 1))
         cov = np.zeros(3)
         if not varying:
             position_covariance(B, dt, cov)
         root = np.sqrt(dt)
         state = stream(seed, sample)
         work, key = 0.0, np.int64(0)
+        before = distances(world.field, world.goal, world.goal_radius, x[0], x[1])
         if states.shape[0] > 0:
-            states[0, :] = x
+            for j in range(n):
+                states[0, j] = x[j]
         for i in range(T):
             if varying:
                 blocks(world, x, G, D, B)
@@ -149,14 +191,11 @@ def _build(
                 state, z = normal(state)
                 y[j] = z * root
                 if i < tapes.active[h]:
-                    for k in range(m):
-                        y[j] += D[j, k] * tapes.control[h, i, k] * dt
+                    y[j] += drift_of(tapes, D, h, i, j) * dt
             for g in range(ratio.shape[0]):
                 if i < tapes.active[g]:
                     for j in range(m):
-                        a = 0.0
-                        for k in range(m):
-                            a += D[j, k] * tapes.control[g, i, k]
+                        a = drift_of(tapes, D, g, i, j)
                         ratio[g] += a * (y[j] - 0.5 * a * dt)
             for j in range(n):
                 moved[j] = x[j] + f[j] * dt
@@ -164,28 +203,29 @@ def _build(
                 for k in range(m):
                     moved[fixed + j] += B[j, k] * y[k]
             if applied.shape[0] > 0:
-                if m == 1:
-                    applied[i, 0] = y[0] / (D[0, 0] * dt)
-                else:
-                    applied[i, :] = np.linalg.solve(D, y) / dt
+                for j in range(m):
+                    column[j, 0] = y[j]
+                solve(D, column, carried)
+                for j in range(m):
+                    applied[i, j] = carried[j, 0] / dt
             for k in range(M):
                 bx, by = world.goal[0] - world.markers[k, 0], world.goal[1] - world.markers[k, 1]
                 ax, ay = x[0] - world.markers[k, 0], x[1] - world.markers[k, 1]
                 cx, cy = moved[0] - world.markers[k, 0], moved[1] - world.markers[k, 1]
-                before, after = ax * by - ay * bx, cx * by - cy * bx
-                if (before > 0.0) != (after > 0.0):
-                    share = before / (before - after)
+                side, other = ax * by - ay * bx, cx * by - cy * bx
+                if (side > 0.0) != (other > 0.0):
+                    share = side / (side - other)
                     px, py = ax + share * (cx - ax), ay + share * (cy - ay)
                     if px * bx + py * by < 0.0:
-                        key += world.weights[k] if after > 0.0 else -world.weights[k]
+                        key += world.weights[k] if other > 0.0 else -world.weights[k]
             if not world.bridge:
                 exit, share = endpoint_exit(world.field, world.goal, world.goal_radius, moved[0], moved[1])
             elif noisy_position:
-                state, u_wall = uniform(state)
-                state, u_goal = uniform(state)
-                exit, share = bridge_exit(
-                    world.field, world.goal, world.goal_radius, x[0], x[1], moved[0], moved[1], cov, u_wall, u_goal
+                after = distances(world.field, world.goal, world.goal_radius, moved[0], moved[1])
+                state, exit, share = bridge_exit(
+                    world.field, world.goal, world.goal_radius, x[0], x[1], moved[0], moved[1], before, after, cov, state
                 )
+                before = after
             else:
                 exit, share = sweep_exit(
                     world.field, world.goal, world.goal_radius, x[0], x[1], moved[0], moved[1]
@@ -194,12 +234,13 @@ def _build(
             for j in range(n):
                 x[j] = moved[j]
             if states.shape[0] > 0:
-                states[i + 1, :] = x
+                for j in range(n):
+                    states[i + 1, j] = x[j]
             if exit != INSIDE:
                 return work, key, exit, i + 1
         return work, key, 0, T
 
-    @njit(cache=True, nogil=True)
+    @kernel
     def sample(world, tapes, x0, dt, seed, start, stop, paths):  # type: ignore[no-untyped-def]
         nothing = np.empty((0, 1))
         h = 0
@@ -211,7 +252,7 @@ def _build(
             )
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
 
-    @njit(cache=True, nogil=True)
+    @kernel
     def control(world, tapes, x0, dt, seed, chosen, weight, total, alive):  # type: ignore[no-untyped-def]
         nothing, ratio = np.empty((0, 1)), np.empty(0)
         applied = np.zeros((tapes.control.shape[1], m))
@@ -226,7 +267,7 @@ def _build(
                 for j in range(m):
                     total[i, j] += weight[c] * applied[i, j]
 
-    @njit(cache=True, nogil=True)
+    @kernel
     def trace(world, tapes, x0, dt, seed, chosen, states, steps):  # type: ignore[no-untyped-def]
         nothing, ratio = np.empty((0, 1)), np.empty(0)
         for c in range(chosen.shape[0]):

@@ -6,14 +6,13 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pirrht.curves import Curves
 from pirrht.errors import OptionError
+from pirrht.jit import kernel
 from pirrht.problem import Problem
 from pirrht.scene import Array, Scene
-
 
 SPACING = 0.05  # distance of points on drawn arcs [m]
 
@@ -158,7 +157,7 @@ class StraightLine(Steering):
         return np.asarray(rng.uniform(scene.lower, scene.upper))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _resample(controls, durations, dt, out):  # type: ignore[no-untyped-def]
     steps, m = out.shape
     now = 0.0
