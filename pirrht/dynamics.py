@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -109,12 +110,12 @@ class SingleIntegrator(Dynamics):
     def __post_init__(self) -> None:
         _check_noise(self.b)
 
-    @property
+    @cached_property
     def control_block(self) -> Array:  # type: ignore[override]
         """G_c = I."""
         return np.eye(2)
 
-    @property
+    @cached_property
     def diffusion_block(self) -> Array:  # type: ignore[override]
         """B_c = b I."""
         return self.b * np.eye(2)
@@ -143,17 +144,17 @@ class Unicycle(Dynamics):
             if not (np.isfinite(value) and value > 0):
                 raise OptionError(f"{name} is {value:g}; it must be a positive number")
 
-    @property
+    @cached_property
     def parameters(self) -> Array:  # type: ignore[override]
         """p = [V]."""
         return np.array([self.V])
 
-    @property
+    @cached_property
     def control_block(self) -> Array:  # type: ignore[override]
         """G_c = 1/rho."""
         return np.array([[1.0 / self.rho]])
 
-    @property
+    @cached_property
     def diffusion_block(self) -> Array:  # type: ignore[override]
         """B_c = b."""
         return np.array([[self.b]])

@@ -1,0 +1,185 @@
+"""The execution phase, Algorithm 4: references for every class, samples around all of them, one control."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.errors import NoReference, NoSurvivingSample, OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.homology import class_id
+from pirrht.path_integral import Estimate, PathIntegral, Sampling
+from pirrht.problem import Problem
+from pirrht.scene import Array
+from pirrht.steering import Trajectory
+from pirrht.tree import HomologyTree, Reference
+
+METHODS = {
+    "pi-rrht": "sample around one reference per homology class and let the weights decide (PI-RRHT*)",
+    "single": "importance sampling around the cheapest reference only",
+    "passive": "no reference: sample the passive dynamics",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plan:
+    """What was decided at one state."""
+
+    state: Array  # (n,)
+    tape: Array  # (T, m) open-loop controls, one per rollout step
+    dt: float  # duration of one entry of the tape [s]
+    references: tuple[Reference, ...]  # cheapest first; empty for methods that have none
+    ids: tuple[str, ...]  # class of each reference, relative to the start of the drive
+    estimate: Estimate | None  # None in a fallback
+    fallback: str | None  # why the estimate is missing: "no reference", "no survivor"
+
+    @property
+    def control(self) -> Array:
+        """The control now, (m,)."""
+        return self.tape[0]
+
+    def at(self, x: Array, s: float) -> Array:
+        """Control (m,) at time s [s] after the plan was made, at state x (open loop: x does not matter)."""
+        i = int(s / self.dt + 1e-9)
+        return self.tape[i] if i < len(self.tape) else np.zeros(self.tape.shape[1])
+
+    @property
+    def favourite(self) -> str | None:
+        """Class of greatest weight; without an estimate that of the reference followed."""
+        if self.estimate is None:
+            return self.ids[0] if self.ids else None
+        weights = self.estimate.class_weights
+        return max(weights, key=lambda name: weights[name]) if weights else None
+
+
+class Controller:
+    """Receding-horizon path integral control with topology-guided sampling.
+
+    Args:
+        tree: grown beforehand; None only for the method "passive".
+        rng: source of one seed per plan.
+        polished: shorten references inside their class.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        space: FreeSpace,
+        tree: HomologyTree | None,
+        sampling: Sampling,
+        *,
+        method: str = "pi-rrht",
+        polished: bool = True,
+        rng: np.random.Generator,
+    ) -> None:
+        if method not in METHODS:
+            raise OptionError(f"unknown method {method!r}; known are {', '.join(METHODS)}")
+        if tree is None and method != "passive":
+            raise OptionError(f"the method {method!r} needs a tree")
+        self.problem, self.space, self.tree, self.method = problem, space, tree, method
+        self.path_integral = PathIntegral(problem, space, sampling)
+        self.polished, self.rng = polished, rng
+        self.begin(problem.scene.start[: problem.dynamics.n])
+
+    def begin(self, x: Array) -> None:
+        """Forget the drive so far; a new one starts at x (n,)."""
+        self._start = self.space.homology.straight(x[None, :2])[0]
+        self._driven = np.zeros(self.space.homology.M)
+        self._last = np.array(x[:2], dtype=float)
+        self._previous: Plan | None = None
+        self._since = 0.0
+
+    def observe(self, states: Array, duration: float) -> None:
+        """Take note of the states (k, n) just driven through and the time it took [s]."""
+        self._driven = self._driven + self.space.homology.turns(np.vstack([self._last, states[:, :2]]))
+        self._last = np.array(states[-1, :2])
+        self._since += duration
+
+    def driven_class(self) -> tuple[int, ...]:
+        """Class of the driven path, completed by the straight line to the goal point."""
+        here = self.space.homology.straight(self._last[None, :])[0]
+        return tuple(int(k) for k in np.rint(self._driven + here - self._start))
+
+    def plan(self, x: Array) -> Plan:
+        """Decide at state x (n,).
+
+        Raises:
+            NoReference: no class reaches the goal, and there is no earlier plan to go on with.
+        """
+        x = np.asarray(x, dtype=float)
+        try:
+            references = self._references(x)
+        except NoReference:
+            if self._previous is None:
+                raise
+            return self._keep(self._go_on(x, self._previous))
+        ids = tuple(class_id(self._from_start(reference)) for reference in references)
+        trajectories = [reference.trajectory for reference in references]
+        seed = int(self.rng.integers(2**63))
+        estimator = self.path_integral
+        steps = estimator.horizon(self._least_cost(x, trajectories))
+        dt = estimator.sampling.dt
+        tapes = np.array([t.tape(dt, steps) for t in trajectories] or [np.zeros((steps, self.problem.dynamics.m))])
+        names = {self.space.homology.key(r.winding): name for r, name in zip(references, ids, strict=True)}
+        estimate: Estimate | None = None
+        fallback: str | None = None
+        try:
+            estimate = estimator.estimate(estimator.rollout(x, tapes, seed), names)
+            tape = estimate.tape
+        except NoSurvivingSample:
+            tape, fallback = tapes[0], "no survivor"
+        return self._keep(
+            Plan(
+                state=x,
+                tape=tape,
+                dt=dt,
+                references=tuple(references),
+                ids=ids,
+                estimate=estimate,
+                fallback=fallback,
+            )
+        )
+
+    def _references(self, x: Array) -> list[Reference]:
+        if self.method == "passive" or self.tree is None:
+            return []
+        references = self.tree.references(x, polished=self.polished)
+        return references[:1] if self.method == "single" else references
+
+    def _from_start(self, reference: Reference) -> tuple[int, ...]:
+        here = self.space.homology.straight(self._last[None, :])[0]
+        whole = self._driven + here + np.asarray(reference.winding, dtype=float) - self._start
+        return tuple(int(k) for k in np.rint(whole))
+
+    def _least_cost(self, x: Array, trajectories: list[Trajectory]) -> float:
+        """Least cost of the references under q + u'Ru/2; without references that of the straight line."""
+        if not trajectories:
+            return 4.0 * self.problem.least_rate * float(np.hypot(*(x[:2] - self.space.scene.goal.center)))
+        return min(running_cost(self.problem, x, trajectory) for trajectory in trajectories)
+
+    def _go_on(self, x: Array, previous: Plan) -> Plan:
+        passed = int(self._since / previous.dt + 1e-9)
+        tape = previous.tape[passed:] if passed < len(previous.tape) else np.zeros_like(previous.tape[:1])
+        return Plan(
+            state=x, tape=tape, dt=previous.dt, references=(), ids=(), estimate=None, fallback="no reference"
+        )
+
+    def _keep(self, plan: Plan) -> Plan:
+        if plan.fallback != "no reference":
+            self._previous, self._since = plan, 0.0
+        return plan
+
+
+def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
+    """Integral of q + u'Ru/2 along a trajectory from x (n,)."""
+    R = problem.control_cost(x)
+    effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, R, trajectory.controls)
+    rate = problem.rate(x)
+    if callable(problem.q):
+        tail = x[2:]
+        rate = float(np.mean([problem.rate(np.concatenate([p, tail])) for p in trajectory.points]))
+    return float(np.sum((rate + effort) * trajectory.durations))
+
+
