@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.collision import Collision
-from pirrht.jit import kernel
+from pirrht.jit import inlined, kernel
 from pirrht.scene import Array, Scene
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
@@ -55,7 +55,9 @@ def build_field(scene: Scene, collision: Collision, groups: Sequence[Sequence[in
         refine = _refine(nearest, width)
         width /= 2.0
         near_guess, second_guess = _upsample(nearest) - _fill(margin), _upsample(second)
-        label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[: near_guess.shape[0], : near_guess.shape[1]]
+        label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[
+            : near_guess.shape[0], : near_guess.shape[1]
+        ]
         guess = (near_guess, second_guess, label_guess.copy())
         guess[0][::2, ::2] = nearest
         nearest, second, label = sample.at(width, refine, guess)
@@ -136,13 +138,13 @@ def _fill(margin: Array) -> Array:
     return fine
 
 
-@kernel
+@inlined
 def border(field, x, y):  # type: ignore[no-untyped-def]
     """Distance of (x, y) to the border of the workspace, negative outside [m]."""
     return min(min(x - field.lower[0], field.upper[0] - x), min(y - field.lower[1], field.upper[1] - y))
 
 
-@kernel
+@inlined
 def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
     """Bilinear value of one of the field's grids at (x, y) inside the workspace."""
     fx, fy = (x - field.x0) / field.spacing, (y - field.y0) / field.spacing
@@ -154,7 +156,7 @@ def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
     ) * v
 
 
-@kernel
+@inlined
 def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
     """Component that is nearest at the grid point closest to (x, y)."""
     i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.label.shape[0] - 1)
@@ -162,7 +164,7 @@ def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
     return field.label[i, j]
 
 
-@kernel
+@inlined
 def clearance(field, x, y):  # type: ignore[no-untyped-def]
     """A lower bound of the clearance at (x, y), border included [m]."""
     edge = border(field, x, y)

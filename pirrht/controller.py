@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,7 +120,9 @@ class Controller:
         estimator = self.path_integral
         steps = estimator.horizon(self._least_cost(x, trajectories))
         dt = estimator.sampling.dt
-        tapes = np.array([t.tape(dt, steps) for t in trajectories] or [np.zeros((steps, self.problem.dynamics.m))])
+        tapes = np.array(
+            [t.tape(dt, steps) for t in trajectories] or [np.zeros((steps, self.problem.dynamics.m))]
+        )
         names = {self.space.homology.key(r.winding): name for r, name in zip(references, ids, strict=True)}
         estimate: Estimate | None = None
         fallback: str | None = None
@@ -181,5 +182,3 @@ def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
         tail = x[2:]
         rate = float(np.mean([problem.rate(np.concatenate([p, tail])) for p in trajectory.points]))
     return float(np.sum((rate + effort) * trajectory.durations))
-
-

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.jit import kernel
+from pirrht.jit import inlined, kernel
 from pirrht.scene import Array
 
 TWO_PI = 2.0 * np.pi
@@ -32,7 +32,8 @@ class Curves:
     def points(self, spacing: float) -> list[Array]:
         """Each curve as a polyline (l, 2); straight pieces keep their ends only, arcs get points every `spacing` m."""
         return [
-            trace(self.start[i], self.curvature[i], self.length[i], spacing) for i in range(self.start.shape[0])
+            trace(self.start[i], self.curvature[i], self.length[i], spacing)
+            for i in range(self.start.shape[0])
         ]
 
 
@@ -42,10 +43,14 @@ def along(x, y, theta, curvature, s):  # type: ignore[no-untyped-def]
     if abs(curvature) * abs(s) < 1e-9:
         return x + s * math.cos(theta), y + s * math.sin(theta), theta + curvature * s
     end = theta + curvature * s
-    return x + (math.sin(end) - math.sin(theta)) / curvature, y - (math.cos(end) - math.cos(theta)) / curvature, end
+    return (
+        x + (math.sin(end) - math.sin(theta)) / curvature,
+        y - (math.cos(end) - math.cos(theta)) / curvature,
+        end,
+    )
 
 
-@kernel
+@inlined
 def turns_of_chord(ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Angle from a to b seen from the origin, the one of least magnitude, in whole turns (paper, section IV-A)."""
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by) / TWO_PI
@@ -53,27 +58,27 @@ def turns_of_chord(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def turns_of_piece(x, y, theta, curvature, length, mx, my):  # type: ignore[no-untyped-def]
-    """Angle that a piece sweeps as seen from the marker (mx, my), in turns; exact off the marker."""
+    """Angle that a piece sweeps as seen from the marker (mx, my), in turns; exact off the marker.
+
+    Less than a whole circle closed by its chord is the border of a part of the disc, so from outside the circle
+    chord and arc sweep the same angle. From inside, the angle of an arc never turns back, and it has the sign of
+    the curvature.
+    """
     if length <= 0.0:
         return 0.0
-    parts = int(math.ceil(abs(curvature) * length / (0.5 * np.pi)))
-    if parts <= 1 and abs(curvature) * length < 1e-9:
-        bx, by, _ = along(x, y, theta, curvature, length)
-        return turns_of_chord(x - mx, y - my, bx - mx, by - my)
+    bx, by, _ = along(x, y, theta, curvature, length)
+    chord = turns_of_chord(x - mx, y - my, bx - mx, by - my)
+    sweep = abs(curvature) * length
+    if sweep < 1e-9:
+        return chord
     cx, cy = x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
-    inside_circle = (mx - cx) ** 2 + (my - cy) ** 2 < 1.0 / curvature**2
-    step = length / parts
-    total = 0.0
-    for _ in range(parts):
-        bx, by, end = along(x, y, theta, curvature, step)
-        total += turns_of_chord(x - mx, y - my, bx - mx, by - my)
-        if inside_circle:
-            side = (bx - x) * (my - y) - (by - y) * (mx - x)
-            # Between chord and arc, which lies right of the chord of a left turn: the loop arc - chord winds once.
-            if side * curvature < 0.0:
-                total += math.copysign(1.0, curvature)
-        x, y, theta = bx, by, end
-    return total
+    if (mx - cx) ** 2 + (my - cy) ** 2 >= 1.0 / curvature**2:
+        return chord
+    sign = math.copysign(1.0, curvature)
+    circles = math.floor(sweep / TWO_PI + 1e-9)
+    if chord * sign < 0.0 and sweep - circles * TWO_PI > 1e-9:
+        circles += 1.0
+    return chord + sign * circles
 
 
 @kernel
@@ -121,7 +126,7 @@ def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no
 
 @kernel
 def turns_of_curve(start, curvature, length, markers, out):  # type: ignore[no-untyped-def]
-    """H-signature (M,) of a curve, written to out (paper, section IV-A), without the paper's leading 1."""
+    """H-signature (M,) of a curve, written to out (paper, section IV-A), without the 1; returns the curve's end."""
     for k in range(markers.shape[0]):
         out[k] = 0.0
     x, y, theta = start[0], start[1], start[2]
@@ -129,6 +134,7 @@ def turns_of_curve(start, curvature, length, markers, out):  # type: ignore[no-u
         for k in range(markers.shape[0]):
             out[k] += turns_of_piece(x, y, theta, curvature[p], length[p], markers[k, 0], markers[k, 1])
         x, y, theta = along(x, y, theta, curvature[p], length[p])
+    return x, y
 
 
 @kernel

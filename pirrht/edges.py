@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pirrht.clearance import BLOCKED, FREE, LEAST_STEP, UNSURE, Field, _surely_blocked, border, clearance
 from pirrht.collision import Collision
-from pirrht.curves import Curves, along, cut, entry_of_curve, turns_of_curve
+from pirrht.curves import Curves, along, cut, entry_of_curve, turns_of_chord, turns_of_curve
 from pirrht.homology import Homology
 from pirrht.jit import kernel
 from pirrht.scene import Array, Goal
@@ -39,7 +39,7 @@ class Inspector:
         """Judge curves whose tails and heads have straight-line signatures h (k, M).
 
         A curve that enters the goal is an edge only if its head is a root (`into_goal`); it ends, and is paid for,
-        where it first enters the disc.
+        where it first enters the disc. From there its class counts along the straight line to the goal point.
         """
         k, M = len(curves.cost), self.homology.M
         status = np.empty(k, dtype=np.int8)
@@ -94,21 +94,27 @@ class Inspector:
 
 @kernel
 def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
-    """FREE, BLOCKED or UNSURE for one curve: discs of certified clearance must cover it."""
+    """FREE, BLOCKED or UNSURE for one curve: discs of certified clearance must cover it.
+
+    Where they do not, the walk goes on in small steps: most such curves soon enter an obstacle beyond doubt.
+    """
     x, y, theta = start[0], start[1], start[2]
+    verdict = FREE
     for p in range(length.shape[0]):
         s = 0.0
         while True:
             px, py, _ = along(x, y, theta, curvature[p], s)
             c = clearance(field, px, py)
             if c < LEAST_STEP:
-                blocked = border(field, px, py) <= 0.0 or _surely_blocked(field, px, py)
-                return BLOCKED if blocked else UNSURE
+                if border(field, px, py) <= 0.0 or _surely_blocked(field, px, py):
+                    return BLOCKED
+                verdict = UNSURE
+                c = 0.5 * field.spacing
             if s >= length[p]:
                 break
             s = min(s + c, length[p])
         x, y, theta = along(x, y, theta, curvature[p], length[p])
-    return FREE
+    return verdict
 
 
 @kernel
@@ -124,6 +130,10 @@ def _inspect(field, start, curvature, length, h_tails, h_heads, into_goal, marke
         status[i] = certify_curve(field, start[i], curvature[i], cut_length[i])
         if status[i] == BLOCKED:
             continue
-        turns_of_curve(start[i], curvature[i], length[i], markers, swept)
+        ex, ey = turns_of_curve(start[i], curvature[i], cut_length[i], markers, swept)
         for k in range(M):
-            turns[i, k] = int(math.floor(swept[k] + h_heads[i, k] - h_tails[i, k] + 0.5))
+            mx, my = markers[k, 0], markers[k, 1]
+            rest = (
+                h_heads[i, k] if s == np.inf else turns_of_chord(ex - mx, ey - my, goal[0] - mx, goal[1] - my)
+            )
+            turns[i, k] = int(math.floor(swept[k] + rest - h_tails[i, k] + 0.5))

@@ -25,7 +25,12 @@ class NoReference(PirrhtError):
     """No allowed homology class reaches the goal from a state."""
 
     def __init__(
-        self, state: Sequence[float], *, vertices: int, limit: float | None, blocked: Sequence[float] | None = None
+        self,
+        state: Sequence[float],
+        *,
+        vertices: int,
+        limit: float | None,
+        blocked: Sequence[float] | None = None,
     ) -> None:
         self.state = tuple(float(s) for s in state)
         self.vertices = vertices

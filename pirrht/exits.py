@@ -13,7 +13,7 @@ import numpy as np
 
 from pirrht.clearance import border, clearance, interpolate, nearest_label
 from pirrht.curves import entry_of_piece
-from pirrht.jit import kernel
+from pirrht.jit import inlined, kernel
 from pirrht.noise import uniform
 
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
@@ -29,11 +29,15 @@ def mean_crossing(c0, c1, deviation):  # type: ignore[no-untyped-def]
     """
     a = c0 / deviation
     z = a + abs(c1) / deviation
-    mills = 1.0 / z if z > 25.0 else math.sqrt(0.5 * math.pi) * math.exp(0.5 * z * z) * math.erfc(z / math.sqrt(2.0))
+    mills = (
+        1.0 / z
+        if z > 25.0
+        else math.sqrt(0.5 * math.pi) * math.exp(0.5 * z * z) * math.erfc(z / math.sqrt(2.0))
+    )
     return min(1.0, a * mills)
 
 
-@kernel
+@inlined
 def _survival(c0, c1, variance):  # type: ignore[no-untyped-def]
     """Probability that a bridge between two positive distances misses the wall."""
     if c1 <= 0.0:
@@ -75,7 +79,7 @@ def _obstacle_survival(field, x, y, nx, ny, c0, c1, variance):  # type: ignore[n
     return _survival(c0, c1, variance) * _survival(d0, d1, variance)
 
 
-@kernel
+@inlined
 def distances(field, goal, radius, x, y):  # type: ignore[no-untyped-def]
     """How far (x, y) is from the obstacles, from the border and from the goal's disc, each negative beyond [m]."""
     edge = border(field, x, y)
@@ -83,7 +87,7 @@ def distances(field, goal, radius, x, y):  # type: ignore[no-untyped-def]
     return (interpolate(field, field.nearest, x, y) if edge > 0.0 else edge), edge, to_goal
 
 
-@kernel
+@inlined
 def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  # type: ignore[no-untyped-def]
     """How a noisy step from (x, y) to (nx, ny) ends.
 
@@ -121,7 +125,7 @@ def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  
     return state, COLLISION, wall_time
 
 
-@kernel
+@inlined
 def endpoint_exit(field, goal, radius, nx, ny):  # type: ignore[no-untyped-def]
     """The paper's rule: the step ends the path if its end lies outside the free space or in the goal."""
     if clearance(field, nx, ny) <= 0.0:

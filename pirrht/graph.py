@@ -81,7 +81,9 @@ def enlarged(graph: Graph, vertices: int, edges: int, nodes: int, queue: int) ->
     """A copy with more room; every array keeps its content."""
     M = graph.straight.shape[1]
     bigger = empty_graph(vertices, edges, nodes, M)._replace(
-        queue_cost=np.zeros(queue), queue_vertex=np.zeros(queue, np.int32), queue_key=np.zeros(queue, np.int64)
+        queue_cost=np.zeros(queue),
+        queue_vertex=np.zeros(queue, np.int32),
+        queue_key=np.zeros(queue, np.int64),
     )
     for old, new in zip(graph, bigger, strict=True):
         new[tuple(slice(0, length) for length in old.shape)] = old

@@ -15,7 +15,12 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _inlined: set[str] = set()
 
-kernel = njit(cache=True, nogil=True, error_model="numpy")  # how every compiled function of this package is built
+kernel = njit(
+    cache=True, nogil=True, error_model="numpy"
+)  # how every compiled function of this package is built
+inlined = njit(
+    cache=True, nogil=True, error_model="numpy", forceinline=True
+)  # small ones: a call would cost more
 
 
 def jitable(function: F) -> F:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pirrht.jit import kernel
+from pirrht.jit import inlined, kernel
 from pirrht.scene import Array
 
 LAYERS = 256
@@ -33,7 +33,7 @@ def _layers() -> tuple[Array, Array]:
 EDGE, DENSITY = _layers()
 
 
-@kernel
+@inlined
 def _mix(z):  # type: ignore[no-untyped-def]
     z = (z ^ (z >> np.uint64(30))) * MIX_1
     z = (z ^ (z >> np.uint64(27))) * MIX_2
@@ -46,7 +46,7 @@ def stream(seed, sample):  # type: ignore[no-untyped-def]
     return _mix(np.uint64(seed) ^ _mix((np.uint64(sample) + np.uint64(1)) * GOLDEN))
 
 
-@kernel
+@inlined
 def uniform(state):  # type: ignore[no-untyped-def]
     """The next state of a sequence and a number in [0, 1)."""
     state = state + GOLDEN
@@ -68,7 +68,7 @@ def _slow_normal(state, layer, x):  # type: ignore[no-untyped-def]
         state, u = uniform(state)
 
 
-@kernel
+@inlined
 def normal(state):  # type: ignore[no-untyped-def]
     """The next state of a sequence and a standard normal number."""
     while True:

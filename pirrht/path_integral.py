@@ -38,7 +38,9 @@ class Sampling:
 
     dt: float = 0.1  # rollout step [s]
     samples: int = 200  # N, around each reference
-    exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
+    exit: str = (
+        "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
+    )
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
     threads: int | None = None  # None: all cores this process may use; results do not depend on it
 
@@ -98,9 +100,13 @@ class PathIntegral:
 
     def horizon(self, reference_cost: float) -> int:
         """Number of steps after which a path weighs nothing, T_max = (c_ref + 40 lambda) / q_min."""
-        return int(np.ceil((reference_cost + TAIL * self.temperature) / self.problem.least_rate / self.sampling.dt))
+        return int(
+            np.ceil((reference_cost + TAIL * self.temperature) / self.problem.least_rate / self.sampling.dt)
+        )
 
-    def rollout(self, x: Array, controls: Array, seed: int, *, counts: Sequence[int] | None = None) -> Rollouts:
+    def rollout(
+        self, x: Array, controls: Array, seed: int, *, counts: Sequence[int] | None = None
+    ) -> Rollouts:
         """Sample paths from x (n,) around tapes (H, T, m), `counts` (H,) of each (default: N each)."""
         H = len(controls)
         number = np.full(H, self.sampling.samples) if counts is None else np.asarray(counts)
@@ -108,7 +114,9 @@ class PathIntegral:
         busy = np.any(controls != 0.0, axis=2)
         active = np.where(busy.any(axis=1), controls.shape[1] - np.argmax(busy[:, ::-1], axis=1), 0)
         control = np.ascontiguousarray(controls, dtype=float)
-        tapes = Tapes(control, np.ascontiguousarray(control @ self.world.gain.T), active.astype(np.int64), first)
+        tapes = Tapes(
+            control, np.ascontiguousarray(control @ self.world.gain.T), active.astype(np.int64), first
+        )
         S = int(first[-1])
         paths = empty_paths(S, H)
         x0 = np.ascontiguousarray(x, dtype=float)
@@ -133,7 +141,8 @@ class PathIntegral:
         outcome = rollouts.paths.outcome
         if not np.isfinite(top):
             raise NoSurvivingSample(
-                collisions=int(np.sum(outcome == Outcome.COLLISION)), timeouts=int(np.sum(outcome == Outcome.TIMEOUT))
+                collisions=int(np.sum(outcome == Outcome.COLLISION)),
+                timeouts=int(np.sum(outcome == Outcome.TIMEOUT)),
             )
         relative = np.exp(log_weight - top)
         total = float(relative.sum())
@@ -164,7 +173,14 @@ class PathIntegral:
         states = np.zeros((len(chosen), T + 1, len(rollouts.x0)))
         steps = np.zeros(len(chosen), np.int64)
         self.kernels.trace(
-            self.world, rollouts.tapes, rollouts.x0, self.sampling.dt, np.uint64(rollouts.seed), chosen, states, steps
+            self.world,
+            rollouts.tapes,
+            rollouts.x0,
+            self.sampling.dt,
+            np.uint64(rollouts.seed),
+            chosen,
+            states,
+            steps,
         )
         return states, steps
 

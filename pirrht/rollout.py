@@ -65,7 +65,9 @@ class Kernels(NamedTuple):
 
 def empty_paths(S: int, H: int) -> Paths:
     """Room for S paths under H references."""
-    return Paths(np.zeros(S), np.zeros((S, H)), np.zeros(S, np.int64), np.zeros(S, np.int8), np.zeros(S, np.int32))
+    return Paths(
+        np.zeros(S), np.zeros((S, H)), np.zeros(S, np.int64), np.zeros(S, np.int8), np.zeros(S, np.int32)
+    )
 
 
 def kernels_for(problem: Problem) -> Kernels:
@@ -223,7 +225,17 @@ def _build(
             elif noisy_position:
                 after = distances(world.field, world.goal, world.goal_radius, moved[0], moved[1])
                 state, exit, share = bridge_exit(
-                    world.field, world.goal, world.goal_radius, x[0], x[1], moved[0], moved[1], before, after, cov, state
+                    world.field,
+                    world.goal,
+                    world.goal_radius,
+                    x[0],
+                    x[1],
+                    moved[0],
+                    moved[1],
+                    before,
+                    after,
+                    cov,
+                    state,
                 )
                 before = after
             else:

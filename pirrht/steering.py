@@ -81,7 +81,9 @@ class Steering(ABC):
     def trajectory(self, path: Curves) -> Trajectory:
         """The controls along a path whose rows are consecutive curves."""
         pieces = path.curvature.shape[1]
-        heading = path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
+        heading = (
+            path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
+        )
         length, keep = path.length.ravel(), path.length.ravel() > 0
         total = float(length.sum())
         polylines = path.points(SPACING)
@@ -109,7 +111,9 @@ class StraightLine(Steering):
         """The optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1)."""
         R = problem.control_cost(np.zeros(problem.dynamics.n))
         if not np.allclose(R, R[0, 0] * np.eye(len(R))):
-            raise OptionError("straight lines are optimal only for R a multiple of the identity; bring a Steering")
+            raise OptionError(
+                "straight lines are optimal only for R a multiple of the identity; bring a Steering"
+            )
         speed = float(np.sqrt(2.0 * problem.least_rate / R[0, 0]))
         return cls(pace=speed, cost_rate=2.0 * problem.least_rate)
 

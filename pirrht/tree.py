@@ -70,7 +70,9 @@ class HomologyTree:
         rng: np.random.Generator,
     ) -> None:
         if not (np.isfinite(limit) and limit > 0):
-            raise OptionError(f"the limit H_limit is {limit:g}; it must be positive (0.5 < limit < 1 is usual)")
+            raise OptionError(
+                f"the limit H_limit is {limit:g}; it must be positive (0.5 < limit < 1 is usual)"
+            )
         if classes < 0:
             raise OptionError(f"classes is {classes}; it must be 0 (all) or more")
         self.space, self.steering, self.limit, self.classes = space, steering, limit, classes
@@ -141,7 +143,8 @@ class HomologyTree:
             raise NoReference(x, vertices=self.size, limit=None if self._predicate else self.limit)
         best = np.argsort(found.cost[:count], kind="stable")
         references = [
-            self._reference(x, int(heads[found.edge[i]]), int(found.slot[i]), found.turns[i], polished) for i in best
+            self._reference(x, int(heads[found.edge[i]]), int(found.slot[i]), found.turns[i], polished)
+            for i in best
         ]
         return sorted(references, key=lambda reference: reference.cost)
 

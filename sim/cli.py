@@ -1,0 +1,163 @@
+"""The command `pirrht`: plan, run, estimate and sweep from a terminal."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from pirrht.errors import OptionError, PirrhtError
+
+METHOD_NAMES = ("pi-rrht", "single", "passive")
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        raise OptionError(f"{message}; see `{self.prog} --help`")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; 0 is success, 1 a drive that failed, 2 bad input, 130 an interruption."""
+    try:
+        arguments = _parser().parse_args(argv)
+        from sim import commands
+
+        status: int = getattr(commands, arguments.command)(arguments)
+        return status
+    except PirrhtError as error:
+        print(f"pirrht: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("pirrht: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="pirrht",
+        description="Topology-guided path integral control (PI-RRHT*): plan with FCL, drive in MuJoCo, record in Rerun.",
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    commands.add_parser("scenes", help="list the built-in scenes")
+    plan = commands.add_parser("plan", help="grow the tree and print one row per homology class")
+    plan.add_argument("--png", type=Path, metavar="FILE", help="draw tree and references (extra `figures`)")
+    run = commands.add_parser(
+        "run", help="plan, then drive; exit status 0 goal, 1 collision or time-out, 2 bad input"
+    )
+    _run_options(run)
+    estimate = commands.add_parser("estimate", help="what the controller would do at one state")
+    estimate.add_argument("--at", type=float, nargs="+", required=True, metavar="X", help="state: X Y [TH]")
+    estimate.add_argument("--repeat", type=int, default=1, metavar="N", help="independent repeats (1)")
+    for command in (plan, run, estimate):
+        command.add_argument("scene", metavar="SCENE", help="built-in name or MJCF file")
+        _common_options(command)
+        command.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
+    sweep = commands.add_parser("sweep", help="many seeds, methods and noise levels: a table")
+    sweep.add_argument("scenes", nargs="+", metavar="SCENE", help="built-in names or MJCF files")
+    _common_options(sweep, skip=("noise", "method", "seed"))
+    _sweep_options(sweep)
+    return parser
+
+
+def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -> None:
+    """Options of the contract; None means: what the preset, the scene or the robot says."""
+    scene = parser.add_argument_group("scene and robot")
+    scene.add_argument(
+        "--robot", metavar="NAME", help="puck, unicycle, diffdrive or an MJCF file (the scene's own)"
+    )
+    scene.add_argument("--radius", type=float, metavar="M", help="footprint radius of the robot")
+    scene.add_argument("--start", type=float, nargs="+", metavar="X", help="start: X Y [TH]")
+    scene.add_argument("--goal", type=float, nargs=3, metavar=("X", "Y", "R"), help="goal disc")
+    problem = parser.add_argument_group("problem")
+    numbers: list[tuple[argparse._ArgumentGroup, str, Any, str, str]] = [
+        (problem, "speed", float, "M/S", "speed V of a car (1)"),
+        (problem, "rho", float, "M", "turning radius of a car at |u| = 1 and V = 1 (1)"),
+        (problem, "noise", float, "B", "noise b (puck 0.1 m/sqrt(s), car 0.03 rad/sqrt(s))"),
+        (problem, "phi", float, "COST", "final cost off the goal (puck infinite, car 1000)"),
+        (problem, "seed", int, "N", "seed of tree, samples and plant noise (0)"),
+    ]
+    planner = parser.add_argument_group("planner and sampler")
+    numbers += [
+        (planner, "vertices", int, "N", "grow until the tree has N vertices (puck 1000, car 2000)"),
+        (planner, "classes", int, "K", "at most K classes per vertex, 0 for all (16)"),
+        (planner, "limit", float, "H", "H_limit of |1 - H_i| <= H_limit (puck 0.6, car 0.8)"),
+        (planner, "samples", int, "N", "samples around each reference (puck 200, car 300)"),
+        (planner, "dt", float, "S", "rollout step (0.1)"),
+        (
+            planner,
+            "period",
+            float,
+            "S",
+            "control period after which the plan is made anew (puck 0.01, car 0.1)",
+        ),
+        (planner, "threads", int, "N", "threads of the sampler; results do not depend on it (all cores)"),
+    ]
+    for group, name, kind, metavar, text in numbers:
+        if name not in skip:
+            group.add_argument(f"--{name}", type=kind, metavar=metavar, help=text)
+    planner.add_argument(
+        "--exit", metavar="RULE", help="first exit along the step (bridge) or at its end (endpoint)"
+    )
+    planner.add_argument(
+        "--weights", metavar="RULE", help="how references mix: balance or average (the paper)"
+    )
+    planner.add_argument(
+        "--no-polish",
+        dest="polish",
+        action="store_false",
+        default=None,
+        help="references as the tree has them",
+    )
+    planner.add_argument(
+        "--preset", metavar="NAME", help="paper: dt = period = 0.1, its N, plain average, endpoint exit"
+    )
+    if "method" not in skip:
+        planner.add_argument("--method", metavar="NAME", help=f"one of {', '.join(METHOD_NAMES)} (pi-rrht)")
+    planner.add_argument("--plant", metavar="NAME", help="mujoco, or sde: the analytic equation (mujoco)")
+    planner.add_argument(
+        "--max-time", type=float, metavar="S", help="end of the drive in simulated time (puck 30, car 60)"
+    )
+
+
+def _run_options(parser: argparse.ArgumentParser) -> None:
+    recording = parser.add_argument_group("recording")
+    recording.add_argument("--record", type=Path, metavar="FILE.rrd", help="write a Rerun recording")
+    recording.add_argument(
+        "--record-hz",
+        type=float,
+        default=5.0,
+        metavar="HZ",
+        help="references and samples per simulated second (5)",
+    )
+    recording.add_argument(
+        "--record-samples",
+        choices=("all", "some", "none"),
+        default="some",
+        help="sampled paths to record (some)",
+    )
+    recording.add_argument("--view", action="store_true", help="open the Rerun viewer")
+    recording.add_argument(
+        "--connect", metavar="URL", help="stream to a running viewer, rerun+http://127.0.0.1:9876/proxy"
+    )
+
+
+def _sweep_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--methods", default="pi-rrht", metavar="A,B", help=f"of {', '.join(METHOD_NAMES)} (pi-rrht)"
+    )
+    parser.add_argument("--noise", metavar="B1,B2", help="noise levels (the scene's own)")
+    parser.add_argument("--seeds", default="0:10", metavar="A:B", help="seeds A to B-1 (0:10)")
+    parser.add_argument("--plan-seed", type=int, default=0, metavar="N", help="seed of the trees (0)")
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes (all cores)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write one record per run as JSON")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

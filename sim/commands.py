@@ -1,0 +1,227 @@
+"""What each command of the CLI does."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from pirrht.errors import OptionError, SceneError
+from pirrht.outcome import Outcome
+from pirrht.path_integral import Estimate
+from pirrht.tree import HomologyTree, Reference
+from sim import episode, present
+from sim.mjcf import load, scene_names
+from sim.scenarios import Scenario, prepare
+
+
+def scenes(_: argparse.Namespace) -> int:
+    """List the built-in scenes."""
+    rows = []
+    for name in scene_names():
+        loaded = load(name)
+        size = loaded.scene.upper - loaded.scene.lower
+        rows.append(
+            [
+                name,
+                f"{size[0]:g} x {size[1]:g} m",
+                str(len(loaded.scene.obstacles)),
+                loaded.robot,
+                str(loaded.path),
+            ]
+        )
+    print(present.table(["scene", "size", "obstacles", "robot", "file"], rows))
+    return 0
+
+
+def plan(arguments: argparse.Namespace) -> int:
+    """Grow the tree and print one row per class."""
+    _check_outputs(arguments, "json", "png")
+    began = time.perf_counter()
+    scenario = _scenario(arguments)
+    tree, references = _planned(scenario)
+    seconds = time.perf_counter() - began
+    print(present.class_table(references))
+    print(
+        f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s"
+    )
+    if arguments.json:
+        present.write_json(arguments.json, present.plan_json(scenario, tree, references, seconds))
+    if arguments.png:
+        from sim.pictures import draw_plan
+
+        draw_plan(arguments.png, scenario, tree, references)
+    return 0
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plan, drive, record and sum up."""
+    _check_outputs(arguments, "json", "record")
+    if not (np.isfinite(arguments.record_hz) and arguments.record_hz > 0):
+        raise OptionError(f"--record-hz is {arguments.record_hz:g}; it must be a positive number")
+    scenario = _scenario(arguments)
+    settings = scenario.settings
+    tree, references = (None, []) if settings.method == "passive" else _planned(scenario)
+    if references:
+        print(present.class_table(references))
+    controller = scenario.controller(tree)
+    tally = episode.Tally(settings.period)
+    plant = scenario.plant()
+    frames = episode.run(plant, controller, scenario.start, scenario.plant_rng(), max_time=settings.max_time)
+    recorder = _recorder(arguments, scenario, tree, controller.path_integral)
+    with recorder, _bar("drive", settings.max_time, "s") as bar:
+        for frame in frames:
+            news = tally.add(frame)
+            if arguments.record or arguments.connect or arguments.view:
+                recorder.log(frame, news)
+            if news:
+                bar.write(news)
+            bar.update(round(frame.end_time - bar.n, 6))
+            bar.set_postfix_str(f"class {tally.favourite}, cost {frame.cost:.2f}", refresh=False)
+    result = tally.result()
+    _print_summary(result)
+    if arguments.record:
+        print(f"recording: {arguments.record}  (open it with: rerun {arguments.record})")
+    if arguments.json:
+        present.write_json(arguments.json, present.run_json(scenario, references, result))
+    return 0 if tally.outcome is Outcome.GOAL else 1
+
+
+def estimate(arguments: argparse.Namespace) -> int:
+    """What the controller would do at one state, repeated with independent samples."""
+    _check_outputs(arguments, "json")
+    if arguments.repeat < 1:
+        raise OptionError(f"--repeat is {arguments.repeat}; it must be at least 1")
+    scenario = _scenario(arguments)
+    x = _state(arguments.at, scenario)
+    tree, _ = (None, []) if scenario.settings.method == "passive" else _planned(scenario)
+    controller = scenario.controller(tree)
+    controller.begin(x)
+    estimates: list[Estimate | None] = []
+    references: tuple[Reference, ...] = ()
+    for _ in range(arguments.repeat):
+        decision = controller.plan(x)
+        references = decision.references
+        estimates.append(decision.estimate)
+    print(present.estimate_table(estimates, [r.id for r in references]))
+    if any(e is None for e in estimates):
+        dead = sum(e is None for e in estimates)
+        print(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples")
+    if arguments.json:
+        present.write_json(arguments.json, present.estimate_json(scenario, references, estimates))
+    return 0
+
+
+def sweep(arguments: argparse.Namespace) -> int:
+    """Many seeds, methods and noise levels: a table on the terminal."""
+    from sim import sweep as engine
+
+    _check_outputs(arguments, "json")
+    rows = engine.sweep(engine.parse_grid(arguments), jobs_at_once=arguments.jobs)
+    print(engine.summary(rows))
+    if arguments.json:
+        present.write_json(arguments.json, rows)
+    return 0
+
+
+def given(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the user said, by setting."""
+    skip = {"command", "scene", "scenes", "robot", "radius", "start", "goal", "preset", "json", "png"}
+    return {name: value for name, value in vars(arguments).items() if name not in skip}
+
+
+def _scenario(arguments: argparse.Namespace) -> Scenario:
+    if arguments.start is not None and len(arguments.start) not in (2, 3):
+        raise OptionError(f"--start has {len(arguments.start)} numbers; it must be X Y or X Y TH")
+    return prepare(
+        arguments.scene,
+        robot=arguments.robot,
+        radius=arguments.radius,
+        start=arguments.start,
+        goal=arguments.goal,
+        preset=arguments.preset,
+        given=given(arguments),
+    )
+
+
+def _planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
+    """The grown tree and the references at the start."""
+    with _bar("plan", scenario.settings.vertices, " vertices") as bar:
+        tree = scenario.grown_tree(lambda size: bar.update(size - bar.n))
+    return tree, tree.references(scenario.start, polished=scenario.settings.polish)
+
+
+def _state(at: list[float], scenario: Scenario) -> np.ndarray[Any, np.dtype[np.float64]]:
+    n = scenario.problem.dynamics.n
+    if len(at) not in (2, 3) or not np.all(np.isfinite(at)):
+        raise OptionError(f"--at has {len(at)} numbers; it must be X Y or X Y TH, all finite")
+    x = np.array([*at, 0.0][:n] if len(at) < n else at[:n], dtype=float)
+    if scenario.space.clearance(x) <= 0.0:
+        raise SceneError(
+            f"--at {' '.join(f'{v:g}' for v in at)}: this state is in collision or outside the workspace"
+        )
+    if scenario.loaded.scene.goal.contains(x[:2]):
+        raise SceneError(f"--at {' '.join(f'{v:g}' for v in at)}: this state is already in the goal")
+    return x
+
+
+def _recorder(
+    arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any
+) -> Any:
+    if not (arguments.record or arguments.connect or arguments.view):
+        return nullcontext()
+    from sim.recorder import Recorder
+
+    s = scenario.settings
+    return Recorder(
+        scenario.loaded,
+        scenario.space,
+        tree,
+        path_integral,
+        file=arguments.record,
+        connect=arguments.connect,
+        view=arguments.view,
+        hz=arguments.record_hz,
+        samples=arguments.record_samples,
+        settings={
+            "scene": scenario.loaded.scene.name,
+            "robot": scenario.loaded.robot,
+            "method": s.method,
+            "seed": s.seed,
+            "noise": s.noise,
+            "lambda": scenario.problem.temperature,
+            "samples": s.samples,
+            "dt": s.dt,
+            "period": s.period,
+        },
+    )
+
+
+def _check_outputs(arguments: argparse.Namespace, *options: str) -> None:
+    for option in options:
+        path: Path | None = getattr(arguments, option)
+        if path is not None:
+            present.check_writable(path, f"--{option}")
+
+
+def _bar(what: str, total: float, unit: str) -> Any:
+    style = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit} {postfix}"
+    return tqdm(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=style)
+
+
+def _print_summary(result: dict[str, Any]) -> None:
+    ms = result["step_ms"]
+    print(
+        f"{result['outcome']} after {result['time']:.2f} s: cost {result['cost']:.3f}, path {result['path_length']:.2f} m, "
+        f"class {result['executed_class'] or 'none'}, {result['class_switches']} class switches, "
+        f"least clearance {result['min_clearance']:.3f} m"
+    )
+    print(
+        f"{result['steps']} control steps of median {ms['median']:.1f} ms (p95 {ms['p95']:.1f}, max {ms['max']:.1f}), "
+        f"{result['fallbacks']} fallbacks"
+    )

@@ -1,0 +1,114 @@
+"""The settings of a run: defaults by robot, what the scene asks for, a preset, and what the user said, in that order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from pirrht.controller import METHODS
+from pirrht.errors import OptionError
+from pirrht.path_integral import EXITS, WEIGHTS
+
+PLANTS = ("mujoco", "sde")
+PRESETS: dict[str, dict[str, Any]] = {
+    # The paper plans every dt and holds an open-loop control, averages over the classes and reads exit at step ends.
+    "paper": {"dt": 0.1, "period": 0.1, "exit": "endpoint", "weights": "average"},
+}
+PAPER_SAMPLES = {"single_integrator": 200, "unicycle": 300}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """Everything a run depends on besides the scene; all numbers in SI units."""
+
+    noise: float = 0.1
+    speed: float = 1.0
+    rho: float = 1.0
+    phi: float = np.inf
+    seed: int = 0
+    vertices: int = 1000
+    classes: int = 16
+    samples: int = 200
+    dt: float = 0.1
+    period: float = 0.01
+    limit: float = 0.6
+    method: str = "pi-rrht"
+    plant: str = "mujoco"
+    exit: str = "bridge"
+    weights: str = "balance"
+    polish: bool = True
+    max_time: float = 30.0
+    threads: int | None = None
+    plan_seed: int | None = None  # seed of the tree alone; None: derived from `seed`
+
+    def __post_init__(self) -> None:
+        for name in ("noise", "speed", "rho", "dt", "period", "limit", "max_time"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise OptionError(f"--{_flag(name)} is {value:g}; it must be a positive number")
+        if np.isnan(self.phi) or self.phi < 0:
+            raise OptionError(f"--phi is {self.phi:g}; it must be 0 or more ('inf' is allowed)")
+        least = {"seed": 0, "vertices": 1, "classes": 0, "samples": 1, "threads": 1, "plan_seed": 0}
+        for name, bound in least.items():
+            value = getattr(self, name)
+            if value is not None and value < bound:
+                raise OptionError(
+                    f"--{_flag(name)} is {value}; it must be a whole number of at least {bound}"
+                )
+        choices = {"method": METHODS, "plant": PLANTS, "exit": EXITS, "weights": WEIGHTS}
+        for name, known in choices.items():
+            if getattr(self, name) not in known:
+                raise OptionError(
+                    f"--{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}"
+                )
+
+
+ROBOT_DEFAULTS = {
+    "single_integrator": Settings(),
+    "unicycle": Settings(
+        noise=0.03, phi=1000.0, vertices=2000, samples=300, period=0.1, limit=0.8, max_time=60.0
+    ),
+}
+
+
+def settle(
+    dynamics_name: str,
+    scene_defaults: Mapping[str, float],
+    given: Mapping[str, Any],
+    preset: str | None = None,
+) -> Settings:
+    """The settings in force: robot's defaults, overlaid by the scene's, a preset's and the given ones (not None).
+
+    Raises:
+        OptionError: a value that cannot work, or an unknown preset.
+    """
+    if preset is not None and preset not in PRESETS:
+        raise OptionError(f"--preset is {preset!r}; it must be one of {', '.join(PRESETS)}")
+    base = ROBOT_DEFAULTS[dynamics_name]
+    known = {f.name for f in fields(Settings)}
+    asked = {_field(name): value for name, value in scene_defaults.items() if _field(name) in known}
+    layers: list[Mapping[str, Any]] = [asked]
+    if preset is not None:
+        layers.append({**PRESETS[preset], "samples": PAPER_SAMPLES[dynamics_name]})
+    layers.append({name: value for name, value in given.items() if value is not None and name in known})
+    merged = {name: value for layer in layers for name, value in layer.items()}
+    return replace(base, **{name: _typed(name, value, base) for name, value in merged.items()})
+
+
+def _typed(name: str, value: Any, base: Settings) -> Any:
+    if isinstance(getattr(base, name), int) and isinstance(value, float):
+        if value != int(value):
+            raise OptionError(f"--{_flag(name)} is {value:g}; it must be a whole number")
+        return int(value)
+    return value
+
+
+def _flag(name: str) -> str:
+    return name.replace("_", "-")
+
+
+def _field(name: str) -> str:
+    return name.replace("-", "_")

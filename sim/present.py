@@ -1,0 +1,186 @@
+"""What a person reads on the terminal and what a program reads from JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.path_integral import Estimate
+from pirrht.tree import HomologyTree, Reference
+from sim.scenarios import Scenario
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns padded to their widest cell; the first is left-aligned, the others right."""
+    cells = [list(header), *[list(row) for row in rows]]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
+    lines = [
+        "  ".join(
+            cell.ljust(w) if i == 0 else cell.rjust(w)
+            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in cells
+    ]
+    return "\n".join(line.rstrip() for line in [lines[0], "-" * len(lines[0]), *lines[1:]])
+
+
+def class_table(references: Sequence[Reference]) -> str:
+    """One row per homology class, cheapest first."""
+    rows = [
+        [r.id, f"{r.cost:.4f}", f"{r.length:.3f}", " ".join(f"{h:+.2f}" for h in r.signature)]
+        for r in references
+    ]
+    return table(["class", "cost", "length [m]", "H"], rows)
+
+
+def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str]) -> str:
+    """One row per repeat: value, control, effective sample size and class weights."""
+    header = ["repeat", "value", "control", "ESS", *ids, "other"]
+    rows = []
+    for i, e in enumerate(estimates):
+        if e is None:
+            rows.append([str(i), "none", "none", "0", *["-"] * (len(ids) + 1)])
+            continue
+        control = "(" + ", ".join(f"{u:+.3f}" for u in e.control) + ")"
+        weights = [f"{e.class_weights.get(name, 0.0):.3f}" for name in [*ids, "other"]]
+        rows.append([str(i), f"{e.value:.4f}", control, f"{e.ess:.1f}", *weights])
+    return table(header, rows)
+
+
+def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
+    """The topological obstacles, in the order of every winding."""
+    return [
+        {"marker": [float(v) for v in part.marker], "geoms": list(part.names)}
+        for part in space.obstacles
+        if part.marker is not None
+    ]
+
+
+def classes_json(references: Sequence[Reference], ids: Sequence[str] | None = None) -> list[dict[str, Any]]:
+    """The classes, cheapest first."""
+    return [
+        {
+            "id": name,
+            "winding": list(r.winding),
+            "signature": r.signature.tolist(),
+            "cost": r.cost,
+            "length": r.length,
+        }
+        for r, name in zip(references, ids or [r.id for r in references], strict=True)
+    ]
+
+
+def plan_json(
+    scenario: Scenario, tree: HomologyTree, references: Sequence[Reference], seconds: float
+) -> dict[str, Any]:
+    """The public JSON of `plan`."""
+    return {
+        "scene": scenario.loaded.scene.name,
+        "robot": scenario.loaded.robot,
+        "vertices": tree.size,
+        "nodes": tree.node_count,
+        "pruned_classes": int(tree.graph.pruned[0]),
+        "seconds": seconds,
+        "fcl_calls": scenario.space.collision.calls,
+        "obstacles": obstacles_json(scenario.space),
+        "classes": classes_json(references),
+    }
+
+
+def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[str, Any]) -> dict[str, Any]:
+    """The public JSON of `run`."""
+    s = scenario.settings
+    return {
+        "scene": scenario.loaded.scene.name,
+        "robot": scenario.loaded.robot,
+        "method": s.method,
+        "seed": s.seed,
+        "noise": s.noise,
+        "lambda": scenario.problem.temperature,
+        "samples": s.samples,
+        "dt": s.dt,
+        "period": s.period,
+        **result,
+        "obstacles": obstacles_json(scenario.space),
+        "classes": classes_json(references),
+    }
+
+
+def estimate_json(
+    scenario: Scenario, references: Sequence[Reference], estimates: Sequence[Estimate | None]
+) -> dict[str, Any]:
+    """The public JSON of `estimate`; null where every sample died."""
+    return {
+        "control": [None if e is None else e.control.tolist() for e in estimates],
+        "value": [None if e is None else e.value for e in estimates],
+        "ess": [None if e is None else e.ess for e in estimates],
+        "class_weights": [None if e is None else e.class_weights for e in estimates],
+        "class_ess": [None if e is None else e.class_ess for e in estimates],
+        "proposal_weights": [None if e is None else e.proposal_weights for e in estimates],
+        "classes": classes_json(references),
+        "obstacles": obstacles_json(scenario.space),
+    }
+
+
+def plain(value: Any) -> Any:
+    """A value that JSON can hold: arrays as lists, infinities and NaN as null."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def check_writable(path: Path, option: str) -> None:
+    """Refuse an output path before any work is done.
+
+    Raises:
+        OptionError: the folder is missing or may not be written to, or the path is a folder.
+    """
+    folder = path.resolve().parent
+    if path.is_dir():
+        raise OptionError(f"{option} {path} is a folder; give the path of a file")
+    if not folder.is_dir():
+        raise OptionError(f"{option} {path}: the folder {folder} does not exist; create it first")
+    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise OptionError(f"{option} {path} may not be written; choose another place or mend the permissions")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON so that the old file stays until the new one is complete."""
+    text = json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
+    try:
+        handle, name = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.resolve().parent)
+    except OSError as error:
+        raise OptionError(f"--json {path}: {error.strerror}; choose another place") from None
+    try:
+        with os.fdopen(handle, "w") as stream:
+            stream.write(text)
+        os.chmod(name, 0o666 & ~_umask())
+        os.replace(name, path)
+    except OSError as error:
+        with suppress(OSError):
+            os.unlink(name)
+        raise OptionError(f"--json {path}: {error.strerror}; choose another place") from None
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,140 @@
+"""From a scene and settings to the objects of a run: problem, free space, tree, controller and plant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pirrht.controller import Controller
+from pirrht.dynamics import Dynamics, SingleIntegrator, Unicycle
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.path_integral import Sampling
+from pirrht.problem import Problem
+from pirrht.scene import Array, Scene
+from pirrht.steering import Steering, StraightLine
+from pirrht.tree import HomologyTree
+from sim.executor import Analytic, Executor, Plant
+from sim.mjcf import Loaded, load
+from sim.options import Settings, settle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scenario:
+    """A scene with a robot, a problem and settings; everything random comes from `settings.seed`."""
+
+    loaded: Loaded
+    settings: Settings
+    problem: Problem
+    space: FreeSpace
+
+    @property
+    def start(self) -> Array:
+        """Start state, (n,)."""
+        return self.problem.scene.start[: self.problem.dynamics.n]
+
+    def seeds(self) -> tuple[np.random.SeedSequence, ...]:
+        """Independent seeds of the tree, the sampler and the plant."""
+        tree, sampler, plant = np.random.SeedSequence(self.settings.seed).spawn(3)
+        if self.settings.plan_seed is not None:
+            tree = np.random.SeedSequence(self.settings.plan_seed).spawn(3)[0]
+        return tree, sampler, plant
+
+    def with_settings(self, **changes: Any) -> Scenario:
+        """The same scene under other settings; the free space is kept."""
+        settings = replace(self.settings, **changes)
+        problem = pose(self.loaded.dynamics_name, self.loaded.scene, settings)
+        return replace(self, settings=settings, problem=problem)
+
+    def steering(self) -> Steering:
+        """The two-point optimum that fits the dynamics."""
+        if isinstance(self.problem.dynamics, Unicycle):
+            from pirrht.dubins import Dubins
+
+            return Dubins.of(self.problem)
+        return StraightLine.of(self.problem)
+
+    def empty_tree(self) -> HomologyTree:
+        """A tree that has its roots only."""
+        return HomologyTree(
+            self.space,
+            self.steering(),
+            limit=self.settings.limit,
+            classes=self.settings.classes,
+            rng=np.random.default_rng(self.seeds()[0]),
+        )
+
+    def grown_tree(self, progress: Callable[[int], None] | None = None) -> HomologyTree:
+        """A tree of `settings.vertices` vertices."""
+        tree = self.empty_tree()
+        tree.grow(self.settings.vertices, progress=progress)
+        return tree
+
+    def controller(self, tree: HomologyTree | None) -> Controller:
+        """The receding-horizon controller over a grown tree."""
+        return Controller(
+            self.problem,
+            self.space,
+            tree,
+            self.sampling,
+            method=self.settings.method,
+            polished=self.settings.polish,
+            rng=np.random.default_rng(self.seeds()[1]),
+        )
+
+    @property
+    def sampling(self) -> Sampling:
+        """How paths are drawn and weighed."""
+        s = self.settings
+        return Sampling(dt=s.dt, samples=s.samples, exit=s.exit, weights=s.weights, threads=s.threads)
+
+    def plant(self) -> Plant:
+        """The robot in MuJoCo, or its stochastic equation."""
+        period = self.settings.period
+        if self.settings.plant == "mujoco":
+            return Executor(self.loaded, self.problem, period=period)
+        step = float(self.loaded.model.opt.timestep)
+        return Analytic(self.problem, self.space.collision.clearance, period=period, physics_step=step)
+
+    def plant_rng(self) -> np.random.Generator:
+        """The plant's noise; one increment per physics step whatever the method."""
+        return np.random.default_rng(self.seeds()[2])
+
+
+def prepare(
+    scene: str | Path,
+    *,
+    robot: str | Path | None = None,
+    radius: float | None = None,
+    start: Sequence[float] | None = None,
+    goal: Sequence[float] | None = None,
+    preset: str | None = None,
+    given: Mapping[str, Any] | None = None,
+) -> Scenario:
+    """Load a scene and settle everything a run needs; `given` holds settings by name, None where not said.
+
+    Raises:
+        SceneError, OptionError, NotLinearlySolvable: with one line for a person.
+    """
+    loaded = load(scene, robot=robot, radius=radius, start=start, goal=goal)
+    settings = settle(loaded.dynamics_name, loaded.scene.defaults, given or {}, preset)
+    problem = pose(loaded.dynamics_name, loaded.scene, settings)
+    scenario = Scenario(loaded=loaded, settings=settings, problem=problem, space=FreeSpace.of(loaded.scene))
+    scenario.plant()
+    return scenario
+
+
+def pose(dynamics_name: str, scene: Scene, settings: Settings) -> Problem:
+    """The problem of the paper's example that a kind of dynamics belongs to."""
+    dynamics: Dynamics
+    if dynamics_name == "single_integrator":
+        dynamics = SingleIntegrator(b=settings.noise)
+        return Problem(dynamics=dynamics, scene=scene, R=2.0 * np.eye(2), q=1.0, phi=settings.phi)
+    if dynamics_name == "unicycle":
+        dynamics = Unicycle(V=settings.speed, rho=settings.rho, b=settings.noise)
+        return Problem(dynamics=dynamics, scene=scene, R=np.eye(1), q=1.0, phi=settings.phi)
+    raise OptionError(f"no problem is known for the dynamics {dynamics_name!r}; pose one with the Python API")
