@@ -3,6 +3,7 @@
 Noise enters with the control. Every physics step of length h draws one increment dw ~ N(0, h I), whatever
 the method and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`. With deadbeat servos a
 step of MuJoCo is then the Euler-Maruyama step of the equation, and the displacement has covariance B B' t.
+Wheels with slow servos follow it up to their lag; models/robots/diffdrive.xml says how far.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.scene import Array
 from sim.mjcf import Loaded
+from sim.robots import STATES
+from sim.stance import stance_of
 
 Control = Callable[
     [Array, float], Array
@@ -55,7 +58,7 @@ class Plant(Protocol):
         """x, y [m] and, if the dynamics have one, the unwrapped heading [rad]; (n,)."""
 
     def reset(self, state: Array) -> None:
-        """Stand still at the first n entries of `state`."""
+        """Stand at the first n entries of `state`."""
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period, or to the goal or a collision if that comes first.
@@ -71,17 +74,19 @@ class Executor:
 
     def __init__(self, loaded: Loaded, problem: Problem, *, period: float) -> None:
         self._model = loaded.model
-        if problem.dynamics.n != self._model.nq:
+        if problem.dynamics.n != STATES[loaded.dynamics_name]:
             raise OptionError(
-                f'robot "{loaded.robot}" moves as a {loaded.dynamics_name} with {self._model.nq} states; '
+                f'robot "{loaded.robot}" moves as a {loaded.dynamics_name} with '
+                f"{STATES[loaded.dynamics_name]} states; "
                 f"{type(problem.dynamics).__name__} has {problem.dynamics.n}"
             )
         self._loop = _Loop(problem, period, float(self._model.opt.timestep))
         self._data = mujoco.MjData(self._model)
-        self._ctrl, self._qpos = self._data.ctrl, self._data.qpos
+        self._ctrl, self._stance = self._data.ctrl, stance_of(self._model)
+        self._dynamics = problem.dynamics
         self._command, self._twist = loaded.command, problem.dynamics.twist
         self._rate = commanded_rate(problem.dynamics, self._loop.step)
-        self._obstacles, self._robot = loaded.obstacle_geoms, loaded.robot_geoms
+        self._obstacles = loaded.obstacle_geoms
         self.reset(problem.scene.start)
 
     @property
@@ -96,13 +101,16 @@ class Executor:
 
     @property
     def state(self) -> Array:
-        """Joint positions, (n,)."""
-        return self._qpos.copy()  # type: ignore[no-any-return]
+        """x, y [m] and, if the dynamics have one, the unwrapped heading [rad]; (n,)."""
+        return self._state.copy()
 
     def reset(self, state: Array) -> None:
-        """Stand still at the first n entries of `state`."""
+        """Stand at the first n entries of `state`; a robot on wheels rolls as it does without control."""
+        self._state = np.array(state, dtype=float)[: self._dynamics.n]
+        drift = self._dynamics.f(self._state)[self._dynamics.n - self._dynamics.m :]
+        twist = self._twist(self._state, drift)
         mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
-        self._qpos[:] = np.asarray(state, dtype=float)[: self._qpos.size]
+        self._stance.place(self._data, self._state, twist, self._command.dot(twist))
         mujoco.mj_step1(self._model, self._data)
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
@@ -114,14 +122,12 @@ class Executor:
         self._ctrl[:] = self._command.dot(self._twist(x, self._rate(x, u, dw)))
         mujoco.mj_step2(self._model, self._data)
         mujoco.mj_step1(self._model, self._data)
-        return self._qpos.copy()  # type: ignore[no-any-return]
+        self._state = self._stance.read(self._data, x)
+        return self._state
 
     def _touching(self, x: Array) -> bool:
-        if self._data.ncon == 0:
-            return False
-        one, other = self._data.contact.geom.T
-        robot, obstacles = self._robot, self._obstacles
-        return bool(np.any(robot[one] & obstacles[other] | obstacles[one] & robot[other]))
+        # Nothing but the robot moves, so whatever touches an obstacle is the robot.
+        return bool(self._data.ncon > 0 and self._obstacles[self._data.contact.geom].any())
 
 
 class Analytic:

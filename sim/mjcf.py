@@ -11,7 +11,8 @@ A scene file declares
 
 A robot file declares
   body `robot`      its root, at the origin, moved by a slide along x, a slide along y [and a hinge about z],
-                    so that the joint positions are the state
+                    so that the joint positions are the state; or by a free joint and wheels that stand on
+                    the robot's own infinite plane `ground`, which they touch by contact pairs
   geom `footprint`  a sphere: radius and height with which the robot plans; if it collides, another radius
                     scales the robot as a whole, else whatever collides must lie inside it
   actuators         velocity servos tuned for the file's own timestep and integrator
@@ -19,8 +20,9 @@ A robot file declares
                     `<numeric name="pirrht_command" size="2*nu" data="..."/>`: row by row the (nu, 2) matrix
                     M of ctrl = M @ twist with `Dynamics.twist`: (vx, vy), or (forward speed, turn rate)
 
-The joined model takes timestep, gravity and looks from the scene; integrator, flags and medium (none) from
-the robot, whose servos are carried over to the timestep. The robot's elements get the prefix `robot/`.
+The joined model takes timestep and looks from the scene; gravity, contact model, integrator, flags and medium
+(none) from the robot, whose servos are carried over to the timestep. The robot's elements get the prefix
+`robot/`.
 """
 
 from __future__ import annotations
@@ -36,7 +38,8 @@ from pirrht.errors import SceneError
 from pirrht.scene import Array, Goal, Scene
 from sim.library import compile_spec, find, models_folder, parse, robot_names, scene_names
 from sim.obstacles import Mask, geom_label, read_obstacles, read_workspace
-from sim.robots import STATES, Robot, read_robot
+from sim.robots import Robot, read_robot
+from sim.stance import stance_of
 
 __all__ = ["Loaded", "load", "models_folder", "robot_names", "scene_names"]
 
@@ -57,6 +60,10 @@ _OPTIONS = (
     ),
     *("repeat", "record-hz", "max-time"),
 )  # those with one number as value
+_FROM_ROBOT = (
+    *("integrator", "disableflags", "enableflags", "density", "viscosity", "gravity"),
+    *("cone", "impratio", "solver", "iterations", "tolerance", "noslip_iterations"),
+)  # options of the physics
 _GEOM = mujoco.mjtGeom
 
 
@@ -117,7 +124,7 @@ def load(
         defaults=defaults,
     )
     _leave_only(model, mask, robot_geoms)
-    model.key_qpos[0] = values.start[: STATES[machine.dynamics_name]]
+    _place(model, data, machine.rest, values.start)
     _check_start(model, data, mask, path)
     return Loaded(
         scene=values,
@@ -135,7 +142,7 @@ def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
     if not spec.option.timestep > 0:
         raise SceneError(f"{path}: option timestep is {spec.option.timestep:g}; write a positive number [s]")
     robot.tune(spec.option.timestep)
-    for name in ("integrator", "disableflags", "enableflags", "density", "viscosity"):
+    for name in _FROM_ROBOT:
         setattr(spec.option, name, getattr(robot.spec.option, name))
     spec.attach(robot.spec, prefix="robot/", frame=spec.worldbody.add_frame())
     for key in list(spec.keys):
@@ -154,6 +161,13 @@ def _leave_only(model: mujoco.MjModel, obstacles: Mask, robot: Mask) -> None:
     model.geom_conaffinity[bystanders] = 0
     model.geom_margin[:] = 0
     model.geom_gap[:] = 0
+
+
+def _place(model: mujoco.MjModel, data: mujoco.MjData, rest: Array, start: Array) -> None:
+    """Make the keyframe the robot at rest at the start."""
+    model.key_qpos[0] = rest
+    stance_of(model).place(data, start, np.zeros(2), np.zeros(model.nu))
+    model.key_qpos[0] = data.qpos
 
 
 def _defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:

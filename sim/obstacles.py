@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pirrht.errors import SceneError
 from pirrht.scene import Array, Kind, Obstacle
+from sim.stance import GROUND
 
 Mask = NDArray[np.bool_]
 
@@ -69,6 +70,7 @@ def read_workspace(model: mujoco.MjModel, data: mujoco.MjData, path: Path) -> tu
         return _extent(*pose, model.site_size[site], 'site "workspace"', path)
     remedy = 'add <site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
     planes = [g for g in np.flatnonzero(model.geom_type == _PLANE) if _faces_up(data, int(g))]
+    planes = [g for g in planes if model.geom(g).name != f"robot/{GROUND}"]
     if not planes:
         raise SceneError(f'{path}: no site "workspace" and no horizontal floor plane; {remedy}')
     floor = int(planes[0])

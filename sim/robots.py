@@ -11,9 +11,11 @@ import numpy as np
 from pirrht.errors import SceneError
 from pirrht.scene import Array
 from sim.library import compile_spec, find, parse
+from sim.stance import GROUND, rolls, settled
 
-STATES = {"single_integrator": 2, "unicycle": 3}  # dynamics a robot may name -> joints it moves by
+STATES = {"single_integrator": 2, "unicycle": 3}  # dynamics a robot may name -> states
 _GEOM = mujoco.mjtGeom
+_SINKAGE = 0.002  # of a robot at rest: height [m], and 1 - cosine of half the tilt
 _SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 
 
@@ -28,10 +30,15 @@ class Robot:
     command: Array  # (nu, 2) M of ctrl = M @ twist
     radius: float  # of the footprint [m]
     height: float  # of the footprint's centre above the ground [m]
+    rest: Array  # (nq,) joint positions at the origin, heading along x
+    rolling: bool  # whether wheels carry it, instead of joints
 
     def tune(self, timestep: float) -> None:
-        """Carry the servos over to another physics step [s]; kv * timestep is kept, so deadbeat stays so."""
-        ratio = self.spec.option.timestep / timestep
+        """Carry the servos over to another physics step [s].
+
+        kv * timestep is kept, so deadbeat stays so; wheels have slow servos, whose time constant is kept.
+        """
+        ratio = 1.0 if self.rolling else self.spec.option.timestep / timestep
         for actuator in self.spec.actuators:
             if actuator.gainprm[0] == -actuator.biasprm[2]:
                 actuator.gainprm[0] *= ratio
@@ -57,7 +64,7 @@ def read_robot(which: str | Path, radius: float | None) -> Robot:
     if radius is not None:
         _resize(body, foot, radius)
     model = compile_spec(spec, path)
-    _check_joints(model, STATES[dynamics_name], path)
+    (_check_wheels if rolls(model) else _check_joints)(model, STATES[dynamics_name], path)
     _check_reach(model, path)
     centre = model.geom("footprint").pos
     return Robot(
@@ -68,6 +75,8 @@ def read_robot(which: str | Path, radius: float | None) -> Robot:
         command=_command(spec, int(model.nu), path),
         radius=float(model.geom("footprint").size[0]),
         height=float(centre[2]),
+        rest=_rest(model, path),
+        rolling=rolls(model),
     )
 
 
@@ -104,12 +113,51 @@ def _check_joints(model: mujoco.MjModel, states: int, path: Path) -> None:
     types = [_SLIDE, _SLIDE, _HINGE][:states]
     good = model.nq == states and list(model.jnt_type) == types and not np.any(model.qpos0)
     good = good and np.allclose(model.jnt_axis, np.eye(3)[:states]) and not np.any(model.jnt_pos[:, :2])
-    body = model.body("robot")
-    if not (good and np.allclose(body.pos, 0) and np.allclose(body.quat, [1, 0, 0, 0])):
+    if not (good and _at_origin(model)):
         joints = "slide along x, slide along y" + (", hinge about z" if states == 3 else "")
         raise SceneError(
             f'{path}: body "robot" must stand at the origin and have these joints, without ref: {joints}'
+            + ("; or a free joint and wheels" if states == 3 else "")
         )
+
+
+def _at_origin(model: mujoco.MjModel) -> bool:
+    body = model.body("robot")
+    return np.allclose(body.pos, 0) and np.allclose(body.quat, [1, 0, 0, 0])
+
+
+def _check_wheels(model: mujoco.MjModel, states: int, path: Path) -> None:
+    if states != 3:
+        raise SceneError(
+            f'{path}: a robot with a free joint moves as a "unicycle"; name that as its dynamics'
+        )
+    if int(model.jnt_bodyid[0]) != model.body("robot").id or not _at_origin(model):
+        raise SceneError(f'{path}: body "robot" must stand at the origin and have the free joint itself')
+    ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
+    if ground < 0 or model.geom_type[ground] != _GEOM.mjGEOM_PLANE or np.any(model.geom_pos[ground]):
+        raise SceneError(f'{path}: a robot on wheels needs a plane geom "{GROUND}" of its own, at the origin')
+    if model.geom_contype[ground] or model.geom_conaffinity[ground]:
+        raise SceneError(
+            f'{path}: geom "{GROUND}" must meet the wheels in contact pairs; write contype="0" '
+            'conaffinity="0"'
+        )
+    joints = model.actuator_trnid[:, 0]
+    if np.any(model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) or np.any(
+        model.jnt_type[joints] != _HINGE
+    ):
+        raise SceneError(f"{path}: every actuator of a robot on wheels must drive a hinge joint")
+
+
+def _rest(model: mujoco.MjModel, path: Path) -> Array:
+    if not rolls(model):
+        return model.qpos0.copy()  # type: ignore[no-any-return]
+    rest = settled(model)
+    if not (abs(rest[2]) < _SINKAGE and rest[3] > 1 - _SINKAGE):  # also when the simulation has diverged
+        raise SceneError(
+            f'{path}: body "robot" does not come to rest on wheels (height {rest[2]:.2g} m); let them and '
+            f'casters touch the plane z = 0 and give each a contact pair with geom "{GROUND}"'
+        )
+    return rest
 
 
 def _check_reach(model: mujoco.MjModel, path: Path) -> None:

@@ -158,7 +158,7 @@ def test_robot_and_dynamics_must_fit():
         Executor(loaded, problem_of(loaded, SingleIntegrator()), period=0.01)
 
 
-@pytest.mark.parametrize("robot", ["puck", "unicycle"])
+@pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive"])
 def test_reset_forgets_the_drive(tmp_path, robot):
     plant, _ = pair(tmp_path, robot, 0.2)
     m = 2 if robot == "puck" else 1

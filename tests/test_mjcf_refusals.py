@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mjcf_samples import FLOOR, GOAL, ROBOT, SITES, SPACE, START, mjcf, refusal, robot_mjcf
 
-from sim.mjcf import load
+from sim.mjcf import load, models_folder
 
 
 @pytest.fixture
@@ -109,6 +109,31 @@ BAD_ROBOTS = {
         'geom "crate"',
     ),
 }
+
+
+WHEELS = {
+    "sliding dynamics": ('data="unicycle"', 'data="single_integrator"', '"unicycle"'),
+    "raised body": ('<body name="robot">', '<body name="robot" pos="0 0 0.1">', "origin"),
+    "no ground": ('type="plane" size="0 0 0.1"', 'type="box" size="9 9 0.1"', '"ground"'),
+    "colliding ground": ('group="4" contype="0"', 'group="4" contype="1"', '"ground"'),
+    "raised wheels": ('pos="0 0.08 0.05"', 'pos="0 0.08 0.08"', "come to rest"),
+    "no pair": (
+        '<pair geom1="ground" geom2="left wheel"',
+        '<pair geom1="bumper" geom2="left wheel"',
+        "come to",
+    ),
+    "driven base": ('name="left" class="wheel" joint="left"', 'joint="base"', "hinge"),
+}
+
+
+@pytest.mark.parametrize("case", WHEELS)
+def test_a_bad_robot_on_wheels_is_refused(write, case):
+    good, bad, element = WHEELS[case]
+    text = (models_folder() / "robots" / "diffdrive.xml").read_text()
+    assert good in text
+    message = refusal("slit", robot=write(text.replace(good, bad), "machine.xml"))
+    assert element in message
+    assert "machine.xml" in message
 
 
 @pytest.mark.parametrize("case", BAD_ROBOTS)
