@@ -28,7 +28,7 @@ class Plan:
 
     state: Array  # (n,)
     tape: Array  # (T, m) open-loop controls, one per rollout step
-    dt: float  # duration of one entry of the tape [s]
+    times: Array  # (T+1,) ends of those steps, from 0 [s]
     references: tuple[Reference, ...]  # cheapest first; empty for methods that have none
     ids: tuple[str, ...]  # class of each reference, relative to the start of the drive
     estimate: Estimate | None  # None in a fallback
@@ -41,7 +41,7 @@ class Plan:
 
     def at(self, x: Array, s: float) -> Array:
         """Control (m,) at time s [s] after the plan was made, at state x (open loop: x does not matter)."""
-        i = int(s / self.dt + 1e-9)
+        i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
         return self.tape[i] if i < len(self.tape) else np.zeros(self.tape.shape[1])
 
     @property
@@ -118,16 +118,15 @@ class Controller:
         trajectories = [reference.trajectory for reference in references]
         seed = int(self.rng.integers(2**63))
         estimator = self.path_integral
-        steps = estimator.horizon(self._least_cost(x, trajectories))
-        dt = estimator.sampling.dt
+        times = estimator.grid(self._least_cost(x, trajectories))
         tapes = np.array(
-            [t.tape(dt, steps) for t in trajectories] or [np.zeros((steps, self.problem.dynamics.m))]
+            [t.tape(times) for t in trajectories] or [np.zeros((len(times) - 1, self.problem.dynamics.m))]
         )
         names = {self.space.homology.key(r.winding): name for r, name in zip(references, ids, strict=True)}
         estimate: Estimate | None = None
         fallback: str | None = None
         try:
-            estimate = estimator.estimate(estimator.rollout(x, tapes, seed), names)
+            estimate = estimator.estimate(estimator.rollout(x, times, tapes, seed), names)
             tape = estimate.tape
         except NoSurvivingSample:
             tape, fallback = tapes[0], "no survivor"
@@ -135,7 +134,7 @@ class Controller:
             Plan(
                 state=x,
                 tape=tape,
-                dt=dt,
+                times=times,
                 references=tuple(references),
                 ids=ids,
                 estimate=estimate,
@@ -161,10 +160,12 @@ class Controller:
         return min(running_cost(self.problem, x, trajectory) for trajectory in trajectories)
 
     def _go_on(self, x: Array, previous: Plan) -> Plan:
-        passed = int(self._since / previous.dt + 1e-9)
-        tape = previous.tape[passed:] if passed < len(previous.tape) else np.zeros_like(previous.tape[:1])
+        passed = int(np.searchsorted(previous.times, self._since + 1e-9, side="right")) - 1
+        rest = slice(min(passed, len(previous.tape) - 1), None)
+        times = np.maximum(previous.times[rest] - self._since, 0.0)
+        tape = previous.tape[rest] if passed < len(previous.tape) else np.zeros_like(previous.tape[-1:])
         return Plan(
-            state=x, tape=tape, dt=previous.dt, references=(), ids=(), estimate=None, fallback="no reference"
+            state=x, tape=tape, times=times, references=(), ids=(), estimate=None, fallback="no reference"
         )
 
     def _keep(self, plan: Plan) -> Plan:

@@ -37,6 +37,7 @@ class Sampling:
     """How paths are drawn and weighed."""
 
     dt: float = 0.1  # rollout step [s]
+    first: float | None = None  # the first dt is cut into steps of this length [s]
     samples: int = 200  # N, around each reference
     exit: str = (
         "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
@@ -47,6 +48,8 @@ class Sampling:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.dt) and self.dt > 0):
             raise OptionError(f"dt is {self.dt:g}; it must be a positive number of seconds")
+        if self.first is not None and not self.first > 0:
+            raise OptionError(f"first is {self.first:g}; it must be a positive number of seconds")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
         for name, known in (("exit", EXITS), ("weights", WEIGHTS)):
@@ -98,16 +101,23 @@ class PathIntegral:
         self.world = _world(problem, space, sampling.exit == "bridge")
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
-    def horizon(self, reference_cost: float) -> int:
-        """Number of steps after which a path weighs nothing, T_max = (c_ref + 40 lambda) / q_min."""
-        return int(
-            np.ceil((reference_cost + TAIL * self.temperature) / self.problem.least_rate / self.sampling.dt)
-        )
+    def grid(self, reference_cost: float) -> Array:
+        """Ends of the rollout steps (T+1,) [s], up to T_max = (c_ref + 40 lambda) / q_min where a path weighs nothing.
+
+        A control read off the first step is the mean over that step. Where the plan is made anew more often than
+        every dt, the first dt is cut finer, since near a wall the mean over dt is much weaker than the control now.
+        """
+        dt = self.sampling.dt
+        horizon = (reference_cost + TAIL * self.temperature) / self.problem.least_rate
+        steps = max(1, int(np.ceil(horizon / dt)))
+        parts = 1 if self.sampling.first is None else max(1, round(dt / self.sampling.first))
+        fine = np.arange(parts) * (dt / parts)
+        return np.concatenate([fine, np.arange(1, steps + 1) * dt])
 
     def rollout(
-        self, x: Array, controls: Array, seed: int, *, counts: Sequence[int] | None = None
+        self, x: Array, times: Array, controls: Array, seed: int, *, counts: Sequence[int] | None = None
     ) -> Rollouts:
-        """Sample paths from x (n,) around tapes (H, T, m), `counts` (H,) of each (default: N each)."""
+        """Sample paths from x (n,) around tapes (H, T, m) on a grid (T+1,), `counts` (H,) of each (default: N)."""
         H = len(controls)
         number = np.full(H, self.sampling.samples) if counts is None else np.asarray(counts)
         first = np.concatenate([[0], np.cumsum(number)]).astype(np.int64)
@@ -115,15 +125,18 @@ class PathIntegral:
         active = np.where(busy.any(axis=1), controls.shape[1] - np.argmax(busy[:, ::-1], axis=1), 0)
         control = np.ascontiguousarray(controls, dtype=float)
         tapes = Tapes(
-            control, np.ascontiguousarray(control @ self.world.gain.T), active.astype(np.int64), first
+            control=control,
+            drift=np.ascontiguousarray(control @ self.world.gain.T),
+            times=np.ascontiguousarray(times, dtype=float),
+            active=active.astype(np.int64),
+            first=first,
         )
         S = int(first[-1])
         paths = empty_paths(S, H)
         x0 = np.ascontiguousarray(x, dtype=float)
-        dt = self.sampling.dt
 
         def work(part: tuple[int, int]) -> None:
-            self.kernels.sample(self.world, tapes, x0, dt, np.uint64(seed), part[0], part[1], paths)
+            self.kernels.sample(self.world, tapes, x0, np.uint64(seed), part[0], part[1], paths)
 
         _in_parallel(work, S, self.threads)
         return Rollouts(
@@ -176,7 +189,6 @@ class PathIntegral:
             self.world,
             rollouts.tapes,
             rollouts.x0,
-            self.sampling.dt,
             np.uint64(rollouts.seed),
             chosen,
             states,
@@ -201,7 +213,7 @@ class PathIntegral:
         total, alive = np.zeros((T, m)), np.zeros(T)
         chosen = np.flatnonzero(weight > NEGLIGIBLE)
         self.kernels.control(
-            self.world, rollouts.tapes, rollouts.x0, self.sampling.dt, np.uint64(rollouts.seed), chosen,
+            self.world, rollouts.tapes, rollouts.x0, np.uint64(rollouts.seed), chosen,
             weight[chosen], total, alive,
         )  # fmt: skip
         return total, alive

@@ -41,6 +41,7 @@ class Tapes(NamedTuple):
 
     control: Array  # (H, T, m)
     drift: Array  # (H, T, m) a = B_c^-1 G_c u, the same in noise units, where the gain is constant
+    times: Array  # (T+1,) ends of the steps, from 0 [s]
     active: NDArray[np.int64]  # (H,) number of steps before a tape is zero for good
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
 
@@ -146,7 +147,7 @@ def _build(
 
     @kernel
     def position_covariance(B, dt, cov):  # type: ignore[no-untyped-def]
-        """Covariance (xx, xy, yy) of the position over one step."""
+        """Covariance (xx, xy, yy) of the position over one step of dt."""
         cov[0], cov[1], cov[2] = 0.0, 0.0, 0.0
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
@@ -166,7 +167,7 @@ def _build(
         return a
 
     @kernel
-    def one_path(world, tapes, h, x0, dt, seed, sample, ratio, states, applied):  # type: ignore[no-untyped-def]
+    def one_path(world, tapes, h, x0, seed, sample, ratio, states, applied):  # type: ignore[no-untyped-def]
         """Simulate one sample; `ratio` (H,), `states` (T+1, n) and `applied` (T, m) are filled if not empty."""
         _ = token
         H, T = tapes.control.shape[0], tapes.control.shape[1]
@@ -175,9 +176,6 @@ def _build(
         G, D, B = np.zeros((m, m)), world.gain.copy(), world.diffusion.copy()
         column, carried = np.empty((m, 1)), np.empty((m, 1))
         cov = np.zeros(3)
-        if not varying:
-            position_covariance(B, dt, cov)
-        root = np.sqrt(dt)
         state = stream(seed, sample)
         work, key = 0.0, np.int64(0)
         before = distances(world.field, world.goal, world.goal_radius, x[0], x[1])
@@ -185,9 +183,11 @@ def _build(
             for j in range(n):
                 states[0, j] = x[j]
         for i in range(T):
+            dt = tapes.times[i + 1] - tapes.times[i]
+            root = np.sqrt(dt)
             if varying:
                 blocks(world, x, G, D, B)
-                position_covariance(B, dt, cov)
+            position_covariance(B, dt, cov)
             drift(x, world.parameters, f)
             for j in range(m):
                 state, z = normal(state)
@@ -253,19 +253,19 @@ def _build(
         return work, key, 0, T
 
     @kernel
-    def sample(world, tapes, x0, dt, seed, start, stop, paths):  # type: ignore[no-untyped-def]
+    def sample(world, tapes, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
         nothing = np.empty((0, 1))
         h = 0
         for s in range(start, stop):
             while s >= tapes.first[h + 1]:
                 h += 1
             work, key, outcome, steps = one_path(
-                world, tapes, h, x0, dt, seed, s, paths.log_ratio[s], nothing, nothing
+                world, tapes, h, x0, seed, s, paths.log_ratio[s], nothing, nothing
             )
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
 
     @kernel
-    def control(world, tapes, x0, dt, seed, chosen, weight, total, alive):  # type: ignore[no-untyped-def]
+    def control(world, tapes, x0, seed, chosen, weight, total, alive):  # type: ignore[no-untyped-def]
         nothing, ratio = np.empty((0, 1)), np.empty(0)
         applied = np.zeros((tapes.control.shape[1], m))
         h = 0
@@ -273,17 +273,17 @@ def _build(
             s = chosen[c]
             while s >= tapes.first[h + 1]:
                 h += 1
-            _, _, _, steps = one_path(world, tapes, h, x0, dt, seed, s, ratio, nothing, applied)
+            _, _, _, steps = one_path(world, tapes, h, x0, seed, s, ratio, nothing, applied)
             for i in range(steps):
                 alive[i] += weight[c]
                 for j in range(m):
                     total[i, j] += weight[c] * applied[i, j]
 
     @kernel
-    def trace(world, tapes, x0, dt, seed, chosen, states, steps):  # type: ignore[no-untyped-def]
+    def trace(world, tapes, x0, seed, chosen, states, steps):  # type: ignore[no-untyped-def]
         nothing, ratio = np.empty((0, 1)), np.empty(0)
         for c in range(chosen.shape[0]):
             h = np.searchsorted(tapes.first, chosen[c], side="right") - 1
-            _, _, _, steps[c] = one_path(world, tapes, h, x0, dt, seed, chosen[c], ratio, states[c], nothing)
+            _, _, _, steps[c] = one_path(world, tapes, h, x0, seed, chosen[c], ratio, states[c], nothing)
 
     return Kernels(sample, control, trace)

@@ -27,10 +27,10 @@ class Trajectory:
     cost: float  # steering cost
     length: float  # [m]
 
-    def tape(self, dt: float, steps: int) -> Array:
-        """Mean control of each of `steps` intervals of dt, (steps, m); zero after the end (the paper's footnote)."""
-        out = np.zeros((steps, self.controls.shape[1]))
-        _resample(self.controls, self.durations, dt, out)
+    def tape(self, times: Array) -> Array:
+        """Mean control of each step of a grid (T+1,) [s], (T, m); zero after the end (the paper's footnote)."""
+        out = np.zeros((len(times) - 1, self.controls.shape[1]))
+        _resample(self.controls, self.durations, times, out)
         return out
 
 
@@ -162,16 +162,17 @@ class StraightLine(Steering):
 
 
 @kernel
-def _resample(controls, durations, dt, out):  # type: ignore[no-untyped-def]
+def _resample(controls, durations, times, out):  # type: ignore[no-untyped-def]
     steps, m = out.shape
-    now = 0.0
+    now, i = 0.0, 0
     for p in range(durations.shape[0]):
         end = now + durations[p]
-        i = int(now / dt)
-        while i < steps and i * dt < end:
-            overlap = min(end, (i + 1) * dt) - max(now, i * dt)
+        while i < steps:
+            overlap = min(end, times[i + 1]) - max(now, times[i])
             if overlap > 0.0:
                 for j in range(m):
-                    out[i, j] += controls[p, j] * overlap / dt
+                    out[i, j] += controls[p, j] * overlap / (times[i + 1] - times[i])
+            if times[i + 1] > end:
+                break
             i += 1
         now = end

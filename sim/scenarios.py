@@ -90,7 +90,10 @@ class Scenario:
     def sampling(self) -> Sampling:
         """How paths are drawn and weighed."""
         s = self.settings
-        return Sampling(dt=s.dt, samples=s.samples, exit=s.exit, weights=s.weights, threads=s.threads)
+        first = s.period if s.period < s.dt else None
+        return Sampling(
+            dt=s.dt, first=first, samples=s.samples, exit=s.exit, weights=s.weights, threads=s.threads
+        )
 
     def plant(self) -> Plant:
         """The robot in MuJoCo, or its stochastic equation."""
