@@ -1,0 +1,241 @@
+"""Geometry as Rerun archetypes: solids of a MuJoCo model, references, sampled paths, the lifted tree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from pirrht.graph import ROOT
+from pirrht.homology import Homology
+from pirrht.outcome import Outcome
+from pirrht.path_integral import OTHER, Estimate, PathIntegral
+from pirrht.scene import Array
+from pirrht.tree import HomologyTree, Reference
+from sim.colors import Color
+
+Floats = NDArray[np.float32]
+Indices = NDArray[np.int64]
+_GEOM = mujoco.mjtGeom
+_UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that names none
+SHOWN_GROUPS = 3  # MuJoCo draws groups 0 to 2 unless asked for more
+DEAD = "dead"
+
+
+# -- solids ----------------------------------------------------------------------------------------------------
+
+
+def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> dict[str, rr.AsComponents]:
+    """Chosen geoms (ngeom,) where they stand at zero joint positions, one archetype per kind, one per mesh."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    drawn: dict[str, rr.AsComponents] = {}
+    for kind, name in ((_GEOM.mjGEOM_BOX, "boxes"), (_GEOM.mjGEOM_CYLINDER, "cylinders")):
+        if len(group := np.flatnonzero(chosen & (model.geom_type == kind))):
+            drawn[name] = _primitives(model, data, group, kind)
+    round_ = chosen & np.isin(model.geom_type, (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID))
+    if len(group := np.flatnonzero(round_)):
+        drawn["ellipsoids"] = _ellipsoids(model, data, group)
+    if len(group := np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_CAPSULE))):
+        drawn["capsules"] = _capsules(model, data, group)
+    for geom in np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_MESH)):
+        drawn[f"mesh {geom}"] = _mesh(model, data, int(geom))
+    return drawn
+
+
+def _primitives(
+    model: mujoco.MjModel, data: mujoco.MjData, group: Indices, kind: mujoco.mjtGeom
+) -> rr.AsComponents:
+    size, look = model.geom_size[group], _look(model, data, group)
+    if kind == _GEOM.mjGEOM_BOX:
+        return rr.Boxes3D(half_sizes=size, fill_mode="solid", **look)
+    return rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], fill_mode="solid", **look)
+
+
+def _ellipsoids(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> rr.AsComponents:
+    ball = model.geom_type[group] == _GEOM.mjGEOM_SPHERE
+    axes = np.where(ball[:, None], model.geom_size[group][:, :1], model.geom_size[group])
+    return rr.Ellipsoids3D(half_sizes=axes, fill_mode="solid", **_look(model, data, group))
+
+
+def _capsules(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> rr.AsComponents:
+    size, look = model.geom_size[group], _look(model, data, group)
+    axis = data.geom_xmat[group].reshape(-1, 3, 3)[:, :, 2]
+    # Rerun's capsule begins at its lower cap's centre, MuJoCo's is centred.
+    look["translations"] = look.pop("centers") - axis * size[:, 1:2]
+    return rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], fill_mode="solid", **look)
+
+
+def _mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> rr.AsComponents:
+    mesh = int(model.geom_dataid[geom])
+    vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
+    faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
+    return rr.Mesh3D(
+        vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom],
+        triangle_indices=faces,
+        albedo_factor=rgba_of(model, geom),
+    )
+
+
+def _look(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> dict[str, object]:
+    quaternions = np.zeros((len(group), 4))
+    for row, geom in zip(quaternions, group, strict=True):
+        mujoco.mju_mat2Quat(row, data.geom_xmat[geom])
+    return {
+        "centers": data.geom_xpos[group],
+        "quaternions": np.roll(quaternions, -1, axis=1),  # MuJoCo writes w first, Rerun last
+        "colors": [rgba_of(model, int(geom)) for geom in group],
+    }
+
+
+def rgba_of(model: mujoco.MjModel, geom: int) -> tuple[int, int, int, int]:
+    """Colour of a geom as MuJoCo would draw it, textures aside, 0..255."""
+    rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    if material >= 0 and np.allclose(rgba, _UNSET):
+        rgba = model.mat_rgba[material]
+    red, green, blue, alpha = (round(255 * float(c)) for c in rgba)
+    return red, green, blue, alpha
+
+
+# -- paths -----------------------------------------------------------------------------------------------------
+
+
+def at_most(points: Array, count: int) -> Array:
+    """A polyline (k, d) thinned out to at most `count` points, ends included."""
+    if len(points) <= count:
+        return points
+    return points[np.rint(np.linspace(0, len(points) - 1, count)).astype(np.int64)]
+
+
+def lift(points: Array, z: float | Array) -> Floats:
+    """Planar points (..., 2) at height z, (..., 3), single precision."""
+    out = np.empty((*points.shape[:-1], 3), np.float32)
+    # Whole 1/256 m leave zero bytes behind, which the file's compression turns into half the size.
+    out[..., :2] = np.rint(points[..., :2] * 256.0) / 256.0
+    out[..., 2] = z
+    return out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fan:
+    """Sampled paths of one class, or of those that died."""
+
+    strips: Floats  # (k, l, 3)
+    opacity: Array  # (k,) grows with the weight
+
+
+def fans(
+    path_integral: PathIntegral,
+    estimate: Estimate,
+    names: Mapping[int, str],
+    *,
+    points: int,
+    everything: bool,
+) -> dict[str, Fan]:
+    """Chosen samples by the class of their own path.
+
+    Args:
+        names: additive class keys of the references.
+        points: how many points may be drawn altogether.
+        everything: draw all samples instead, however many.
+    """
+    paths = estimate.rollouts.paths
+    members = _members(paths.outcome, paths.key, names)
+    length = 2 + int(paths.steps.max(initial=0)) // 2
+    share = max(4, points // (length * max(1, len(members))))
+    chosen = {
+        name: m if everything else _pick(m, estimate.weight, min(share, 50)) for name, m in members.items()
+    }
+    length = length if everything else max(2, min(length, points // max(1, sum(map(len, chosen.values())))))
+    top = float(estimate.weight.max())
+    drawn = {}
+    for name, group in chosen.items():
+        opacity = np.sqrt(estimate.weight[group] / top)
+        order = np.argsort(opacity, kind="stable")  # the heavy ones are drawn last, on top
+        strips = _strips(path_integral, estimate, group[order], length)
+        strips[..., 2] += 0.02 * opacity[order, None].astype(np.float32)
+        drawn[name] = Fan(strips=strips, opacity=opacity[order])
+    return drawn
+
+
+def _members(outcome: NDArray[np.int8], key: Indices, names: Mapping[int, str]) -> dict[str, Indices]:
+    alive = outcome == Outcome.GOAL
+    members = {name: np.flatnonzero(alive & (key == k)) for k, name in names.items()}
+    members[OTHER] = np.flatnonzero(alive & ~np.isin(key, list(names)))
+    members[DEAD] = np.flatnonzero(~alive)
+    return {name: group for name, group in members.items() if len(group)}
+
+
+def _pick(group: Indices, weight: Array, count: int) -> Indices:
+    """The heaviest third of `count`, and an even choice among the others."""
+    if len(group) <= count:
+        return group
+    by_weight = group[np.argsort(-weight[group], kind="stable")]
+    heavy, rest = by_weight[: count // 3], np.sort(by_weight[count // 3 :])
+    even = rest[np.linspace(0, len(rest) - 1, count - len(heavy)).astype(np.int64)]
+    return np.sort(np.concatenate([heavy, even]))
+
+
+def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, length: int) -> Floats:
+    """Paths of chosen samples with `length` points each, (k, length, 3)."""
+    states, steps = path_integral.trace(estimate.rollouts, chosen)
+    times = estimate.rollouts.tapes.times  # steps may be unequal; points are even in time
+    at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
+    return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02)
+
+
+# -- the tree --------------------------------------------------------------------------------------------------
+
+
+def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> tuple[Array, Array]:
+    """Edges from nodes to their parents with the paper's H of one obstacle as third coordinate.
+
+    Returns:
+        (k, 2, 3) ends [m, m, turns] with k at most `most`, and (k,) height of the middle [turns].
+    """
+    graph, size = tree.graph, tree.size
+    width = graph.parent.shape[1]
+    live = np.arange(width) < graph.nodes[:size, None]
+    vertex, slot = np.nonzero(live & (graph.parent[:size] != ROOT))
+    if len(vertex) > most:
+        keep = np.linspace(0, len(vertex) - 1, most).astype(np.int64)
+        vertex, slot = vertex[keep], slot[keep]
+    edge = graph.parent[vertex, slot]
+    head = graph.head[edge]
+    ends = np.empty((len(vertex), 2, 3))
+    ends[:, 0, :2], ends[:, 1, :2] = tree.states[vertex, :2], tree.states[head, :2]
+    turns = graph.turns[vertex, slot, obstacle].astype(float)
+    ends[:, 0, 2] = 1.0 + graph.straight[vertex, obstacle] + turns
+    ends[:, 1, 2] = 1.0 + graph.straight[head, obstacle] + turns - graph.edge_turns[edge, obstacle]
+    return ends, ends[:, :, 2].mean(axis=1)
+
+
+def lifted_reference(homology: Homology, reference: Reference, obstacle: int, most: int) -> Array:
+    """A reference as (k, 3): x, y [m] and the paper's H [turns] of what is left of it at each point."""
+    points = at_most(reference.trajectory.points, most)
+    away = points - homology.markers[obstacle]
+    cross = away[:-1, 0] * away[1:, 1] - away[:-1, 1] * away[1:, 0]
+    swept = np.arctan2(cross, np.sum(away[:-1] * away[1:], axis=1)) / (2.0 * np.pi)
+    H = reference.signature[obstacle] - np.concatenate([[0.0], np.cumsum(swept)])
+    return np.column_stack([points, H])
+
+
+def heights(values: Array, low: float, high: float) -> NDArray[np.uint8]:
+    """Colours (k, 3) for heights (k,), from dim blue to pale sand."""
+    anchors = np.array([(44, 62, 110), (92, 105, 138), (150, 150, 140), (226, 208, 150)], dtype=float)
+    place = np.clip((values - low) / max(high - low, 1e-9), 0.0, 1.0) * (len(anchors) - 1)
+    grid = np.arange(len(anchors))
+    mixed = np.stack([np.interp(place, grid, anchors[:, c]) for c in range(3)], axis=1)
+    colors: NDArray[np.uint8] = np.rint(mixed).astype(np.uint8)
+    return colors
+
+
+def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:
+    """Colours (k, 3) as 0xRRGGBBAA (k,), opaque; Rerun takes these without converting one by one."""
+    rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
+    whole: NDArray[np.uint32] = (rgb[:, 0] << 24) | (rgb[:, 1] << 16) | (rgb[:, 2] << 8) | np.uint32(255)
+    return whole

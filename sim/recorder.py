@@ -1,0 +1,232 @@
+"""Recording a drive in Rerun: to a file, which misses nothing, and to viewers, which never hold the drive up.
+
+Each target has a queue, a thread and a stream of its own. The control thread only puts frames into the queues.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import rerun as rr
+
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.path_integral import PathIntegral
+from pirrht.tree import HomologyTree
+from sim import viewer
+from sim.blueprint import blueprint
+from sim.episode import Frame
+from sim.mjcf import Loaded
+from sim.writer import Row, Subject, Writer
+
+SAMPLES = ("all", "some", "none")
+ROOM = 256  # rows a queue holds
+NAP = 0.02  # pause of a thread that has nothing to do [s]
+GRACE = 2.0  # what a viewer gets to take the last rows [s]
+
+Connect = Callable[[rr.RecordingStream], None]
+
+
+class Recorder:
+    """Takes the frames of a drive and records them.
+
+    Args:
+        file: where to write an .rrd; an existing one is replaced when the first frame comes.
+        connect: URL of a running viewer.
+        view: start a viewer.
+        hz: how often references and samples are drawn, per simulated second.
+        samples: which sampled paths are drawn: "all", "some" or "none".
+        settings: what the drive was made with; kept as properties of the recording.
+
+    Raises:
+        OptionError: the file cannot be written, no viewer listens at the URL or none can be started.
+    """
+
+    def __init__(
+        self,
+        loaded: Loaded,
+        space: FreeSpace,
+        tree: HomologyTree | None,
+        path_integral: PathIntegral,
+        *,
+        file: Path | None = None,
+        connect: str | None = None,
+        view: bool = False,
+        hz: float = 5.0,
+        samples: str = "some",
+        settings: dict[str, object],
+    ) -> None:
+        if not (math.isfinite(hz) and hz > 0):
+            raise OptionError(f"--record-hz is {hz:g}; it must be a positive number of pictures per second")
+        if samples not in SAMPLES:
+            raise OptionError(f"--record-samples is {samples!r}; it must be one of {', '.join(SAMPLES)}")
+        if file is not None:
+            _check_writable(file)
+        if connect is not None:
+            viewer.probe(connect)
+        urls = [url for url in (connect, viewer.spawn() if view else None) if url is not None]
+        subject = Subject(
+            loaded=loaded,
+            space=space,
+            tree=tree,
+            path_integral=path_integral,
+            samples=samples,
+            settings=settings,
+        )
+        _warm_up(path_integral)
+        self._interval, self._due = 1.0 / hz, 0.0
+        self._file = None if file is None else _Target(subject, _to_file(subject, file), patient=True)
+        self._live = [_Target(subject, _to_viewer(subject, url), patient=False) for url in urls]
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def dropped(self) -> int:
+        """Frames that a viewer could not take."""
+        return sum(target.dropped for target in self._live)
+
+    def log(self, frame: Frame, news: str | None = None) -> None:
+        """Record a control step, with a line for the log if there is news.
+
+        Raises:
+            OptionError: the file can no longer be written.
+        """
+        drawn = frame.time >= self._due - 1e-9 or frame.outcome is not None
+        if drawn:
+            self._due = max(self._due + self._interval, frame.time)
+        row = Row.of(frame, drawn, news)
+        for target in self._live:
+            target.put(row)
+        if self._file is not None:
+            self._file.put(row)
+
+    def close(self) -> None:
+        """Write what is left and close everything.
+
+        Raises:
+            OptionError: the file could not be written.
+        """
+        for target in [*self._live, *([] if self._file is None else [self._file])]:
+            target.close()
+
+
+class _Target:
+    """A queue, and the thread that empties it into a stream; a patient one makes the sender wait."""
+
+    def __init__(self, subject: Subject, connect: Connect, *, patient: bool) -> None:
+        self.dropped = 0
+        self._subject, self._connect, self._patient = subject, connect, patient
+        self._rows: deque[Row] = deque()  # appending needs no lock, so the control thread never waits for one
+        self._closing = threading.Event()
+        self._failure: Exception | None = None
+        self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
+        self._thread.start()
+
+    def put(self, row: Row) -> None:
+        if len(self._rows) >= ROOM:
+            if not self._patient:
+                self.dropped += 1
+                return
+            while len(self._rows) >= ROOM and self._thread.is_alive():
+                time.sleep(0.001)
+        self._check()
+        self._rows.append(row)
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join(None if self._patient else GRACE)
+        if not self._patient:
+            self.dropped += len(self._rows)
+        self._check()
+
+    def _check(self) -> None:
+        if self._failure is not None and self._patient:
+            failure, self._failure = self._failure, None
+            raise OptionError(f"the recording broke off: {failure}") from failure
+
+    def _work(self) -> None:
+        try:
+            self._empty()
+        except Exception as error:
+            self._failure = error
+
+    def _empty(self) -> None:
+        writer: Writer | None = None
+        while self._rows or not self._closing.is_set():
+            if not self._rows:
+                time.sleep(NAP)
+                continue
+            if writer is None:
+                writer = self._open()
+            writer.add(self._rows.popleft())
+        if writer is not None:
+            writer.end()
+
+    def _open(self) -> Writer:
+        stream = rr.RecordingStream(
+            "pirrht",
+            recording_id=recording_id(self._subject),
+            send_properties=False,  # it would hold the wall time
+            batcher_config=rr.ChunkBatcherConfig.NEVER(),  # the writer alone decides what goes into a chunk
+        )
+        stream.set_log_time_enabled(False)
+        self._connect(stream)
+        writer = Writer(stream, self._subject)
+        writer.begin()
+        return writer
+
+
+def recording_id(subject: Subject) -> str:
+    """The same for the same scene, seed and settings."""
+    text = json.dumps(dict(subject.settings), sort_keys=True, default=str)
+    return f"{subject.space.scene.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
+def _to_file(subject: Subject, file: Path) -> Connect:
+    return lambda stream: stream.save(file, default_blueprint=_blueprint(subject, live=False))
+
+
+def _to_viewer(subject: Subject, url: str) -> Connect:
+    return lambda stream: stream.connect_grpc(url, default_blueprint=_blueprint(subject, live=True))
+
+
+def _blueprint(subject: Subject, *, live: bool):  # type: ignore[no-untyped-def]
+    trees = [(path, title) for _, path, title in subject.lifted]
+    return blueprint(subject.space.scene, trees, turn=subject.turn, live=live)
+
+
+def _check_writable(file: Path) -> None:
+    """Make sure that the file can be written, without touching what it holds."""
+    remedy = "choose another --record FILE.rrd"
+    if not file.parent.is_dir():
+        raise OptionError(f"{file}: the folder {file.parent} does not exist; create it, or {remedy}")
+    new = not file.exists()
+    try:
+        file.open("ab").close()
+    except OSError as error:
+        raise OptionError(f"{file}: cannot be written ({error.strerror}); {remedy}") from None
+    if new:
+        file.unlink()
+
+
+def _warm_up(path_integral: PathIntegral) -> None:
+    """Have the tracing kernel compiled before the drive, not beside it."""
+    problem = path_integral.problem
+    x = problem.scene.start[: problem.dynamics.n]
+    rollouts = path_integral.rollout(x, np.arange(3.0), np.zeros((1, 2, problem.dynamics.m)), 0, counts=[1])
+    path_integral.trace(rollouts, np.zeros(1, np.int64))
