@@ -39,7 +39,7 @@ def _drive(scene: Scene) -> rrb.Container:
         name="From above",
         background=list(BACKGROUND),
         line_grid=False,
-        eye_controls=_eye(scene, tilt=0.22, height=0.0),
+        eye_controls=_eye(scene, tilt=0.02, height=0.0),
         overrides={"world/path": rrb.VisibleTimeRanges(timeline="sim_time", start=_first(), end=_cursor())},
     )
     side = rrb.Vertical(
@@ -65,7 +65,7 @@ def _weights(*, legend: bool) -> rrb.View:
     return rrb.TimeSeriesView(
         origin="/why/weight",
         name="Class weights (share of psi)",
-        axis_y=rrb.ScalarAxis(range=(-0.02, 1.05)),
+        axis_y=rrb.ScalarAxis(range=(-0.03, 1.1)),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend),
     )
 
@@ -86,14 +86,14 @@ def _tree(scene: Scene, path: str, title: str, turn: float) -> rrb.View:
 
 
 def _eye(scene: Scene, *, tilt: float, height: float) -> rrb.EyeControls3D:
-    """An eye that looks at the workspace from the south, tilted against the vertical by so much [rad]."""
+    """An eye that looks down on the workspace, moved south by `tilt` times its distance."""
     center, extent = 0.5 * (scene.lower + scene.upper), scene.upper - scene.lower
-    distance = 1.25 * max(float(extent[1]), 0.75 * float(extent[0])) + 0.8 * height
-    target = (float(center[0]), float(center[1]), height)
+    distance = 1.1 * max(float(extent[1]), float(extent[0]) / 1.2) + 0.8 * height
+    x, y, z = float(center[0]), float(center[1]), 0.7 * height
     return rrb.EyeControls3D(
-        position=(target[0], target[1] - distance * tilt, target[2] + distance),
-        look_target=target,
-        eye_up=(0.0, 0.0, 1.0),
+        position=(x, y - distance * tilt, z + distance),
+        look_target=(x, y, z),
+        eye_up=(0.0, 1.0, 0.0) if tilt < 0.5 else (0.0, 0.0, 1.0),
     )
 
 

@@ -1,4 +1,4 @@
-"""One colour per homology class for a whole run, in recordings and figures alike, safe for the colour-blind."""
+"""One colour per homology class for a whole run, safe for the colour-blind; recordings and figures share it."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ class ClassColors:
         self._order: dict[str, int] = {}
 
     def __getitem__(self, name: str) -> Color:
+        """The colour of a class id."""
         if name == OTHER:
             return OTHER_COLOR
         return nth_color(self._order.setdefault(name, len(self._order)))
@@ -50,7 +51,7 @@ class ClassColors:
 
 
 def nth_color(index: int) -> Color:
-    """The colour of the class that appeared as number `index`: the palette, then its tints, then its shades."""
+    """The colour of the class that appeared as number `index`: palette, then tints, then shades."""
     color, round_ = PALETTE[index % len(PALETTE)], index // len(PALETTE) % 3
     return (color, mix(color, (255, 255, 255), 0.5), mix(color, (0, 0, 0), 0.35))[round_]
 

@@ -1,13 +1,11 @@
-"""Geometry as Rerun archetypes: solids of a MuJoCo model, references, sampled paths, the lifted tree."""
+"""Lines to be drawn: sampled paths by class, references, the tree lifted by the paper's H."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
-import rerun as rr
 from numpy.typing import NDArray
 
 from pirrht.graph import ROOT
@@ -20,88 +18,7 @@ from sim.colors import Color
 
 Floats = NDArray[np.float32]
 Indices = NDArray[np.int64]
-_GEOM = mujoco.mjtGeom
-_UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that names none
-SHOWN_GROUPS = 3  # MuJoCo draws groups 0 to 2 unless asked for more
 DEAD = "dead"
-
-
-# -- solids ----------------------------------------------------------------------------------------------------
-
-
-def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> dict[str, rr.AsComponents]:
-    """Chosen geoms (ngeom,) where they stand at zero joint positions, one archetype per kind, one per mesh."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    drawn: dict[str, rr.AsComponents] = {}
-    for kind, name in ((_GEOM.mjGEOM_BOX, "boxes"), (_GEOM.mjGEOM_CYLINDER, "cylinders")):
-        if len(group := np.flatnonzero(chosen & (model.geom_type == kind))):
-            drawn[name] = _primitives(model, data, group, kind)
-    round_ = chosen & np.isin(model.geom_type, (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID))
-    if len(group := np.flatnonzero(round_)):
-        drawn["ellipsoids"] = _ellipsoids(model, data, group)
-    if len(group := np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_CAPSULE))):
-        drawn["capsules"] = _capsules(model, data, group)
-    for geom in np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_MESH)):
-        drawn[f"mesh {geom}"] = _mesh(model, data, int(geom))
-    return drawn
-
-
-def _primitives(
-    model: mujoco.MjModel, data: mujoco.MjData, group: Indices, kind: mujoco.mjtGeom
-) -> rr.AsComponents:
-    size, look = model.geom_size[group], _look(model, data, group)
-    if kind == _GEOM.mjGEOM_BOX:
-        return rr.Boxes3D(half_sizes=size, fill_mode="solid", **look)
-    return rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], fill_mode="solid", **look)
-
-
-def _ellipsoids(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> rr.AsComponents:
-    ball = model.geom_type[group] == _GEOM.mjGEOM_SPHERE
-    axes = np.where(ball[:, None], model.geom_size[group][:, :1], model.geom_size[group])
-    return rr.Ellipsoids3D(half_sizes=axes, fill_mode="solid", **_look(model, data, group))
-
-
-def _capsules(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> rr.AsComponents:
-    size, look = model.geom_size[group], _look(model, data, group)
-    axis = data.geom_xmat[group].reshape(-1, 3, 3)[:, :, 2]
-    # Rerun's capsule begins at its lower cap's centre, MuJoCo's is centred.
-    look["translations"] = look.pop("centers") - axis * size[:, 1:2]
-    return rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], fill_mode="solid", **look)
-
-
-def _mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> rr.AsComponents:
-    mesh = int(model.geom_dataid[geom])
-    vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
-    faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
-    return rr.Mesh3D(
-        vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom],
-        triangle_indices=faces,
-        albedo_factor=rgba_of(model, geom),
-    )
-
-
-def _look(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> dict[str, object]:
-    quaternions = np.zeros((len(group), 4))
-    for row, geom in zip(quaternions, group, strict=True):
-        mujoco.mju_mat2Quat(row, data.geom_xmat[geom])
-    return {
-        "centers": data.geom_xpos[group],
-        "quaternions": np.roll(quaternions, -1, axis=1),  # MuJoCo writes w first, Rerun last
-        "colors": [rgba_of(model, int(geom)) for geom in group],
-    }
-
-
-def rgba_of(model: mujoco.MjModel, geom: int) -> tuple[int, int, int, int]:
-    """Colour of a geom as MuJoCo would draw it, textures aside, 0..255."""
-    rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
-    if material >= 0 and np.allclose(rgba, _UNSET):
-        rgba = model.mat_rgba[material]
-    red, green, blue, alpha = (round(255 * float(c)) for c in rgba)
-    return red, green, blue, alpha
-
-
-# -- paths -----------------------------------------------------------------------------------------------------
 
 
 def at_most(points: Array, count: int) -> Array:
@@ -188,9 +105,6 @@ def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, le
     return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02)
 
 
-# -- the tree --------------------------------------------------------------------------------------------------
-
-
 def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> tuple[Array, Array]:
     """Edges from nodes to their parents with the paper's H of one obstacle as third coordinate.
 
@@ -237,5 +151,4 @@ def heights(values: Array, low: float, high: float) -> NDArray[np.uint8]:
 def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:
     """Colours (k, 3) as 0xRRGGBBAA (k,), opaque; Rerun takes these without converting one by one."""
     rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
-    whole: NDArray[np.uint32] = (rgb[:, 0] << 24) | (rgb[:, 1] << 16) | (rgb[:, 2] << 8) | np.uint32(255)
-    return whole
+    return rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32) + np.uint32(255)

@@ -1,6 +1,6 @@
-"""Recording a drive in Rerun: to a file, which misses nothing, and to viewers, which never hold the drive up.
+"""Recording a drive in Rerun: to a file, which misses nothing, and to viewers, which never hold it up.
 
-Each target has a queue, a thread and a stream of its own. The control thread only puts frames into the queues.
+Each target has a queue, a thread and a stream of its own; the control thread only puts frames into queues.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from sim import viewer
 from sim.blueprint import blueprint
 from sim.episode import Frame
 from sim.mjcf import Loaded
-from sim.writer import Row, Subject, Writer
+from sim.stage import Subject
+from sim.writer import Row, Writer
 
 SAMPLES = ("all", "some", "none")
 ROOM = 256  # rows a queue holds
@@ -88,11 +89,13 @@ class Recorder:
         self._live = [_Target(subject, _to_viewer(subject, url), patient=False) for url in urls]
 
     def __enter__(self) -> Recorder:
+        """The recorder itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Close, however the drive ended."""
         self.close()
 
     @property

@@ -65,7 +65,7 @@ def spawn() -> str:
         viewer.terminate()
         raise OptionError(f"--view: the viewer did not come up within {PATIENCE:g} s; use --record FILE.rrd")
     raise OptionError(
-        f"--view: the viewer ended at once (exit status {viewer.returncode}); run `rerun` by itself to see why, "
+        f"--view: the viewer ended at once (exit status {viewer.returncode}); run `rerun` to see why, "
         "or use --record FILE.rrd"
     )
 

@@ -1,11 +1,9 @@
-"""What a recording holds, and when it is written: the scene once, numbers every step, pictures now and then."""
+"""What a recording holds of a drive: numbers at every step, pictures of the plan now and then."""
 
 from __future__ import annotations
 
-import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from importlib.metadata import version
 from itertools import chain
 
 import numpy as np
@@ -13,57 +11,19 @@ import rerun as rr
 from rerun._baseclasses import ComponentColumn
 
 from pirrht.controller import Plan
-from pirrht.freespace import FreeSpace
-from pirrht.path_integral import OTHER, PathIntegral
+from pirrht.path_integral import OTHER
 from pirrht.scene import Array
-from pirrht.tree import HomologyTree
 from sim import drawing
 from sim.colors import DEAD_COLOR, ClassColors, fade
 from sim.drawing import at_most, lift, packed
 from sim.episode import Frame
-from sim.mjcf import Loaded
+from sim.stage import FLOOR, Subject, properties, stage
 
 BATCH_STEPS = 20  # rows per chunk: a chunk costs 1.7 kB whatever it holds
 BATCH_LEAST, BATCH_TIME = 8, 0.2  # fewer will do once they span so much simulated time [s]
 PATH_POINTS = 3600  # points of samples per picture, 12 bytes each
 REFERENCE_POINTS = 64
-TREE_EDGES = 20000
-TREES = 2  # lifted trees shown, one per obstacle
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
-
-FLOOR = (38, 42, 48)
-BORDER = (120, 128, 138)
-INK = (245, 240, 225)
-PATH_COLOR = (255, 214, 102)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Subject:
-    """What a recording is about; fixed before the drive."""
-
-    loaded: Loaded
-    space: FreeSpace
-    tree: HomologyTree | None
-    path_integral: PathIntegral
-    samples: str  # "all", "some" or "none"
-    settings: Mapping[str, object]
-
-    @property
-    def turn(self) -> float:
-        """Height of one whole turn in the lifted tree [m]."""
-        scene = self.space.scene
-        return 0.45 * float((scene.upper - scene.lower).max())
-
-    @property
-    def lifted(self) -> list[tuple[int, str, str]]:
-        """Obstacle, entity path and title of each lifted tree."""
-        if self.tree is None:
-            return []
-        names = [part.names[0] for part in self.space.obstacles[:TREES]]
-        return [
-            (k, f"/tree/{k + 1}", f"Tree: height is H of obstacle {k + 1}, {names[k]}")
-            for k in range(len(names))
-        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,76 +47,15 @@ class Writer:
         self._stream, self._subject = stream, subject
         self._colors = ClassColors()
         self._fans: set[str] = set()
+        self._favourite: str | None = None
         self._batch: list[Row] = []
 
-    # -- once ----------------------------------------------------------------------------------------------
-
     def begin(self) -> None:
-        """The scene, the robot's geometry, the tree, the legend and the settings."""
-        subject, log = self._subject, self._static
-        model, scene = subject.loaded.model, subject.space.scene
-        log("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        log("/about", rr.TextDocument(_legend(subject), media_type=rr.MediaType.MARKDOWN))
-        center, extent = 0.5 * (scene.lower + scene.upper), scene.upper - scene.lower
-        log(
-            "/world/scene/floor",
-            rr.Boxes3D(
-                half_sizes=[(*(0.5 * extent), 0.01)],
-                centers=[(*center, -0.012)],
-                colors=[FLOOR],
-                fill_mode="solid",
-            ),
-        )
-        x, y = np.column_stack([scene.lower, scene.upper])
-        ring = np.array([(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1]), (x[0], y[0])])
-        log("/world/scene/border", rr.LineStrips3D(lift(ring, 0.0)[None], radii=0.012, colors=[BORDER]))
-        shown = (model.geom_group < drawing.SHOWN_GROUPS) & (model.geom_type != 0)
-        obstacles, robot = subject.loaded.obstacle_geoms, subject.loaded.robot_geoms
-        for name, solid in drawing.solids(model, obstacles).items():
-            log(f"/world/scene/obstacles/{name}", solid)
-        for name, solid in drawing.solids(model, shown & ~obstacles & ~robot).items():
-            log(f"/world/scene/bystanders/{name}", solid)
-        for name, solid in drawing.solids(model, shown & robot).items():
-            log(f"/world/robot/body/{name}", solid)
-        goal = (*scene.goal.center, 0.004)
-        log(
-            "/world/scene/goal",
-            rr.Cylinders3D(
-                lengths=[0.006],
-                radii=[scene.goal.radius],
-                centers=[goal],
-                colors=[(64, 166, 90)],
-                fill_mode="solid",
-                labels=["goal"],
-                show_labels=True,
-            ),
-        )
-        for obstacle, path, _ in subject.lifted:
-            self._tree(obstacle, path)
-        self._stream.send_recording_name(str(subject.settings.get("name", scene.name)))
-        self._stream.send_property("run", rr.AnyValues(**_properties(subject.settings)))
-
-    def _tree(self, obstacle: int, path: str) -> None:
+        """Everything that stays as it is."""
         subject = self._subject
-        assert subject.tree is not None
-        ends, middle = drawing.tree_edges(subject.tree, obstacle, TREE_EDGES)
-        low, high = (float(middle.min()), float(middle.max())) if len(middle) else (0.0, 1.0)
-        self._static(
-            f"{path}/edges",
-            rr.LineStrips3D(
-                lift(ends, ends[..., 2] * subject.turn),
-                radii=0.004,
-                colors=packed(drawing.heights(middle, low, high)),
-            ),
-        )
-        marker = subject.space.homology.markers[obstacle]
-        pole = np.array([(*marker, 0.0), (*marker, high * subject.turn)])
-        self._static(
-            f"{path}/marker",
-            rr.LineStrips3D([pole], radii=0.015, colors=[INK], labels=["marker"], show_labels=True),
-        )
-
-    # -- every step ------------------------------------------------------------------------------------------
+        stage(subject, self._static)
+        self._stream.send_recording_name(str(subject.settings.get("name", subject.space.scene.name)))
+        self._stream.send_property("run", rr.AnyValues(**properties(subject.settings)))
 
     def add(self, row: Row) -> None:
         """Take in a step; it is written with its batch, whose bounds depend on simulated time alone."""
@@ -239,7 +138,7 @@ class Writer:
                 *rr.Arrows3D.columns(vectors=arrows),
             ],
         )
-        pieces = [lift(np.vstack([f.plan.state[:2], f.advance.states[:, :2]]), 0.035) for f in frames]
+        pieces = [lift(np.vstack([f.plan.state[:2], f.advance.states[:, :2]]), 0.06) for f in frames]
         self._columns("/world/path", frames, rr.LineStrips3D.columns(strips=pieces))
         if frames[-1].outcome is not None:
             self._at(frames[-1].step + 1, frames[-1].end_time)
@@ -269,8 +168,16 @@ class Writer:
                 path, frames, rr.Scalars.columns(scalars=flat).partition([len(names)] * len(frames))
             )
         self._columns("/why/value", frames, rr.Scalars.columns(scalars=value))
+        for frame in frames:
+            self._mark_switch(frame)
 
-    # -- now and then ----------------------------------------------------------------------------------------
+    def _mark_switch(self, frame: Frame) -> None:
+        if frame.plan.fallback is not None:
+            return
+        if self._favourite is not None and frame.plan.favourite != self._favourite:
+            self._at(frame.step, frame.time)
+            self._stream.log("/why/weight/switch", rr.Scalars(1.03))
+        self._favourite = frame.plan.favourite
 
     def _picture(self, plan: Plan) -> None:
         self._references(plan)
@@ -291,7 +198,7 @@ class Writer:
         for name, fan in found.items():
             dead = name == drawing.DEAD
             color = DEAD_COLOR if dead else self._colors[name]
-            opacity = np.full(len(fan.strips), 0.45) if dead else 0.15 + 0.85 * fan.opacity
+            opacity = np.full(len(fan.strips), 0.45) if dead else 0.25 + 0.75 * fan.opacity
             log(
                 _fan_path(name),
                 rr.LineStrips3D(fan.strips, colors=packed(fade(color, FLOOR, opacity)), radii=0.006),
@@ -331,8 +238,6 @@ class Writer:
             path.append(x[:2])
         return lift(at_most(np.array(path), REFERENCE_POINTS), 0.07)
 
-    # -- how -------------------------------------------------------------------------------------------------
-
     def _static(self, path: str, archetype: rr.AsComponents) -> None:
         self._stream.log(path, archetype, static=True)
 
@@ -354,35 +259,3 @@ def _spatial(states: Array) -> Array:
 
 def _fan_path(name: str) -> str:
     return str(rr.new_entity_path(["world", "samples", name]))
-
-
-def _legend(subject: Subject) -> str:
-    """What the colours and lines of the drive mean, and the settings, in Markdown."""
-    rows = "\n".join(f"| {name} | {value} |" for name, value in _properties(subject.settings).items())
-    return f"""\
-**Thick lines**: the best path of each homology class, with its share of the weight.
-
-**Thin lines**: sampled paths in the colour of their own class; the brighter, the heavier.
-Grey ones hit an obstacle, left the workspace or ran out of time.
-
-**Pale line and arrow**: the control chosen now and where its tape alone would lead.
-
-**Yellow line**: the path driven.
-
-A class such as `0,-1` counts whole turns around each obstacle, against the straight line to the goal.
-
-| | |
-|---|---|
-{rows}
-"""
-
-
-def _properties(settings: Mapping[str, object]) -> dict[str, object]:
-    """Settings and versions as numbers and texts."""
-    plain = {
-        name: v if isinstance(v, int | float | str) else str(v)
-        for name, v in settings.items()
-        if v is not None
-    }
-    packages = {name: version(name) for name in ("mujoco", "numpy", "rerun-sdk")}
-    return {**plain, "python": platform.python_version(), **packages}

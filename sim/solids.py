@@ -1,0 +1,92 @@
+"""The solids of a MuJoCo model as Rerun archetypes."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+_GEOM = mujoco.mjtGeom
+_UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that names none
+_SHOWN_GROUPS = 3  # MuJoCo draws groups 0 to 2 unless asked for more
+
+Indices = NDArray[np.int64]
+
+
+def shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Geoms (ngeom,) that MuJoCo would draw, planes aside."""
+    mask: NDArray[np.bool_] = (model.geom_group < _SHOWN_GROUPS) & (model.geom_type != _GEOM.mjGEOM_PLANE)
+    return mask
+
+
+def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> dict[str, rr.AsComponents]:
+    """Chosen geoms (ngeom,) where they stand at zero joint positions, one archetype per kind, one per mesh."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    drawn: dict[str, rr.AsComponents] = {}
+    for kind, name in ((_GEOM.mjGEOM_BOX, "boxes"), (_GEOM.mjGEOM_CYLINDER, "cylinders")):
+        if len(group := np.flatnonzero(chosen & (model.geom_type == kind))):
+            drawn[name] = _primitives(model, data, group, kind)
+    round_ = chosen & np.isin(model.geom_type, (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID))
+    if len(group := np.flatnonzero(round_)):
+        drawn["ellipsoids"] = _ellipsoids(model, data, group)
+    if len(group := np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_CAPSULE))):
+        drawn["capsules"] = _capsules(model, data, group)
+    for geom in np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_MESH)):
+        drawn[f"mesh {geom}"] = _mesh(model, data, int(geom))
+    return drawn
+
+
+def _primitives(
+    model: mujoco.MjModel, data: mujoco.MjData, group: Indices, kind: mujoco.mjtGeom
+) -> rr.AsComponents:
+    size, look = model.geom_size[group], _look(model, data, group)
+    if kind == _GEOM.mjGEOM_BOX:
+        return rr.Boxes3D(half_sizes=size, fill_mode="solid", **look)
+    return rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], fill_mode="solid", **look)
+
+
+def _ellipsoids(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> rr.AsComponents:
+    ball = model.geom_type[group] == _GEOM.mjGEOM_SPHERE
+    axes = np.where(ball[:, None], model.geom_size[group][:, :1], model.geom_size[group])
+    return rr.Ellipsoids3D(half_sizes=axes, fill_mode="solid", **_look(model, data, group))
+
+
+def _capsules(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> rr.AsComponents:
+    size, look = model.geom_size[group], _look(model, data, group)
+    axis = data.geom_xmat[group].reshape(-1, 3, 3)[:, :, 2]
+    # Rerun's capsule begins at its lower cap's centre, MuJoCo's is centred.
+    look["translations"] = look.pop("centers") - axis * size[:, 1:2]
+    return rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], fill_mode="solid", **look)
+
+
+def _mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> rr.AsComponents:
+    mesh = int(model.geom_dataid[geom])
+    vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
+    faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
+    return rr.Mesh3D(
+        vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom],
+        triangle_indices=faces,
+        albedo_factor=rgba_of(model, geom),
+    )
+
+
+def _look(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> dict[str, object]:
+    quaternions = np.zeros((len(group), 4))
+    for row, geom in zip(quaternions, group, strict=True):
+        mujoco.mju_mat2Quat(row, data.geom_xmat[geom])
+    return {
+        "centers": data.geom_xpos[group],
+        "quaternions": np.roll(quaternions, -1, axis=1),  # MuJoCo writes w first, Rerun last
+        "colors": [rgba_of(model, int(geom)) for geom in group],
+    }
+
+
+def rgba_of(model: mujoco.MjModel, geom: int) -> tuple[int, int, int, int]:
+    """Colour of a geom as MuJoCo would draw it, textures aside, 0..255."""
+    rgba, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    if material >= 0 and np.allclose(rgba, _UNSET):
+        rgba = model.mat_rgba[material]
+    red, green, blue, alpha = (round(255 * float(c)) for c in rgba)
+    return red, green, blue, alpha

@@ -1,0 +1,164 @@
+"""What a recording shows from the first moment on: the scene, the robot, the tree, the legend, the settings."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+import rerun as rr
+
+from pirrht.freespace import FreeSpace
+from pirrht.path_integral import PathIntegral
+from pirrht.tree import HomologyTree
+from sim import drawing, solids
+from sim.drawing import lift, packed
+from sim.mjcf import Loaded
+
+TREE_EDGES = 20000
+TREES = 2  # lifted trees shown, one per obstacle
+
+FLOOR = (38, 42, 48)
+GOAL = (64, 166, 90)
+BORDER = (120, 128, 138)
+CONTROL = (250, 246, 232)
+DRIVEN = (255, 200, 60)
+
+Log = Callable[[str, rr.AsComponents], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Subject:
+    """What a recording is about; fixed before the drive."""
+
+    loaded: Loaded
+    space: FreeSpace
+    tree: HomologyTree | None
+    path_integral: PathIntegral
+    samples: str  # "all", "some" or "none"
+    settings: Mapping[str, object]
+
+    @property
+    def turn(self) -> float:
+        """Height of one whole turn in the lifted tree [m]."""
+        scene = self.space.scene
+        return 0.45 * float((scene.upper - scene.lower).max())
+
+    @property
+    def lifted(self) -> list[tuple[int, str, str]]:
+        """Obstacle, entity path and title of each lifted tree."""
+        if self.tree is None:
+            return []
+        names = [part.names[0] for part in self.space.obstacles[:TREES]]
+        return [
+            (k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1} ({name})") for k, name in enumerate(names)
+        ]
+
+
+def stage(subject: Subject, log: Log) -> None:
+    """Log everything that stays as it is, each under its entity path."""
+    log("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    log("/about", rr.TextDocument(_legend(subject), media_type=rr.MediaType.MARKDOWN))
+    _ground(subject, log)
+    model, obstacles = subject.loaded.model, subject.loaded.obstacle_geoms
+    shown, robot = solids.shown(model), subject.loaded.robot_geoms
+    for folder, mask in (
+        ("/world/scene/obstacles", obstacles),
+        ("/world/scene/others", shown & ~obstacles & ~robot),
+        ("/world/robot/body", shown & robot),
+    ):
+        for name, solid in solids.solids(model, mask).items():
+            log(f"{folder}/{name}", solid)
+    log("/world/robot", rr.Arrows3D.from_fields(origins=[(0, 0, 0.12)], colors=[CONTROL], radii=[0.018]))
+    log("/world/tape", rr.LineStrips3D.from_fields(colors=[CONTROL], radii=[0.01]))
+    log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.016]))
+    log("/why/value", rr.SeriesLines(names="v", colors=CONTROL, widths=2))
+    log(
+        "/why/weight/switch",
+        rr.SeriesPoints(names="class switch", colors=DRIVEN, markers="down", marker_sizes=7),
+    )
+    for obstacle, path, _ in subject.lifted:
+        _tree(subject, obstacle, path, log)
+
+
+def _ground(subject: Subject, log: Log) -> None:
+    """Floor, border of the domain, goal, and the numbers of the obstacles that classes count turns around."""
+    scene = subject.space.scene
+    center, half = 0.5 * (scene.lower + scene.upper), 0.5 * (scene.upper - scene.lower)
+    floor = {"half_sizes": [(*half, 0.01)], "centers": [(*center, -0.012)], "colors": [FLOOR]}
+    log("/world/scene/floor", rr.Boxes3D(**floor, fill_mode="solid"))
+    corners = center + half * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)])
+    log("/world/scene/border", rr.LineStrips3D(lift(corners, 0.0)[None], radii=0.01, colors=[BORDER]))
+    disc = {"lengths": [0.004], "radii": [scene.goal.radius], "centers": [(*scene.goal.center, 0.002)]}
+    log("/world/scene/goal", rr.Cylinders3D(**disc, colors=[GOAL], fill_mode="solid"))
+    markers = subject.space.homology.markers
+    names = [f"{k + 1}" for k in range(len(markers))]
+    places = np.vstack([scene.goal.center, markers])
+    labels = rr.Points3D(
+        lift(places, 0.02), radii=0.001, labels=["goal", *names], colors=[CONTROL], show_labels=True
+    )
+    log("/world/scene/names", labels)
+
+
+def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
+    assert subject.tree is not None
+    ends, middle = drawing.tree_edges(subject.tree, obstacle, TREE_EDGES)
+    low, high = (float(middle.min()), float(middle.max())) if len(middle) else (0.0, 1.0)
+    lines = lift(ends, ends[..., 2] * subject.turn)
+    log(
+        f"{path}/edges",
+        rr.LineStrips3D(lines, radii=0.005, colors=packed(drawing.heights(middle, low, high))),
+    )
+    scene = subject.space.scene
+    x, y = np.column_stack([scene.lower, scene.upper])
+    back = np.array([(x[0], y[1]), (x[0], y[0])])
+    for level in (0.5, 1.0, 1.5):
+        log(
+            f"{path}/levels/{level:g}",
+            rr.LineStrips3D(
+                lift(back, level * subject.turn)[None],
+                radii=0.008,
+                colors=[BORDER],
+                labels=[f"H = {level:g}"],
+                show_labels=True,
+            ),
+        )
+
+
+def _legend(subject: Subject) -> str:
+    """What the colours and lines of the drive mean, and the settings, in Markdown."""
+    rows = "\n".join(f"| {name} | {_text(value)} |" for name, value in properties(subject.settings).items())
+    return f"""\
+**Thick lines**: the best path of each homology class, with its share of the weight.
+
+**Thin lines**: sampled paths in the colour of their own class; the brighter, the heavier.
+Grey ones hit an obstacle, left the workspace or ran out of time.
+
+**White arrow and line**: the control chosen now, and where its tape alone would lead.
+
+**Yellow line**: the path driven.
+
+A class such as `0,-1` counts whole turns around obstacles 1, 2, ... against the straight
+line to the goal, counter-clockwise positive.
+
+| setting | value |
+|---|---|
+{rows}
+"""
+
+
+def _text(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def properties(settings: Mapping[str, object]) -> dict[str, object]:
+    """Settings and versions as numbers and texts."""
+    plain = {
+        name: value if isinstance(value, int | float | str) else str(value)
+        for name, value in settings.items()
+        if value is not None
+    }
+    packages = {name: version(name) for name in ("mujoco", "numpy", "rerun-sdk")}
+    return {**plain, "python": platform.python_version(), **packages}
