@@ -126,7 +126,7 @@ class Controller:
         estimate: Estimate | None = None
         fallback: str | None = None
         try:
-            estimate = estimator.estimate(estimator.rollout(x, times, tapes, seed), names)
+            estimate = estimator.estimate(estimator.rollout(x, times, tapes, seed, corners=self._corners(trajectories)), names)
             tape = estimate.tape
         except NoSurvivingSample:
             tape, fallback = tapes[0], "no survivor"
@@ -147,6 +147,11 @@ class Controller:
             return []
         references = self.tree.references(x, polished=self.polished)
         return references[:1] if self.method == "single" else references
+
+    def _corners(self, trajectories: list[Trajectory]) -> list[Array] | None:
+        """What samples head for: the corners of each reference, and the goal point as the last."""
+        goal = self.space.scene.goal.center[None, :]
+        return [np.vstack([t.points[1:-1], goal]) for t in trajectories] or None
 
     def _from_start(self, reference: Reference) -> tuple[int, ...]:
         here = self.space.homology.straight(self._last[None, :])[0]

@@ -1,7 +1,7 @@
 """First exit within one step of a sampled path (design of the exit rules; paper, eq. 3 and section III-B).
 
 Between two grid points the path is a Brownian bridge. It crosses a flat wall at distances c0 and c1 with probability
-exp(-2 c0 c1 / variance); given that it does, the mean of the first crossing time has a closed form. Where no noise
+exp(-2 c0 c1 / variance); given that it does, the time of the first crossing is drawn exactly. Where no noise
 acts on the position, the step is a straight segment and is swept through the clearance field instead.
 """
 
@@ -14,27 +14,30 @@ import numpy as np
 from pirrht.clearance import border, clearance, interpolate, nearest_label
 from pirrht.curves import entry_of_piece
 from pirrht.jit import inlined, kernel
-from pirrht.noise import uniform
+from pirrht.noise import normal, uniform
 
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
 FAR = 40.0  # exponents beyond this are taken as certain survival
-LEAST = 1e-300  # variances are kept above this, where noise does not act towards a wall
+LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
 
 
 @kernel
-def mean_crossing(c0, c1, deviation):  # type: ignore[no-untyped-def]
-    """Mean share of the step at which a bridge from distance c0 > 0 first meets the wall, given that it does.
+def first_crossing(c0, c1, deviation, state):  # type: ignore[no-untyped-def]
+    """Draw the share of the step at which a bridge from distance c0 > 0 first meets the wall, given that it does.
 
+    In the clock s = t / (1 - t) the bridge is a Brownian motion with drift, so s is inverse Gaussian (drawn as by
+    Michael, Schucany and Haas, The American Statistician 1976); an end on the near side counts as its mirror image.
     Args: distances at both ends (the second may be negative) and the standard deviation of the whole step [m].
     """
-    a = c0 / deviation
-    z = a + abs(c1) / deviation
-    mills = (
-        1.0 / z
-        if z > 25.0
-        else math.sqrt(0.5 * math.pi) * math.exp(0.5 * z * z) * math.erfc(z / math.sqrt(2.0))
-    )
-    return min(1.0, a * mills)
+    shape = (c0 / deviation) ** 2
+    state, z = normal(state)
+    state, u = uniform(state)
+    slope = abs(c1) / c0  # one over the mean of s
+    half = 0.5 * z * z / shape
+    s = 1.0 / (slope + half + math.sqrt(half * (half + 2.0 * slope)))
+    if slope > 0.0 and u * (1.0 + slope * s) > 1.0:
+        s = 1.0 / (slope * slope * s)
+    return state, s / (1.0 + s)
 
 
 @inlined
@@ -55,17 +58,22 @@ def _border_survival(field, x, y, nx, ny, vx, vy):  # type: ignore[no-untyped-de
 
 
 @kernel
+def slope_of(field, x, y):  # type: ignore[no-untyped-def]
+    """Unit gradient of the clearance at (x, y), border included; it points away from the nearest wall."""
+    h = 0.5 * field.spacing
+    gx = clearance(field, x + h, y) - clearance(field, x - h, y)
+    gy = clearance(field, x, y + h) - clearance(field, x, y - h)
+    size = math.sqrt(gx * gx + gy * gy)
+    return (gx / size, gy / size) if size > 0.0 else (1.0, 0.0)
+
+
+@kernel
 def _towards_wall(field, x, y, cov):  # type: ignore[no-untyped-def]
-    """Variance of a step along the gradient of the clearance at (x, y)."""
+    """Variance of a step towards the nearest wall."""
     if cov[1] == 0.0 and cov[0] == cov[2]:
         return cov[0]
-    h = 0.5 * field.spacing
-    gx = interpolate(field, field.nearest, x + h, y) - interpolate(field, field.nearest, x - h, y)
-    gy = interpolate(field, field.nearest, x, y + h) - interpolate(field, field.nearest, x, y - h)
-    size = gx * gx + gy * gy
-    if size == 0.0:
-        return cov[0]
-    return max((cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy) / size, LEAST)
+    gx, gy = slope_of(field, x, y)
+    return max(cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy, LEAST)
 
 
 @kernel
@@ -93,7 +101,7 @@ def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  
 
     Args: `before` and `after` are the `distances` of its ends, cov the covariance (xx, xy, yy) of the step, and
         state the random sequence.
-    Returns: next state of the sequence, INSIDE or the Outcome, expected share of the step until the exit.
+    Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit.
     """
     c0, e0, g0 = before
     c1, e1, g1 = after
@@ -111,18 +119,36 @@ def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  
             alive *= _obstacle_survival(field, x, y, nx, ny, c0, c1, variance)
         state, u = uniform(state)
         if u >= alive:
-            wall_time = mean_crossing(max(min(c0, e0), 0.0), min(c1, e1), math.sqrt(variance))
+            state, wall_time = first_crossing(max(min(c0, e0), LEAST), min(c1, e1), math.sqrt(variance), state)
     if near_goal:
         ex, ey = (x - goal[0]) / (g0 + radius), (y - goal[1]) / (g0 + radius)
         variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, LEAST)
         state, u = uniform(state)
         if u >= _survival(g0, g1, variance):
-            goal_time = mean_crossing(g0, g1, math.sqrt(variance))
+            state, goal_time = first_crossing(max(g0, LEAST), g1, math.sqrt(variance), state)
     if goal_time > 1.5 and wall_time > 1.5:
         return state, INSIDE, 1.0
     if goal_time <= wall_time:
         return state, GOAL, goal_time
     return state, COLLISION, wall_time
+
+
+@kernel
+def at_crossing(field, goal, x, y, dx, dy, outcome, share, radius, deviation, state):  # type: ignore[no-untyped-def]
+    """Displacement of an isotropic bridge at its first crossing, given its displacement (dx, dy) at the end of the step.
+
+    Towards the wall or the goal's disc it is the distance to it; along it the bridge is drawn.
+    """
+    if outcome == GOAL:
+        nx, ny = goal[0] - x, goal[1] - y
+        size = math.sqrt(nx * nx + ny * ny)
+        nx, ny, normal_part = nx / size, ny / size, size - radius
+    else:
+        gx, gy = slope_of(field, x, y)
+        nx, ny, normal_part = -gx, -gy, max(clearance(field, x, y), 0.0)
+    state, z = normal(state)
+    along = share * (dy * nx - dx * ny) + deviation * math.sqrt(share * (1.0 - share)) * z
+    return state, normal_part * nx - along * ny, normal_part * ny + along * nx
 
 
 @inlined

@@ -22,13 +22,15 @@ from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollout import Kernels, Paths, Tapes, World, empty_paths, kernels_for
+from pirrht.rollout import Kernels, Paths, Guides, World, empty_paths, kernels_for
 from pirrht.scene import Array
 
 EXITS = ("bridge", "endpoint")
 WEIGHTS = ("balance", "average")
+GUIDES = ("feedback", "open-loop")
+ANTICIPATION = 0.1  # walls push as far as noise carries a path in this time [s]; longer made the weights uneven
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
-NEGLIGIBLE = 1e-10  # normalised weights below this do not contribute to the tape
+NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to the tape
 OTHER = "other"
 
 
@@ -43,6 +45,7 @@ class Sampling:
         "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
     )
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
+    guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
     threads: int | None = None  # None: all cores this process may use; results do not depend on it
 
     def __post_init__(self) -> None:
@@ -52,7 +55,7 @@ class Sampling:
             raise OptionError(f"first is {self.first:g}; it must be a positive number of seconds")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
-        for name, known in (("exit", EXITS), ("weights", WEIGHTS)):
+        for name, known in (("exit", EXITS), ("weights", WEIGHTS), ("guide", GUIDES)):
             if getattr(self, name) not in known:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
 
@@ -63,7 +66,7 @@ class Rollouts:
 
     x0: Array  # (n,)
     seed: int
-    tapes: Tapes
+    guides: Guides
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi; -inf for paths that ran out of time
 
@@ -115,32 +118,41 @@ class PathIntegral:
         return np.concatenate([fine, np.arange(1, steps + 1) * dt])
 
     def rollout(
-        self, x: Array, times: Array, controls: Array, seed: int, *, counts: Sequence[int] | None = None
+        self,
+        x: Array,
+        times: Array,
+        controls: Array,
+        seed: int,
+        *,
+        counts: Sequence[int] | None = None,
+        corners: Sequence[Array] | None = None,
     ) -> Rollouts:
-        """Sample paths from x (n,) around tapes (H, T, m) on a grid (T+1,), `counts` (H,) of each (default: N)."""
+        """Sample paths from x (n,) around H references.
+
+        Args:
+            times: ends of the steps, (T+1,) from 0 [s].
+            controls: tapes, (H, T, m).
+            seed: of this call; equal seeds give equal paths.
+            counts: samples around each reference, (H,); default N.
+            corners: polylines (k, 2) into the goal; under feedback guidance samples head for their corners, one
+                after the other, and are pushed away from walls, instead of following the tapes.
+        """
         H = len(controls)
         number = np.full(H, self.sampling.samples) if counts is None else np.asarray(counts)
         first = np.concatenate([[0], np.cumsum(number)]).astype(np.int64)
         busy = np.any(controls != 0.0, axis=2)
         active = np.where(busy.any(axis=1), controls.shape[1] - np.argmax(busy[:, ::-1], axis=1), 0)
-        control = np.ascontiguousarray(controls, dtype=float)
-        tapes = Tapes(
-            control=control,
-            drift=np.ascontiguousarray(control @ self.world.gain.T),
-            times=np.ascontiguousarray(times, dtype=float),
-            active=active.astype(np.int64),
-            first=first,
-        )
+        guides = self._guides(x, times, np.ascontiguousarray(controls, dtype=float), first, active, corners)
         S = int(first[-1])
         paths = empty_paths(S, H)
         x0 = np.ascontiguousarray(x, dtype=float)
 
         def work(part: tuple[int, int]) -> None:
-            self.kernels.sample(self.world, tapes, x0, np.uint64(seed), part[0], part[1], paths)
+            self.kernels.sample(self.world, guides, x0, np.uint64(seed), part[0], part[1], paths)
 
         _in_parallel(work, S, self.threads)
         return Rollouts(
-            x0=x0, seed=seed, tapes=tapes, paths=paths, log_weight=self._log_weight(paths, tapes, number)
+            x0=x0, seed=seed, guides=guides, paths=paths, log_weight=self._log_weight(paths, guides, number)
         )
 
     def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
@@ -161,10 +173,10 @@ class PathIntegral:
         total = float(relative.sum())
         weight = relative / total
         log_psi = top + float(np.log(total)) - float(np.log(rollouts.size))
-        tape, alive = self._tape(rollouts, weight)
+        (tape,), (alive,), _ = self.tapes(rollouts, [np.ones(rollouts.size, dtype=np.bool_)])
         names = dict(classes or {})
         groups = _groups(rollouts.paths.key, names)
-        first = rollouts.tapes.first
+        first = rollouts.guides.first
         return Estimate(
             control=tape[0].copy(),
             tape=tape,
@@ -182,12 +194,12 @@ class PathIntegral:
 
     def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
         """States (c, T+1, n) of chosen samples (c,), and the number of steps each took, (c,)."""
-        T = rollouts.tapes.control.shape[1]
+        T = rollouts.guides.control.shape[1]
         states = np.zeros((len(chosen), T + 1, len(rollouts.x0)))
         steps = np.zeros(len(chosen), np.int64)
         self.kernels.trace(
             self.world,
-            rollouts.tapes,
+            rollouts.guides,
             rollouts.x0,
             np.uint64(rollouts.seed),
             chosen,
@@ -196,7 +208,51 @@ class PathIntegral:
         )
         return states, steps
 
-    def _log_weight(self, paths: Paths, tapes: Tapes, number: NDArray[np.int64]) -> Array:
+    def _guides(
+        self,
+        x: Array,
+        times: Array,
+        control: Array,
+        first: NDArray[np.int64],
+        active: NDArray[np.int64],
+        corners: Sequence[Array] | None,
+    ) -> Guides:
+        H = len(control)
+        feedback = self.sampling.guide == "feedback" and self.problem.dynamics.n == self.problem.dynamics.m == 2
+        lines = [np.asarray(line) for line in corners] if feedback and corners is not None else []
+        room = max((len(line) for line in lines), default=1)
+        ahead, beyond, count = np.zeros((H, room, 2)), np.zeros((H, room, 2)), np.zeros(H, np.int64)
+        for h, line in enumerate(lines):
+            count[h] = len(line)
+            ahead[h, : len(line)] = line
+            legs = np.diff(np.vstack([x[None, :2], line]), axis=0)
+            units = legs / np.maximum(np.hypot(legs[:, 0], legs[:, 1]), 1e-12)[:, None]
+            bisector = units[:-1] + units[1:]
+            beyond[h, : len(line) - 1] = bisector / np.maximum(np.hypot(*bisector.T), 1e-12)[:, None]
+        return Guides(
+            control=control,
+            drift=np.ascontiguousarray(control @ self.world.gain.T),
+            times=np.ascontiguousarray(times, dtype=float),
+            active=active.astype(np.int64),
+            first=first,
+            corners=ahead,
+            beyond=beyond,
+            count=count,
+            speed=self._speed(x),
+            reach=self._reach(x) if feedback else 0.0,
+        )
+
+    def _speed(self, x: Array) -> float:
+        """Speed that balances q against u'Ru/2."""
+        R = self.problem.control_cost(x)
+        return float(np.sqrt(2.0 * self.problem.least_rate / (np.trace(R) / len(R))))
+
+    def _reach(self, x: Array) -> float:
+        """How far noise carries a path in the time over which walls are anticipated [m]."""
+        B = self.problem.dynamics.B_c(x)
+        return float(np.sqrt(2.0 * np.trace(B @ B.T) / len(B) * ANTICIPATION))
+
+    def _log_weight(self, paths: Paths, guides: Guides, number: NDArray[np.int64]) -> Array:
         final = np.where(paths.outcome == Outcome.COLLISION, self.problem.phi, 0.0)
         cost = -(paths.work + final) / self.temperature
         H, S = len(number), len(paths.work)
@@ -208,15 +264,30 @@ class PathIntegral:
             log_weight = cost - _log_mean(paths.log_ratio, number / S)
         return np.where(paths.outcome == Outcome.TIMEOUT, -np.inf, log_weight)
 
-    def _tape(self, rollouts: Rollouts, weight: Array) -> tuple[Array, Array]:
-        T, m = rollouts.tapes.control.shape[1:]
-        total, alive = np.zeros((T, m)), np.zeros(T)
+    def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
+        """Open-loop controls of groups of samples, each with weights normalised within the group.
+
+        Args:
+            groups: disjoint masks (S,) of samples.
+
+        Returns:
+            controls (G, T, m), the weight still under way at each step (G, T), effective sample sizes (G,).
+        """
+        T, m = rollouts.guides.control.shape[1:]
+        total, alive, ess = np.zeros((len(groups), T, m)), np.zeros((len(groups), T)), np.zeros(len(groups))
+        weight, group = np.zeros(rollouts.size), np.full(rollouts.size, -1, dtype=np.int64)
+        for g, mask in enumerate(groups):
+            own = rollouts.log_weight[mask]
+            if len(own) and np.isfinite(own.max()):
+                relative = np.exp(own - own.max())
+                weight[mask], group[mask] = relative / relative.sum(), g
+                ess[g] = relative.sum() ** 2 / np.sum(relative**2)
         chosen = np.flatnonzero(weight > NEGLIGIBLE)
         self.kernels.control(
-            self.world, rollouts.tapes, rollouts.x0, np.uint64(rollouts.seed), chosen,
+            self.world, rollouts.guides, rollouts.x0, np.uint64(rollouts.seed), chosen, group[chosen],
             weight[chosen], total, alive,
         )  # fmt: skip
-        return total, alive
+        return total, alive, ess
 
 
 def _world(problem: Problem, space: FreeSpace, bridge: bool) -> World:

@@ -6,6 +6,7 @@ x + f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every refere
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
@@ -13,12 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.clearance import Field
-from pirrht.exits import INSIDE, bridge_exit, distances, endpoint_exit, sweep_exit
+from pirrht.clearance import Field, clearance
+from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, sweep_exit
 from pirrht.jit import as_jitable, kernel, source_token
 from pirrht.noise import normal, stream
 from pirrht.problem import Problem, unit_rate
 from pirrht.scene import Array
+
+
+AHEAD = 0.03  # a corner counts as passed this far before it [m]
 
 
 class World(NamedTuple):
@@ -36,14 +40,19 @@ class World(NamedTuple):
     bridge: bool  # exit rule: along the step, or at its end
 
 
-class Tapes(NamedTuple):
-    """H references as control tapes of T steps."""
+class Guides(NamedTuple):
+    """H references that samples are drawn around: control guides of T steps, or corners to head for."""
 
     control: Array  # (H, T, m)
     drift: Array  # (H, T, m) a = B_c^-1 G_c u, the same in noise units, where the gain is constant
     times: Array  # (T+1,) ends of the steps, from 0 [s]
     active: NDArray[np.int64]  # (H,) number of steps before a tape is zero for good
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
+    corners: Array  # (H, C, 2) what to head for, one after the other, instead of the tape [m]
+    beyond: Array  # (H, C, 2) normal of the line past which a corner is behind
+    count: NDArray[np.int64]  # (H,) number of corners; 0: follow the tape
+    speed: float  # towards a corner [m/s]
+    reach: float  # walls push within about this distance [m]; 0: they do not
 
 
 class Paths(NamedTuple):
@@ -137,6 +146,7 @@ def _build(
     noise_at: Any = diffusion_block if varying else drift
     token = source_token(drift, gain_at, noise_at, q)
     fixed = n - m
+    isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @kernel
     def blocks(world, x, G, D, B):  # type: ignore[no-untyped-def]
@@ -157,23 +167,57 @@ def _build(
             cov[2] += by * by * dt
 
     @kernel
-    def drift_of(tapes, D, g, i, j):  # type: ignore[no-untyped-def]
-        """Component j of a = B_c^-1 G_c u of reference g in step i."""
-        if not varying:
-            return tapes.drift[g, i, j]
-        a = 0.0
-        for k in range(m):
-            a += D[j, k] * tapes.control[g, i, k]
-        return a
+    def push(world, guides, x, B, cov, out):  # type: ignore[no-untyped-def]
+        """Drift B' grad log h away from the nearest wall, h = erf(c / reach): what surviving paths do by themselves."""
+        for j in range(m):
+            out[j] = 0.0
+        if guides.reach <= 0.0:
+            return
+        c = clearance(world.field, x[0], x[1])
+        if c > 3.0 * guides.reach:
+            return
+        c = max(c, 0.5 * math.sqrt(max(cov[0], cov[2]))) / guides.reach
+        slope = 2.0 / (math.sqrt(math.pi) * guides.reach) * math.exp(-c * c) / math.erf(c)
+        h = world.field.spacing
+        gx = (clearance(world.field, x[0] + h, x[1]) - clearance(world.field, x[0] - h, x[1])) / (2.0 * h)
+        gy = (clearance(world.field, x[0], x[1] + h) - clearance(world.field, x[0], x[1] - h)) / (2.0 * h)
+        for j in range(m):
+            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+            by = B[1 - fixed, j] if fixed <= 1 else 0.0
+            out[j] = slope * (bx * gx + by * gy)
 
     @kernel
-    def one_path(world, tapes, h, x0, seed, sample, ratio, states, applied):  # type: ignore[no-untyped-def]
+    def lean(guides, g, i, x, D, pushed, stage, out):  # type: ignore[no-untyped-def]
+        """a = B_c^-1 G_c u of reference g in step i at state x, into out (m,); stage (H,) says which corner is next."""
+        if guides.count[g] > 0:
+            s = stage[g]
+            dx, dy = guides.corners[g, s, 0] - x[0], guides.corners[g, s, 1] - x[1]
+            while s < guides.count[g] - 1 and dx * guides.beyond[g, s, 0] + dy * guides.beyond[g, s, 1] < AHEAD:
+                s += 1
+                dx, dy = guides.corners[g, s, 0] - x[0], guides.corners[g, s, 1] - x[1]
+            stage[g] = s
+            scale = guides.speed / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+            for j in range(m):
+                out[j] = pushed[j] + scale * (D[j, 0] * dx + (D[j, 1] * dy if m > 1 else 0.0))
+            return
+        for j in range(m):
+            out[j] = pushed[j]
+            if i < guides.active[g]:
+                if not varying:
+                    out[j] += guides.drift[g, i, j]
+                else:
+                    for k in range(m):
+                        out[j] += D[j, k] * guides.control[g, i, k]
+
+    @kernel
+    def one_path(world, guides, h, x0, seed, sample, ratio, states, applied):  # type: ignore[no-untyped-def]
         """Simulate one sample; `ratio` (H,), `states` (T+1, n) and `applied` (T, m) are filled if not empty."""
         _ = token
-        H, T = tapes.control.shape[0], tapes.control.shape[1]
+        H, T = guides.control.shape[0], guides.control.shape[1]
         M = world.markers.shape[0]
         x, moved, f, y = x0.copy(), x0.copy(), np.empty(n), np.empty(m)
         G, D, B = np.zeros((m, m)), world.gain.copy(), world.diffusion.copy()
+        a, pushed, stage = np.empty(m), np.empty(m), np.zeros(H, np.int64)
         column, carried = np.empty((m, 1)), np.empty((m, 1))
         cov = np.zeros(3)
         state = stream(seed, sample)
@@ -183,22 +227,17 @@ def _build(
             for j in range(n):
                 states[0, j] = x[j]
         for i in range(T):
-            dt = tapes.times[i + 1] - tapes.times[i]
-            root = np.sqrt(dt)
+            dt = guides.times[i + 1] - guides.times[i]
+            root, until = np.sqrt(dt), dt
             if varying:
                 blocks(world, x, G, D, B)
             position_covariance(B, dt, cov)
             drift(x, world.parameters, f)
+            push(world, guides, x, B, cov, pushed)
+            lean(guides, h, i, x, D, pushed, stage, a)
             for j in range(m):
                 state, z = normal(state)
-                y[j] = z * root
-                if i < tapes.active[h]:
-                    y[j] += drift_of(tapes, D, h, i, j) * dt
-            for g in range(ratio.shape[0]):
-                if i < tapes.active[g]:
-                    for j in range(m):
-                        a = drift_of(tapes, D, g, i, j)
-                        ratio[g] += a * (y[j] - 0.5 * a * dt)
+                y[j] = z * root + a[j] * dt
             for j in range(n):
                 moved[j] = x[j] + f[j] * dt
             for j in range(m):
@@ -238,10 +277,24 @@ def _build(
                     state,
                 )
                 before = after
+                if exit != INSIDE and isotropic and cov[1] == 0.0 and cov[0] == cov[2]:
+                    # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
+                    state, dx, dy = at_crossing(
+                        world.field, world.goal, x[0], x[1], moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt,
+                        exit, share, world.goal_radius, np.sqrt(cov[0]), state,
+                    )  # fmt: skip
+                    y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
+                    y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
+                    moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
+                    until = dt * share
             else:
                 exit, share = sweep_exit(
                     world.field, world.goal, world.goal_radius, x[0], x[1], moved[0], moved[1]
                 )
+            for g in range(ratio.shape[0]):
+                lean(guides, g, i, x, D, pushed, stage, a)
+                for j in range(m):
+                    ratio[g] += a[j] * (y[j] - 0.5 * a[j] * until)
             work += (q(x, world.parameters) if varying_rate else world.rate) * dt * share
             for j in range(n):
                 x[j] = moved[j]
@@ -253,37 +306,38 @@ def _build(
         return work, key, 0, T
 
     @kernel
-    def sample(world, tapes, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
+    def sample(world, guides, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
         nothing = np.empty((0, 1))
         h = 0
         for s in range(start, stop):
-            while s >= tapes.first[h + 1]:
+            while s >= guides.first[h + 1]:
                 h += 1
             work, key, outcome, steps = one_path(
-                world, tapes, h, x0, seed, s, paths.log_ratio[s], nothing, nothing
+                world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, nothing
             )
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
 
     @kernel
-    def control(world, tapes, x0, seed, chosen, weight, total, alive):  # type: ignore[no-untyped-def]
+    def control(world, guides, x0, seed, chosen, group, weight, total, alive):  # type: ignore[no-untyped-def]
+        """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
         nothing, ratio = np.empty((0, 1)), np.empty(0)
-        applied = np.zeros((tapes.control.shape[1], m))
+        applied = np.zeros((guides.control.shape[1], m))
         h = 0
         for c in range(chosen.shape[0]):
-            s = chosen[c]
-            while s >= tapes.first[h + 1]:
+            s, g = chosen[c], group[c]
+            while s >= guides.first[h + 1]:
                 h += 1
-            _, _, _, steps = one_path(world, tapes, h, x0, seed, s, ratio, nothing, applied)
+            _, _, _, steps = one_path(world, guides, h, x0, seed, s, ratio, nothing, applied)
             for i in range(steps):
-                alive[i] += weight[c]
+                alive[g, i] += weight[c]
                 for j in range(m):
-                    total[i, j] += weight[c] * applied[i, j]
+                    total[g, i, j] += weight[c] * applied[i, j]
 
     @kernel
-    def trace(world, tapes, x0, seed, chosen, states, steps):  # type: ignore[no-untyped-def]
+    def trace(world, guides, x0, seed, chosen, states, steps):  # type: ignore[no-untyped-def]
         nothing, ratio = np.empty((0, 1)), np.empty(0)
         for c in range(chosen.shape[0]):
-            h = np.searchsorted(tapes.first, chosen[c], side="right") - 1
-            _, _, _, steps[c] = one_path(world, tapes, h, x0, seed, chosen[c], ratio, states[c], nothing)
+            h = np.searchsorted(guides.first, chosen[c], side="right") - 1
+            _, _, _, steps[c] = one_path(world, guides, h, x0, seed, chosen[c], ratio, states[c], nothing)
 
     return Kernels(sample, control, trace)
