@@ -1,7 +1,7 @@
 """Planar curves made of arcs and straight pieces: where they run, where they enter the goal, how they wind.
 
-A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0. Everything
-here is exact for such curves: no curve is cut into steps to be measured.
+A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0.
+Everything here is exact for such curves: no curve is cut into steps to be measured.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Curves:
     heads: Array  # (k, n) last states
 
     def points(self, spacing: float) -> list[Array]:
-        """Each curve as a polyline (l, 2); straight pieces keep their ends only, arcs get points every `spacing` m."""
+        """Each curve as a polyline (l, 2): ends of straight pieces, points every `spacing` m of arcs."""
         return [
             trace(self.start[i], self.curvature[i], self.length[i], spacing)
             for i in range(self.start.shape[0])
@@ -52,7 +52,7 @@ def along(x, y, theta, curvature, s):  # type: ignore[no-untyped-def]
 
 @inlined
 def turns_of_chord(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Angle from a to b seen from the origin, the one of least magnitude, in whole turns (paper, section IV-A)."""
+    """Angle from a to b seen from the origin, of least magnitude, in whole turns (paper, section IV-A)."""
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by) / TWO_PI
 
 
@@ -60,9 +60,9 @@ def turns_of_chord(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 def turns_of_piece(x, y, theta, curvature, length, mx, my):  # type: ignore[no-untyped-def]
     """Angle that a piece sweeps as seen from the marker (mx, my), in turns; exact off the marker.
 
-    Less than a whole circle closed by its chord is the border of a part of the disc, so from outside the circle
-    chord and arc sweep the same angle. From inside, the angle of an arc never turns back, and it has the sign of
-    the curvature.
+    Less than a whole circle closed by its chord is the border of a part of the disc, so from outside the
+    circle chord and arc sweep the same angle. From inside, the angle of an arc never turns back, and it has
+    the sign of the curvature.
     """
     if length <= 0.0:
         return 0.0
@@ -126,7 +126,7 @@ def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no
 
 @kernel
 def turns_of_curve(start, curvature, length, markers, out):  # type: ignore[no-untyped-def]
-    """H-signature (M,) of a curve, written to out (paper, section IV-A), without the 1; returns the curve's end."""
+    """Write H (M,) of a curve without the 1 (paper, section IV-A) to out; returns the curve's end."""
     for k in range(markers.shape[0]):
         out[k] = 0.0
     x, y, theta = start[0], start[1], start[2]

@@ -1,4 +1,4 @@
-"""Which proposed curves are edges: free of obstacles, where they end in the goal, how they change the class."""
+"""Which proposed curves are edges: whether they are free, end in the goal, change the class."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class Inspector:
     def inspect(self, curves: Curves, h_tails: Array, h_heads: Array, into_goal: NDArray[np.bool_]) -> Edges:
         """Judge curves whose tails and heads have straight-line signatures h (k, M).
 
-        A curve that enters the goal is an edge only if its head is a root (`into_goal`); it ends, and is paid for,
-        where it first enters the disc. From there its class counts along the straight line to the goal point.
+        A curve that enters the goal is an edge only if its head is a root (`into_goal`); it ends, and is paid
+        for, where it first enters the disc. From there its class counts along the straight line to the goal.
         """
         k, M = len(curves.cost), self.homology.M
         status = np.empty(k, dtype=np.int8)
@@ -118,6 +118,28 @@ def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-d
 
 
 @kernel
+def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def]
+    """Whether the field alone certifies a curve; it does not tell blocked from unsure."""
+    x, y, theta = start[0], start[1], start[2]
+    for p in range(length.shape[0]):
+        kappa, total = curvature[p], length[p]
+        turns = abs(kappa) * total >= 1e-9
+        ux, uy = math.cos(theta), math.sin(theta)
+        s = 0.0
+        while s < total:
+            if turns:
+                end = theta + kappa * s
+                c = clearance(field, x + (math.sin(end) - uy) / kappa, y - (math.cos(end) - ux) / kappa)
+            else:
+                c = clearance(field, x + s * ux, y + s * uy)
+            if c < LEAST_STEP:
+                return False
+            s += c
+        x, y, theta = along(x, y, theta, kappa, total)
+    return clearance(field, x, y) >= LEAST_STEP
+
+
+@kernel
 def _inspect(field, start, curvature, length, h_tails, h_heads, into_goal, markers, goal, radius, status, turns, cut_length):  # type: ignore[no-untyped-def] # fmt: skip  # noqa: E501
     M = markers.shape[0]
     swept = np.empty(M)
@@ -136,4 +158,4 @@ def _inspect(field, start, curvature, length, h_tails, h_heads, into_goal, marke
             rest = (
                 h_heads[i, k] if s == np.inf else turns_of_chord(ex - mx, ey - my, goal[0] - mx, goal[1] - my)
             )
-            turns[i, k] = int(math.floor(swept[k] + rest - h_tails[i, k] + 0.5))
+            turns[i, k] = math.floor(swept[k] + rest - h_tails[i, k] + 0.5)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from functools import singledispatch
 
 import numpy as np
 
 from pirrht.clearance import FREE, certify_segment
 from pirrht.curves import Curves, entry_of_piece
+from pirrht.dubins import Dubins
 from pirrht.edges import Inspector
 from pirrht.jit import kernel
 from pirrht.scene import Array
+from pirrht.shortcut import shortcut
 from pirrht.steering import Steering, StraightLine
 
 ROUNDS = 12
@@ -22,13 +25,28 @@ HALVINGS = 6
 def polish(path: Curves, steering: Steering, inspector: Inspector) -> Curves:
     """A path (rows are consecutive curves into the goal) of the same class that is never longer.
 
-    Every new piece is certified by the clearance field, which is FCL's distance with its error bound taken off.
+    Every new piece is certified by the clearance field, which is FCL's distance less its error bound.
+    Steering methods without an entry in `shorten` keep their paths.
     """
-    if not isinstance(steering, StraightLine):
-        return path
+    return shorten(steering, path, inspector)
+
+
+@singledispatch
+def shorten(steering: Steering, path: Curves, inspector: Inspector) -> Curves:
+    """How paths of one steering method are polished; `shorten.register` adds a method."""
+    return path
+
+
+@shorten.register
+def _(steering: StraightLine, path: Curves, inspector: Inspector) -> Curves:
     points = np.vstack([path.start[:, :2], _end(path)])
     short = taut_polyline(points, inspector)
     return steering.connect(short[:-1], short[1:])
+
+
+@shorten.register
+def _(steering: Dubins, path: Curves, inspector: Inspector) -> Curves:
+    return shortcut(path, steering, inspector)
 
 
 def taut_polyline(points: Array, inspector: Inspector) -> Array:

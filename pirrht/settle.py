@@ -1,0 +1,118 @@
+"""Moving the places where a Dubins path bends, sideways and in heading, until no move shortens it.
+
+A taut path is straight between the obstacles it bends around, so its arcs are cut in the middle and the legs
+between these places are Dubins curves again: few numbers describe the path, a pattern search settles them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pirrht.curves import along, entry_of_curve
+from pirrht.dubins import shortest
+from pirrht.edges import surely_free
+from pirrht.jit import kernel
+from pirrht.legs import add_turns, alike, append, approach
+
+LEVELS = 5  # step sizes, each half of the one before
+SWEEPS = 2  # passes over the path with one step size
+FIRST_STEP = 0.25  # [turning radii], [rad]
+GAIN = 1e-6  # a move must save this share of its two legs
+
+
+@kernel
+def settle(task, pose, curvature, length, count):  # type: ignore[no-untyped-def]
+    """Settle `count` pieces, in place; number of pieces. There is room for 3 (count + 1)."""
+    way, kappa, ell = np.empty((count + 1, 3)), np.zeros((count + 1, 3)), np.zeros((count + 1, 3))
+    legs = _legs(pose, curvature, length, count, way, kappa, ell)
+    to = np.empty(3)
+    for level in range(LEVELS):
+        step = FIRST_STEP * 0.5**level
+        for _ in range(SWEEPS):
+            moved = False
+            for i in range(1, legs):
+                for move in range(9):
+                    side, turn = (move // 3 - 1) * step, (move % 3 - 1) * step
+                    to[0] = way[i, 0] - side * task.radius * math.sin(way[i, 2])
+                    to[1] = way[i, 1] + side * task.radius * math.cos(way[i, 2])
+                    to[2] = way[i, 2] + turn
+                    moved = _move(task, way, kappa, ell, legs, i, to) or moved
+            if not moved:
+                break
+    count = 0
+    for i in range(legs):
+        count = append(pose, curvature, length, count, way[i], kappa[i], ell[i])
+    return count
+
+
+@kernel
+def _legs(pose, curvature, length, count, way, kappa, ell):  # type: ignore[no-untyped-def]
+    """Cut every arc but the first piece in the middle; number of legs, of which leg i begins at way[i]."""
+    legs, used = 0, 0
+    for k in range(3):
+        way[0, k] = pose[0, k]
+    for p in range(count):
+        half = 0.5 * length[p] if p > 0 and curvature[p] != 0.0 else length[p]
+        kappa[legs, used], ell[legs, used] = curvature[p], half
+        used += 1
+        if half < length[p]:
+            legs, used = legs + 1, 1
+            x, y, theta = along(pose[p, 0], pose[p, 1], pose[p, 2], curvature[p], half)
+            way[legs, 0], way[legs, 1], way[legs, 2] = x, y, theta
+            kappa[legs, 0], ell[legs, 0] = curvature[p], length[p] - half
+    return legs + 1
+
+
+@kernel
+def _last_leg(task, start, kappa, ell):  # type: ignore[no-untyped-def]
+    """Write the shortest leg into the disc; its length."""
+    left = approach(task, start, 1.0, kappa, ell)
+    right = approach(task, start, -1.0, kappa, ell)
+    return right if right < left else approach(task, start, 1.0, kappa, ell)
+
+
+@kernel
+def _outside(task, start, kappa, ell):  # type: ignore[no-untyped-def]
+    """Whether a leg keeps out of the goal's disc, as all but the last must."""
+    return entry_of_curve(start, kappa, ell, task.goal[0], task.goal[1], task.reach) == np.inf
+
+
+@kernel
+def _move(task, way, kappa, ell, legs, i, to):  # type: ignore[no-untyped-def]
+    """Move way i to a pose if both legs become admissible and shorter together; whether it did."""
+    a, last = way[i - 1], i + 1 == legs
+    limit = 0.0
+    for k in range(3):
+        limit += (1.0 - GAIN) * (ell[i - 1, k] + ell[i, k])
+    new_kappa, new_ell = np.empty((2, 3)), np.empty((2, 3))
+    first = shortest(a[0], a[1], a[2], to[0], to[1], to[2], task.radius, new_kappa[0], new_ell[0])
+    if first >= limit:
+        return False
+    if last:
+        second = _last_leg(task, to, new_kappa[1], new_ell[1])
+    else:
+        b = way[i + 1]
+        second = shortest(to[0], to[1], to[2], b[0], b[1], b[2], task.radius, new_kappa[1], new_ell[1])
+    if first + second >= limit or not _outside(task, a, new_kappa[0], new_ell[0]):
+        return False
+    if not last and not _outside(task, to, new_kappa[1], new_ell[1]):
+        return False
+    old, new = np.zeros(task.markers.shape[0]), np.zeros(task.markers.shape[0])
+    add_turns(task, a, kappa[i - 1], ell[i - 1], False, 1.0, old)
+    add_turns(task, way[i], kappa[i], ell[i], last, 1.0, old)
+    add_turns(task, a, new_kappa[0], new_ell[0], False, 1.0, new)
+    add_turns(task, to, new_kappa[1], new_ell[1], last, 1.0, new)
+    if not alike(old, new):
+        return False
+    if not (
+        surely_free(task.field, a, new_kappa[0], new_ell[0])
+        and surely_free(task.field, to, new_kappa[1], new_ell[1])
+    ):
+        return False
+    for k in range(3):
+        way[i, k] = to[k]
+        for side in range(2):
+            kappa[i - 1 + side, k], ell[i - 1 + side, k] = new_kappa[side, k], new_ell[side, k]
+    return True
