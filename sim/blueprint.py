@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import rerun.blueprint as rrb
 
 from pirrht.scene import Scene
+from sim.stage import Subject
 
 BACKGROUND = (20, 22, 26)
 
 
-def blueprint(scene: Scene, trees: Sequence[tuple[str, str]], *, turn: float, live: bool) -> rrb.Blueprint:
-    """Three tabs: Drive, Why and, if there are any, Tree.
-
-    Args:
-        trees: entity path and title of each lifted tree.
-        turn: height of one whole turn in the lifted trees [m].
-        live: whether the time cursor follows the data as they come in.
-    """
+def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
+    """Three tabs: Drive, Why and, if there is a tree, Tree; `live` has the time cursor follow the data."""
+    scene = subject.space.scene
     tabs = [_drive(scene), _why()]
-    if trees:
-        views = [_tree(scene, path, title, turn) for path, title in trees]
+    if subject.lifted:
+        views = [_tree(scene, path, title, subject.turn) for _, path, title in subject.lifted]
         tabs.append(rrb.Horizontal(*views, name="Tree"))
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
@@ -34,17 +28,22 @@ def blueprint(scene: Scene, trees: Sequence[tuple[str, str]], *, turn: float, li
 
 
 def _drive(scene: Scene) -> rrb.Container:
+    so_far = rrb.VisibleTimeRanges(
+        timeline="sim_time",
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
+    )
     view = rrb.Spatial3DView(
         origin="/world",
         name="From above",
         background=list(BACKGROUND),
         line_grid=False,
         eye_controls=_eye(scene, tilt=0.02, height=0.0),
-        overrides={"world/path": rrb.VisibleTimeRanges(timeline="sim_time", start=_first(), end=_cursor())},
+        overrides={"world/path": so_far},
     )
     side = rrb.Vertical(
         rrb.TextDocumentView(origin="/about", name="What you see"),
-        _weights(legend=True),
+        _weights(legend=False),
         row_shares=[3, 2],
     )
     return rrb.Horizontal(view, side, column_shares=[3, 1], name="Drive")
@@ -53,11 +52,12 @@ def _drive(scene: Scene) -> rrb.Container:
 def _why() -> rrb.Container:
     plots = rrb.Vertical(
         _weights(legend=True),
-        _series("/why/value", "Value v = -lambda log psi [cost]"),
-        _series("/why/ess", "Effective sample size"),
+        _series("/why/value", "Value -lambda log psi, of all paths and class by class [cost]", "RightTop"),
+        _series("/why/ess", "Effective sample size", "LeftTop"),
         row_shares=[3, 2, 2],
     )
-    log = rrb.TextLogView(origin="/log", name="What happened")
+    columns = rrb.TextLogColumns(text_log_columns=["body"])
+    log = rrb.TextLogView(origin="/log", name="What happened", columns=columns)
     return rrb.Horizontal(plots, log, column_shares=[3, 1], name="Why")
 
 
@@ -66,12 +66,12 @@ def _weights(*, legend: bool) -> rrb.View:
         origin="/why/weight",
         name="Class weights (share of psi)",
         axis_y=rrb.ScalarAxis(range=(-0.03, 1.1)),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=legend),
     )
 
 
-def _series(origin: str, name: str) -> rrb.View:
-    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop))
+def _series(origin: str, name: str, corner: str) -> rrb.View:
+    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(rrb.Corner2D[corner]))
 
 
 def _tree(scene: Scene, path: str, title: str, turn: float) -> rrb.View:
@@ -88,18 +88,10 @@ def _tree(scene: Scene, path: str, title: str, turn: float) -> rrb.View:
 def _eye(scene: Scene, *, tilt: float, height: float) -> rrb.EyeControls3D:
     """An eye that looks down on the workspace, moved south by `tilt` times its distance."""
     center, extent = 0.5 * (scene.lower + scene.upper), scene.upper - scene.lower
-    distance = 1.1 * max(float(extent[1]), float(extent[0]) / 1.2) + 0.8 * height
-    x, y, z = float(center[0]), float(center[1]), 0.7 * height
+    distance = 1.1 * max(float(extent[1]), float(extent[0]) / 1.2) + 0.4 * height
+    x, y, z = float(center[0]), float(center[1]), 0.6 * height
     return rrb.EyeControls3D(
         position=(x, y - distance * tilt, z + distance),
         look_target=(x, y, z),
         eye_up=(0.0, 1.0, 0.0) if tilt < 0.5 else (0.0, 0.0, 1.0),
     )
-
-
-def _first() -> rrb.TimeRangeBoundary:
-    return rrb.TimeRangeBoundary.infinite()
-
-
-def _cursor() -> rrb.TimeRangeBoundary:
-    return rrb.TimeRangeBoundary.cursor_relative(seconds=0.0)

@@ -1,4 +1,4 @@
-"""One colour per homology class for a whole run, safe for the colour-blind; recordings and figures share it."""
+"""One colour per homology class for a whole run, safe for the colour-blind, in recordings and figures."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,23 @@ def at_most(points: Array, count: int) -> Array:
     if len(points) <= count:
         return points
     return points[np.rint(np.linspace(0, len(points) - 1, count)).astype(np.int64)]
+
+
+def even(points: Array, count: int) -> Array:
+    """A polyline (k, 2) cut anew into `count` points at equal distances, (count, 2)."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    at = np.linspace(0.0, along[-1], count)
+    return np.column_stack([np.interp(at, along, points[:, i]) for i in (0, 1)])
+
+
+def apart(lines: Sequence[NDArray[Any]]) -> list[int]:
+    """For each of several lines (k, d) the index of its point farthest from the others: room for a name."""
+    found = []
+    for i, line in enumerate(lines):
+        others = np.vstack([other for j, other in enumerate(lines) if j != i] or [line[[0, -1]]])
+        gap = np.linalg.norm(line[:, None] - others, axis=-1).min(axis=1)
+        found.append(int(np.argmax(gap)))
+    return found
 
 
 def lift(points: Array, z: float | Array) -> Floats:
@@ -100,7 +118,7 @@ def _pick(group: Indices, weight: Array, count: int) -> Indices:
 def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, length: int) -> Floats:
     """Paths of chosen samples with `length` points each, (k, length, 3)."""
     states, steps = path_integral.trace(estimate.rollouts, chosen)
-    times = estimate.rollouts.tapes.times  # steps may be unequal; points are even in time
+    times = estimate.rollouts.guides.times  # steps may be unequal; points are even in time
     at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
     return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02)
 
@@ -128,14 +146,13 @@ def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> tuple[Array, Arr
     return ends, ends[:, :, 2].mean(axis=1)
 
 
-def lifted_reference(homology: Homology, reference: Reference, obstacle: int, most: int) -> Array:
-    """A reference as (k, 3): x, y [m] and the paper's H [turns] of what is left of it at each point."""
-    points = at_most(reference.trajectory.points, most)
-    away = points - homology.markers[obstacle]
+def remaining(homology: Homology, reference: Reference, line: Array, obstacle: int) -> Array:
+    """The paper's H [turns] of what is left of a reference at each point of its line (k, 2), (k,)."""
+    away = line - homology.markers[obstacle]
     cross = away[:-1, 0] * away[1:, 1] - away[:-1, 1] * away[1:, 0]
     swept = np.arctan2(cross, np.sum(away[:-1] * away[1:], axis=1)) / (2.0 * np.pi)
-    H = reference.signature[obstacle] - np.concatenate([[0.0], np.cumsum(swept)])
-    return np.column_stack([points, H])
+    left: Array = reference.signature[obstacle] - np.concatenate([[0.0], np.cumsum(swept)])
+    return left
 
 
 def heights(values: Array, low: float, high: float) -> NDArray[np.uint8]:

@@ -5,36 +5,36 @@ Each target has a queue, a thread and a stream of its own; the control thread on
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
-import rerun as rr
 
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.path_integral import PathIntegral
 from pirrht.tree import HomologyTree
 from sim import viewer
-from sim.blueprint import blueprint
+from sim.blueprint import layout
 from sim.episode import Frame
 from sim.mjcf import Loaded
 from sim.stage import Subject
+from sim.stream import Stream
 from sim.writer import Row, Writer
 
 SAMPLES = ("all", "some", "none")
 ROOM = 256  # rows a queue holds
 NAP = 0.02  # pause of a thread that has nothing to do [s]
 GRACE = 2.0  # what a viewer gets to take the last rows [s]
+PATIENCE = 10.0  # after which a file that takes nothing is given up, and a viewer is asked again [s]
 
-Connect = Callable[[rr.RecordingStream], None]
+Connect = Callable[[Stream], None]
 
 
 class Recorder:
@@ -95,8 +95,9 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close, however the drive ended."""
-        self.close()
+        """Close, however the drive ended; what ended it is reported first."""
+        with suppress(OptionError) if error is not None else nullcontext():
+            self.close()
 
     @property
     def dropped(self) -> int:
@@ -134,33 +135,32 @@ class _Target:
     def __init__(self, subject: Subject, connect: Connect, *, patient: bool) -> None:
         self.dropped = 0
         self._subject, self._connect, self._patient = subject, connect, patient
-        self._rows: deque[Row] = deque()  # appending needs no lock, so the control thread never waits for one
+        self._rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
         self._closing = threading.Event()
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
 
     def put(self, row: Row) -> None:
-        if len(self._rows) >= ROOM:
-            if not self._patient:
-                self.dropped += 1
-                return
-            while len(self._rows) >= ROOM and self._thread.is_alive():
-                time.sleep(0.001)
+        """Hand over a row; a patient target takes it, another one drops it when it cannot keep up."""
+        while self._patient and len(self._rows) >= ROOM and self._failure is None:
+            time.sleep(0.001)
         self._check()
-        self._rows.append(row)
+        if len(self._rows) < ROOM:
+            self._rows.append(row)
+        else:
+            self.dropped += 1
 
     def close(self) -> None:
+        """Let the thread finish; an impatient target gets little time for it."""
         self._closing.set()
         self._thread.join(None if self._patient else GRACE)
-        if not self._patient:
-            self.dropped += len(self._rows)
+        self.dropped += 0 if self._patient else len(self._rows)
         self._check()
 
     def _check(self) -> None:
         if self._failure is not None and self._patient:
-            failure, self._failure = self._failure, None
-            raise OptionError(f"the recording broke off: {failure}") from failure
+            raise OptionError(f"the recording broke off: {self._failure}") from self._failure
 
     def _work(self) -> None:
         try:
@@ -176,41 +176,33 @@ class _Target:
                 continue
             if writer is None:
                 writer = self._open()
-            writer.add(self._rows.popleft())
+            if writer.add(self._rows.popleft()):
+                self._deliver(writer.stream)
         if writer is not None:
             writer.end()
 
     def _open(self) -> Writer:
-        stream = rr.RecordingStream(
-            "pirrht",
-            recording_id=recording_id(self._subject),
-            send_properties=False,  # it would hold the wall time
-            batcher_config=rr.ChunkBatcherConfig.NEVER(),  # the writer alone decides what goes into a chunk
-        )
-        stream.set_log_time_enabled(False)
+        stream = Stream(self._subject.id)
         self._connect(stream)
         writer = Writer(stream, self._subject)
         writer.begin()
         return writer
 
-
-def recording_id(subject: Subject) -> str:
-    """The same for the same scene, seed and settings."""
-    text = json.dumps(dict(subject.settings), sort_keys=True, default=str)
-    return f"{subject.space.scene.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+    def _deliver(self, stream: Stream) -> None:
+        """See a batch off before the next one is drawn: what a viewer cannot take must not pile up."""
+        while not stream.flush(PATIENCE):
+            if self._patient:
+                raise OSError(f"nothing could be written for {PATIENCE:g} s")
+            if self._closing.wait(NAP):
+                return
 
 
 def _to_file(subject: Subject, file: Path) -> Connect:
-    return lambda stream: stream.save(file, default_blueprint=_blueprint(subject, live=False))
+    return lambda stream: stream.save(file, layout(subject, live=False))
 
 
 def _to_viewer(subject: Subject, url: str) -> Connect:
-    return lambda stream: stream.connect_grpc(url, default_blueprint=_blueprint(subject, live=True))
-
-
-def _blueprint(subject: Subject, *, live: bool):  # type: ignore[no-untyped-def]
-    trees = [(path, title) for _, path, title in subject.lifted]
-    return blueprint(subject.space.scene, trees, turn=subject.turn, live=live)
+    return lambda stream: stream.connect(url, layout(subject, live=True))
 
 
 def _check_writable(file: Path) -> None:

@@ -21,7 +21,7 @@ def shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> dict[str, rr.AsComponents]:
-    """Chosen geoms (ngeom,) where they stand at zero joint positions, one archetype per kind, one per mesh."""
+    """Chosen geoms (ngeom,) as they stand at zero joint positions: one archetype per kind, one per mesh."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     drawn: dict[str, rr.AsComponents] = {}

@@ -1,7 +1,9 @@
-"""What a recording shows from the first moment on: the scene, the robot, the tree, the legend, the settings."""
+"""What a recording shows from the start: the scene, the robot, the tree, the legend, the settings."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -21,7 +23,7 @@ TREE_EDGES = 20000
 TREES = 2  # lifted trees shown, one per obstacle
 
 FLOOR = (38, 42, 48)
-GOAL = (64, 166, 90)
+GOAL = (44, 118, 66)
 BORDER = (120, 128, 138)
 CONTROL = (250, 246, 232)
 DRIVEN = (255, 200, 60)
@@ -39,6 +41,18 @@ class Subject:
     path_integral: PathIntegral
     samples: str  # "all", "some" or "none"
     settings: Mapping[str, object]
+
+    @property
+    def name(self) -> str:
+        """Scene, method and seed."""
+        parts = (self.space.scene.name, self.settings.get("method"), self.settings.get("seed"))
+        return " ".join(str(part) for part in parts if part is not None)
+
+    @property
+    def id(self) -> str:
+        """The same for the same scene and settings, seed included."""
+        text = json.dumps(dict(self.settings), sort_keys=True, default=str)
+        return f"{self.space.scene.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
     @property
     def turn(self) -> float:
@@ -71,10 +85,9 @@ def stage(subject: Subject, log: Log) -> None:
     ):
         for name, solid in solids.solids(model, mask).items():
             log(f"{folder}/{name}", solid)
-    log("/world/robot", rr.Arrows3D.from_fields(origins=[(0, 0, 0.12)], colors=[CONTROL], radii=[0.018]))
+    log("/world/robot", rr.Arrows3D.from_fields(origins=[(0, 0, 0.12)], colors=[CONTROL], radii=[0.022]))
     log("/world/tape", rr.LineStrips3D.from_fields(colors=[CONTROL], radii=[0.01]))
-    log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.016]))
-    log("/why/value", rr.SeriesLines(names="v", colors=CONTROL, widths=2))
+    log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
     log(
         "/why/weight/switch",
         rr.SeriesPoints(names="class switch", colors=DRIVEN, markers="down", marker_sizes=7),

@@ -1,0 +1,73 @@
+"""A Rerun recording stream that puts the same data into the same chunks in the same order, run after run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+APPLICATION = "pirrht"
+
+
+class Stream:
+    """One recording on its way to one file or viewer, with the timelines `step` and `sim_time`."""
+
+    def __init__(self, recording_id: str) -> None:
+        self._stream = rr.RecordingStream(
+            APPLICATION,
+            recording_id=recording_id,
+            send_properties=False,  # they would hold the wall time
+            batcher_config=rr.ChunkBatcherConfig.NEVER(),  # chunks end where we say, not where a clock does
+        )
+        self._stream.set_log_time_enabled(False)
+
+    def save(self, file: Path, blueprint: rrb.Blueprint) -> None:
+        """Write to a file from now on; what it held before is lost."""
+        self._stream.save(file, default_blueprint=blueprint)
+
+    def connect(self, url: str, blueprint: rrb.Blueprint) -> None:
+        """Send to a viewer from now on."""
+        self._stream.connect_grpc(url, default_blueprint=blueprint)
+
+    def properties(self, values: dict[str, Any], *, name: str) -> None:
+        """Name the recording and attach properties to it, as the group "run"."""
+        self._stream.send_recording_name(name)
+        self._cut()
+        self._stream.send_property("run", rr.AnyValues(**values))
+        self._cut()
+
+    def static(self, path: str, archetype: rr.AsComponents) -> None:
+        """Log something that holds at all times."""
+        self._stream.log(path, archetype, static=True)
+        self._cut()
+
+    def log(self, path: str, step: int, time: float, archetype: rr.AsComponents) -> None:
+        """Log something at a step and simulated time [s]."""
+        self._stream.set_time("step", sequence=step)
+        self._stream.set_time("sim_time", duration=time)
+        self._stream.log(path, archetype)
+        self._cut()
+
+    def columns(self, path: str, steps: Sequence[int], times: Sequence[float], columns: Iterable[Any]) -> None:
+        """Log a row for each of many steps."""
+        index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("sim_time", duration=times)]
+        self._stream.send_columns(path, indexes=index, columns=columns)
+
+    def flush(self, timeout: float) -> bool:
+        """Hand on everything logged so far; whether that worked within the time [s]."""
+        try:
+            self._stream.flush(timeout_sec=timeout)
+        except (RuntimeError, ValueError):
+            return False
+        return True
+
+    def close(self) -> None:
+        """Write what is left, and the file's footer."""
+        self._stream.disconnect()
+
+    def _cut(self) -> None:
+        # Chunks that wait together leave in any order; a flush in between, not waited for, keeps theirs.
+        self._stream.flush(timeout_sec=0)
