@@ -1,0 +1,192 @@
+"""Frames of an SDF file: where its models, links and collisions are, whatever their poses refer to."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from pirrht.errors import SceneError
+from pirrht.scene import Array
+
+DEEPEST = 32  # nested models
+_NAMED = ("model", "link", "frame")
+
+
+def label_of(element: ET.Element) -> str:
+    """How messages call an element."""
+    return f'{element.tag} "{element.get("name", "")}"'
+
+
+def is_true(text: str | None) -> bool:
+    """SDF's booleans."""
+    return (text or "").strip().lower() in ("1", "true")
+
+
+def numbers(text: str | None, count: int) -> Array | None:
+    """So many finite numbers, or None."""
+    try:
+        values = np.array((text or "").split(), dtype=float)
+    except ValueError:
+        return None
+    return values if len(values) == count and np.all(np.isfinite(values)) else None
+
+
+@dataclass(slots=True, eq=False)
+class Scope:
+    """A world, a model or a link with the frames that can be named in it."""
+
+    element: ET.Element
+    path: Path  # of the file, for messages
+    own: Array  # (4, 4) its frame in the world
+    label: str = ""  # names from the world down, joined by ::
+    static: bool = False
+    state: ET.Element | None = None  # what a <state> block says of it
+    parent: Scope | None = None
+    depth: int = 0
+    _parts: dict[str, ET.Element] = field(default_factory=dict)
+    _known: dict[str, Array | None] = field(default_factory=dict)  # None: being resolved
+
+    def __post_init__(self) -> None:
+        """Register the frames declared inside, whose names must differ."""
+        if self.depth > DEEPEST:
+            self.refuse(f"models are nested deeper than {DEEPEST}; flatten them")
+        for part in self.element:
+            if part.tag not in _NAMED:
+                continue
+            name = part.get("name")
+            if not name or name in self._parts:
+                self.refuse(f'{label_of(part)} needs a name of its own; write name="..."')
+            self._parts[name] = part
+
+    @classmethod
+    def of_world(cls, world: ET.Element, path: Path) -> Scope:
+        """The outermost scope."""
+        state = world.find("state")
+        scope = cls(element=world, path=path, own=np.eye(4), state=state)
+        for change in ("insertions", "deletions"):
+            if state is not None and len(state.findall(f"{change}/*")):
+                scope.refuse(f"<state> has <{change}>; save the world anew or remove them")
+        return scope
+
+    def refuse(self, reason: str) -> NoReturn:
+        """Raise the SceneError of something in this scope."""
+        where = f'in "{self.label}" ' if self.label else ""
+        raise SceneError(f"{self.path}: " + " ".join(f"{where}{reason}".split()))
+
+    def child(self, model: ET.Element) -> Scope:
+        """The scope of a model declared here."""
+        if model.get("placement_frame"):
+            self.refuse(f"{label_of(model)} has a placement_frame; write the pose of the model instead")
+        return self._inner(model, self.static or is_true(model.findtext("static")))
+
+    def link(self, link: ET.Element) -> Scope:
+        """The scope of a link declared here; names in it are looked up in its model."""
+        return self._inner(link, self.static)
+
+    def pose(self, element: ET.Element) -> Array:
+        """Where an element declared here is in the world, (4, 4)."""
+        pose = element.find("pose")
+        raw = np.eye(4) if pose is None else self._transform(pose, label_of(element))
+        base = "" if pose is None else pose.get("relative_to", "")
+        if pose is not None and pose.get("frame"):
+            self.refuse(f'{label_of(element)} has a pose in frame="{pose.get("frame")}"; write relative_to')
+        base = base or element.get("attached_to", "")
+        placed: Array = (self.resolve(base) if base else self.own) @ raw
+        return placed
+
+    def resolve(self, name: str) -> Array:
+        """The frame of that name in the world, (4, 4)."""
+        if self.element.tag == "link" and self.parent is not None:
+            return self.parent.resolve(name)
+        if name in ("__model__", "world"):
+            return self.own if name == "__model__" else np.eye(4)
+        first, _, rest = name.partition("::")
+        part = self._parts.get(first)
+        if part is None or (rest and part.tag != "model"):
+            known = ", ".join(self._parts) or "none"
+            self.refuse(f'a pose is relative to "{name}", which is not declared there ({known}); mend it')
+        return self.child(part).resolve(rest) if rest else self._place(part)
+
+    def _inner(self, part: ET.Element, static: bool) -> Scope:
+        name = part.get("name", "")
+        return Scope(
+            element=part,
+            path=self.path,
+            own=self._place(part),
+            label=f"{self.label}::{name}" if self.label else name,
+            static=static,
+            state=self._state_of(part),
+            parent=self,
+            depth=self.depth + 1,
+        )
+
+    def _place(self, part: ET.Element) -> Array:
+        """A model, link or frame declared here in the world; the state block has the last word."""
+        name = part.get("name", "")
+        if name in self._known:
+            known = self._known[name]
+            if known is None:
+                self.refuse(f"the pose of {label_of(part)} is relative to itself; mend its relative_to")
+            return known
+        self._known[name] = None
+        state = self._state_of(part)
+        pose = None if state is None else state.find("pose")
+        placed = self.pose(part) if pose is None else self._transform(pose, label_of(part))
+        self._known[name] = placed
+        return placed
+
+    def _state_of(self, part: ET.Element) -> ET.Element | None:
+        if self.state is None or part.tag == "frame":
+            return None
+        name = part.get("name", "")
+        names = (name, f"{self.label}::{name}")
+        state = next((s for s in self.state.findall(part.tag) if s.get("name") in names), None)
+        scale = None if state is None else state.findtext("scale")
+        if scale is not None and not np.array_equal(numbers(scale, 3), [1, 1, 1]):  # type: ignore[arg-type]
+            self.refuse(
+                f"<state> scales {label_of(part)} by {scale.strip()!r}; scale its sizes and write 1 1 1"
+            )
+        return state
+
+    def _transform(self, pose: ET.Element, what: str) -> Array:
+        """The matrix of a pose element, (4, 4)."""
+        quaternion = pose.get("rotation_format") == "quat_xyzw"
+        text = (pose.text or "").strip() or ("0 0 0 0 0 0 1" if quaternion else "0 0 0 0 0 0")
+        values = numbers(text, 7 if quaternion else 6)
+        if values is None or (quaternion and not np.any(values[3:])):
+            self.refuse(f"{what} has <pose> {text[:60]!r}; write x y z and roll pitch yaw")
+        matrix = np.eye(4)
+        matrix[:3, 3] = values[:3]
+        if quaternion:
+            matrix[:3, :3] = _from_quaternion(values[3:])
+        else:
+            angles = np.radians(values[3:]) if is_true(pose.get("degrees")) else values[3:]
+            matrix[:3, :3] = _from_angles(*angles)
+        return matrix
+
+
+def _from_angles(roll: float, pitch: float, yaw: float) -> Array:
+    """Rz(yaw) Ry(pitch) Rx(roll)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _from_quaternion(xyzw: Array) -> Array:
+    x, y, z, w = xyzw / np.linalg.norm(xyzw)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )

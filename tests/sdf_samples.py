@@ -1,0 +1,27 @@
+"""Small SDF worlds and the task they are imported with."""
+
+from __future__ import annotations
+
+TASK = {"start": (0, 0), "goal": (8, 0, 0.5), "workspace": (-1, 9, -5, 5)}
+BALL = "<geometry><sphere><radius>0.4</radius></sphere></geometry>"
+PLANE = "<geometry><plane><normal>0 0 1</normal><size>{size}</size></plane></geometry>"
+
+
+def collision(geometry: str, *, name: str = "c", pose: str = "") -> str:
+    return f'<collision name="{name}">{pose}{geometry}</collision>'
+
+
+def model(inner: str, *, name: str = "m", static: str = "<static>1</static>") -> str:
+    return f'<model name="{name}">{static}{inner}</model>'
+
+
+def link(inner: str, *, name: str = "l") -> str:
+    return f'<link name="{name}">{inner}</link>'
+
+
+def ball(pose: str, *, name: str = "m") -> str:
+    return model(pose + link(collision(BALL)), name=name)
+
+
+def sdf(world: str) -> str:
+    return f'<?xml version="1.0"?><sdf version="1.7"><world name="w">{world}</world></sdf>'
