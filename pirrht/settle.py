@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from pirrht.clearance import LEAST_STEP, clearance
 from pirrht.curves import along, entry_of_curve
 from pirrht.dubins import shortest
 from pirrht.edges import surely_free
@@ -27,18 +28,20 @@ def settle(task, pose, curvature, length, count):  # type: ignore[no-untyped-def
     """Settle `count` pieces, in place; number of pieces. There is room for 3 (count + 1)."""
     way, kappa, ell = np.empty((count + 1, 3)), np.zeros((count + 1, 3)), np.zeros((count + 1, 3))
     legs = _legs(pose, curvature, length, count, way, kappa, ell)
-    to = np.empty(3)
+    to, trial = np.empty(3), np.empty((2, 2, 3))
     for level in range(LEVELS):
         step = FIRST_STEP * 0.5**level
         for _ in range(SWEEPS):
             moved = False
             for i in range(1, legs):
                 for move in range(9):
+                    if move == 4:
+                        continue
                     side, turn = (move // 3 - 1) * step, (move % 3 - 1) * step
                     to[0] = way[i, 0] - side * task.radius * math.sin(way[i, 2])
                     to[1] = way[i, 1] + side * task.radius * math.cos(way[i, 2])
                     to[2] = way[i, 2] + turn
-                    moved = _move(task, way, kappa, ell, legs, i, to) or moved
+                    moved = _move(task, way, kappa, ell, legs, i, to, trial[0], trial[1]) or moved
             if not moved:
                 break
     count = 0
@@ -80,13 +83,14 @@ def _outside(task, start, kappa, ell):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _move(task, way, kappa, ell, legs, i, to):  # type: ignore[no-untyped-def]
+def _move(task, way, kappa, ell, legs, i, to, new_kappa, new_ell):  # type: ignore[no-untyped-def]
     """Move way i to a pose if both legs become admissible and shorter together; whether it did."""
+    if clearance(task.field, to[0], to[1]) < LEAST_STEP:
+        return False
     a, last = way[i - 1], i + 1 == legs
     limit = 0.0
     for k in range(3):
         limit += (1.0 - GAIN) * (ell[i - 1, k] + ell[i, k])
-    new_kappa, new_ell = np.empty((2, 3)), np.empty((2, 3))
     first = shortest(a[0], a[1], a[2], to[0], to[1], to[2], task.radius, new_kappa[0], new_ell[0])
     if first >= limit:
         return False
