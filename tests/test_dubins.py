@@ -203,9 +203,9 @@ def fine(start: Array, curvature: Array, length: Array, spacing: float) -> Array
 
 def test_signatures_of_turning_curves_equal_those_of_fine_polylines() -> None:
     rng = np.random.default_rng(12)
-    tails, heads = pairs(60, 13, span=3.0)
+    tails, heads = pairs(30, 13, span=3.0)
     curves = CAR.connect(tails, heads)
-    for i in range(60):
+    for i in range(30):
         line = fine(curves.start[i], curves.curvature[i], curves.length[i], 2e-3)
         middle = line[rng.integers(len(line), size=12)]
         markers = np.vstack([rng.uniform(-4, 4, (20, 2)), middle + rng.normal(0, 0.05, (12, 2))])
@@ -268,7 +268,7 @@ def grown() -> HomologyTree:
     tree = HomologyTree(
         FreeSpace.of(scene), Dubins(rho=0.7), limit=0.8, classes=12, rng=np.random.default_rng(15)
     )
-    tree.grow(400)
+    tree.grow(300)
     return tree
 
 
