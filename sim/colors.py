@@ -65,7 +65,5 @@ def mix(color: Color, other: Color, share: float) -> Color:
 def fade(color: Color, ground: Color, opacity: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The colour seen over the ground with opacities (k,), (k, 3)."""
     share = np.asarray(opacity)[:, None]
-    blend: NDArray[np.uint8] = np.rint(share * np.array(color) + (1 - share) * np.array(ground)).astype(
-        np.uint8
-    )
+    blend: NDArray[np.uint8] = np.rint(share * np.array(color) + (1 - share) * np.array(ground)).astype(np.uint8)
     return blend

@@ -82,9 +82,7 @@ def fans(
     members = _members(paths.outcome, paths.key, names)
     length = 2 + int(paths.steps.max(initial=0)) // 2
     share = max(4, points // (length * max(1, len(members))))
-    chosen = {
-        name: m if everything else _pick(m, estimate.weight, min(share, 50)) for name, m in members.items()
-    }
+    chosen = {name: m if everything else _pick(m, estimate.weight, min(share, 50)) for name, m in members.items()}
     length = length if everything else max(2, min(length, points // max(1, sum(map(len, chosen.values())))))
     top = float(estimate.weight.max())
     drawn = {}

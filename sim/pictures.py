@@ -73,18 +73,14 @@ class Pictures:
         flat = [lift(at_most(r.trajectory.points, REFERENCE_POINTS), 0.05) for r in plan.references]
         radii = (0.012 + 0.02 * np.sqrt(share)).astype(np.float32)
         self._strips("/world/references", flat, colors, radii)
-        self._names(
-            "/world/names", [lift(line[i], 0.1) for line, i in zip(lines, named, strict=True)], titles, colors
-        )
+        self._names("/world/names", [lift(line[i], 0.1) for line, i in zip(lines, named, strict=True)], titles, colors)
         homology, turn = self._subject.space.homology, self._subject.turn
         for obstacle, path, _ in self._subject.lifted:
             chosen = list(zip(plan.references, lines, strict=True))[:LIFTED]
             raised = [lift(line, turn * drawing.remaining(homology, r, line, obstacle)) for r, line in chosen]
             named = drawing.apart(raised)
             self._strips(f"{path}/references", raised, colors, np.full(len(raised), 0.04, np.float32))
-            self._names(
-                f"{path}/names", [line[i] for line, i in zip(raised, named, strict=True)], plan.ids, colors
-            )
+            self._names(f"{path}/names", [line[i] for line, i in zip(raised, named, strict=True)], plan.ids, colors)
 
     def _strips(
         self, path: str, strips: Sequence[drawing.Floats], colors: Sequence[Color], radii: drawing.Floats

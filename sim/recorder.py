@@ -25,7 +25,7 @@ from sim.blueprint import layout
 from sim.episode import Frame
 from sim.mjcf import Loaded
 from sim.stage import Subject
-from sim.stream import Stream
+from sim.stream import Stream, forget_lost_viewers
 from sim.writer import Row, Writer
 
 SAMPLES = ("all", "some", "none")
@@ -85,8 +85,8 @@ class Recorder:
         )
         _warm_up(path_integral)
         self._interval, self._due = 1.0 / hz, 0.0
-        self._file = None if file is None else _Target(subject, _to_file(subject, file), patient=True)
-        self._live = [_Target(subject, _to_viewer(subject, url), patient=False) for url in urls]
+        self._file = None if file is None else _Target(subject, _to_file(subject, file))
+        self._live = [_Target(subject, _to_viewer(subject, url), url=url) for url in urls]
 
     def __enter__(self) -> Recorder:
         """The recorder itself."""
@@ -130,59 +130,73 @@ class Recorder:
 
 
 class _Target:
-    """A queue, and the thread that empties it into a stream; a patient one makes the sender wait."""
+    """A queue, and the thread that empties it into a stream.
 
-    def __init__(self, subject: Subject, connect: Connect, *, patient: bool) -> None:
+    Without a viewer's address it is a file: it takes everything, and a full queue makes the sender wait.
+    """
+
+    def __init__(self, subject: Subject, connect: Connect, *, url: str | None = None) -> None:
         self.dropped = 0
-        self._subject, self._connect, self._patient = subject, connect, patient
+        self._subject, self._connect, self._url = subject, connect, url
         self._rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
-        self._closing = threading.Event()
+        self._closing, self._done = threading.Event(), threading.Event()
         self._failure: Exception | None = None
+        self._under_way = 0  # rows taken from the queue and not known to have arrived
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
 
     def put(self, row: Row) -> None:
-        """Hand over a row; a patient target takes it, another one drops it when it cannot keep up."""
-        while self._patient and len(self._rows) >= ROOM and self._failure is None:
+        """Hand over a row; a file takes it sooner or later, a viewer only if there is room."""
+        while self._url is None and len(self._rows) >= ROOM and self._failure is None:
             time.sleep(0.001)
         self._check()
-        if len(self._rows) < ROOM:
+        if self._failure is None and len(self._rows) < ROOM:
             self._rows.append(row)
         else:
             self.dropped += 1
 
     def close(self) -> None:
-        """Let the thread finish; an impatient target gets little time for it."""
+        """Let the thread finish; a viewer gets little time for it."""
         self._closing.set()
-        self._thread.join(None if self._patient else GRACE)
-        self.dropped += 0 if self._patient else len(self._rows)
+        self._done.wait(None if self._url is None else GRACE)
+        if self._url is not None:
+            self.dropped += len(self._rows) + (0 if self._finished else self._under_way)
+            if not self._finished:
+                forget_lost_viewers()
         self._check()
 
+    @property
+    def _finished(self) -> bool:
+        return self._done.is_set() and self._failure is None
+
     def _check(self) -> None:
-        if self._failure is not None and self._patient:
+        if self._failure is not None and self._url is None:
             raise OptionError(f"the recording broke off: {self._failure}") from self._failure
 
     def _work(self) -> None:
-        try:
-            self._empty()
-        except Exception as error:
-            self._failure = error
-
-    def _empty(self) -> None:
         writer: Writer | None = None
-        while self._rows or not self._closing.is_set():
-            if not self._rows:
-                time.sleep(NAP)
-                continue
-            if writer is None:
-                writer = self._open()
-            if writer.add(self._rows.popleft()):
-                self._deliver(writer.stream)
-        if writer is not None:
-            writer.end()
+        try:
+            while self._rows or not self._closing.is_set():
+                if not self._rows:
+                    time.sleep(NAP)
+                    continue
+                if writer is None:
+                    writer = self._open()
+                self._under_way += 1
+                if writer.add(self._rows.popleft()):
+                    self._deliver(writer.stream)
+                    self._under_way = 0
+            if writer is not None:
+                writer.end()
+        except Exception as error:  # the control thread reports it, or goes on without the viewer
+            self._failure = error
+        self._done.set()
+        if self._failure is not None and self._url is not None:
+            # Letting go of a stream waits for its viewer, who is gone: hold it until the process ends.
+            threading.Event().wait()
 
     def _open(self) -> Writer:
-        stream = Stream(self._subject.id)
+        stream = Stream(self._subject.id, orderly=self._url is None)
         self._connect(stream)
         writer = Writer(stream, self._subject)
         writer.begin()
@@ -191,10 +205,11 @@ class _Target:
     def _deliver(self, stream: Stream) -> None:
         """See a batch off before the next one is drawn: what a viewer cannot take must not pile up."""
         while not stream.flush(PATIENCE):
-            if self._patient:
+            if self._url is None:
                 raise OSError(f"nothing could be written for {PATIENCE:g} s")
-            if self._closing.wait(NAP):
-                return
+            viewer.probe(self._url)
+            if self._closing.is_set():
+                raise TimeoutError("the viewer did not keep up to the end")
 
 
 def _to_file(subject: Subject, file: Path) -> Connect:

@@ -38,9 +38,7 @@ def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> dict[str, rr.AsC
     return drawn
 
 
-def _primitives(
-    model: mujoco.MjModel, data: mujoco.MjData, group: Indices, kind: mujoco.mjtGeom
-) -> rr.AsComponents:
+def _primitives(model: mujoco.MjModel, data: mujoco.MjData, group: Indices, kind: mujoco.mjtGeom) -> rr.AsComponents:
     size, look = model.geom_size[group], _look(model, data, group)
     if kind == _GEOM.mjGEOM_BOX:
         return rr.Boxes3D(half_sizes=size, fill_mode="solid", **look)

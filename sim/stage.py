@@ -66,9 +66,7 @@ class Subject:
         if self.tree is None:
             return []
         names = [part.names[0] for part in self.space.obstacles[:TREES]]
-        return [
-            (k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1} ({name})") for k, name in enumerate(names)
-        ]
+        return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1} ({name})") for k, name in enumerate(names)]
 
 
 def stage(subject: Subject, log: Log) -> None:
@@ -109,9 +107,7 @@ def _ground(subject: Subject, log: Log) -> None:
     markers = subject.space.homology.markers
     names = [f"{k + 1}" for k in range(len(markers))]
     places = np.vstack([scene.goal.center, markers])
-    labels = rr.Points3D(
-        lift(places, 0.02), radii=0.001, labels=["goal", *names], colors=[CONTROL], show_labels=True
-    )
+    labels = rr.Points3D(lift(places, 0.02), radii=0.001, labels=["goal", *names], colors=[CONTROL], show_labels=True)
     log("/world/scene/names", labels)
 
 

@@ -13,9 +13,13 @@ APPLICATION = "pirrht"
 
 
 class Stream:
-    """One recording on its way to one file or viewer, with the timelines `step` and `sim_time`."""
+    """One recording on its way to one file or viewer, with the timelines `step` and `sim_time`.
 
-    def __init__(self, recording_id: str) -> None:
+    `orderly` keeps chunks in the order in which they were logged, which files need to be compared.
+    """
+
+    def __init__(self, recording_id: str, *, orderly: bool) -> None:
+        self._orderly = orderly
         self._stream = rr.RecordingStream(
             APPLICATION,
             recording_id=recording_id,
@@ -70,4 +74,10 @@ class Stream:
 
     def _cut(self) -> None:
         # Chunks that wait together leave in any order; a flush in between, not waited for, keeps theirs.
-        self._stream.flush(timeout_sec=0)
+        if self._orderly:
+            self._stream.flush(timeout_sec=0)
+
+
+def forget_lost_viewers() -> None:
+    """Let the process end without Rerun's last attempt to reach a viewer, which may take forever."""
+    rr.unregister_shutdown()

@@ -38,12 +38,8 @@ def spawn() -> str:
     Raises:
         OptionError: there is no display, or the viewer does not come up.
     """
-    if sys.platform.startswith("linux") and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
-        raise OptionError(
-            "--view needs a display, and there is none; use --record FILE.rrd and open it elsewhere"
-        )
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise OptionError("--view needs a display, and there is none; use --record FILE.rrd and open it elsewhere")
     port = _free_port()
     environment = {name: value for name, value in os.environ.items() if name != "FORCE_RERUN_ANALYTICS"}
     viewer = subprocess.Popen(

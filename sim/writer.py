@@ -210,7 +210,8 @@ class Writer:
 
     def _series(self, path: str, rows: Sequence[Row], table: list[list[float]]) -> None:
         flat = list(chain.from_iterable(table))
-        self._columns(path, rows, rr.Scalars.columns(scalars=flat).partition([len(line) for line in table]))
+        columns = rr.Scalars.columns(scalars=flat).partition([len(line) for line in table])
+        self._columns(path, rows, columns)
 
     def _columns(self, path: str, rows: Sequence[Row], columns: Iterable[Any]) -> None:
         self.stream.columns(path, [r.step for r in rows], [r.time for r in rows], columns)
