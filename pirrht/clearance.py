@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pirrht.collision import Collision
 from pirrht.jit import inlined, kernel
+from pirrht.memory import load_float32, load_int32
 from pirrht.scene import Array, Scene
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
@@ -25,17 +26,41 @@ FREE, UNSURE, BLOCKED = 1, 0, -1
 LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m] is left to FCL
 
 
-class Field(NamedTuple):
-    """Clearance of the robot's centre on a grid; plain arrays, so that kernels can take it."""
+class Samples(NamedTuple):
+    """Clearance of the robot's centre on a grid of nx * ny points, as numbers that kernels can take cheaply."""
 
     x0: float  # position of sample (0, 0) [m]
     y0: float
     spacing: float  # h [m]
-    nearest: NDArray[np.float32]  # (nx, ny) clearance to the nearest component, never too high [m]
-    second: NDArray[np.float32]  # (nx, ny) clearance to the second nearest component [m]
-    label: NDArray[np.int32]  # (nx, ny) index of the nearest component
-    lower: Array  # (2,) border of the workspace [m]
-    upper: Array  # (2,)
+    nx: int
+    ny: int
+    nearest: int  # address of float32 (nx, ny): clearance to the nearest component, never too high [m]
+    second: int  # address of float32 (nx, ny): clearance to the second nearest component [m]
+    label: int  # address of int32 (nx, ny): index of the nearest component
+    left: float  # border of the workspace [m]
+    low: float
+    right: float
+    high: float
+
+
+class Field(Samples):
+    """The same together with the arrays that the addresses point to."""
+
+    arrays: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # nearest, second, label
+
+    @classmethod
+    def of(cls, scene: Scene, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
+        """Take hold of samples (nx, ny) that start at the workspace's least corner."""
+        arrays = (
+            np.ascontiguousarray(nearest, dtype=np.float32),
+            np.ascontiguousarray(second, dtype=np.float32),
+            np.ascontiguousarray(label, dtype=np.int32),
+        )
+        corner, end = scene.lower.astype(float), scene.upper.astype(float)
+        addresses = (array.ctypes.data for array in arrays)
+        field = cls(corner[0], corner[1], spacing, *nearest.shape, *addresses, *corner, *end)
+        field.arrays = arrays
+        return field
 
 
 def build_field(scene: Scene, collision: Collision, groups: Sequence[Sequence[int]]) -> Field:
@@ -55,23 +80,12 @@ def build_field(scene: Scene, collision: Collision, groups: Sequence[Sequence[in
         refine = _refine(nearest, width)
         width /= 2.0
         near_guess, second_guess = _upsample(nearest) - _fill(margin), _upsample(second)
-        label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[
-            : near_guess.shape[0], : near_guess.shape[1]
-        ]
+        label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[: near_guess.shape[0], : near_guess.shape[1]]
         guess = (near_guess, second_guess, label_guess.copy())
         guess[0][::2, ::2] = nearest
         nearest, second, label = sample.at(width, refine, guess)
     final = width**2 / (4.0 * np.maximum(nearest + r, r) - 4.0 * np.sqrt(2.0) * width)
-    return Field(
-        x0=float(scene.lower[0]),
-        y0=float(scene.lower[1]),
-        spacing=float(width),
-        nearest=(nearest - final).astype(np.float32),
-        second=(second - final).astype(np.float32),
-        label=label.astype(np.int32),
-        lower=scene.lower.astype(float),
-        upper=scene.upper.astype(float),
-    )
+    return Field.of(scene, float(width), nearest - final, second - final, label)
 
 
 class _Sampler:
@@ -141,27 +155,34 @@ def _fill(margin: Array) -> Array:
 @inlined
 def border(field, x, y):  # type: ignore[no-untyped-def]
     """Distance of (x, y) to the border of the workspace, negative outside [m]."""
-    return min(min(x - field.lower[0], field.upper[0] - x), min(y - field.lower[1], field.upper[1] - y))
+    return min(min(x - field.left, field.right - x), min(y - field.low, field.high - y))
 
 
 @inlined
 def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
-    """Bilinear value of one of the field's grids at (x, y) inside the workspace."""
+    """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
     fx, fy = (x - field.x0) / field.spacing, (y - field.y0) / field.spacing
-    i = min(max(int(fx), 0), grid.shape[0] - 2)
-    j = min(max(int(fy), 0), grid.shape[1] - 2)
-    u, v = fx - i, fy - j
-    return (grid[i, j] * (1.0 - u) + grid[i + 1, j] * u) * (1.0 - v) + (
-        grid[i, j + 1] * (1.0 - u) + grid[i + 1, j + 1] * u
-    ) * v
+    i = min(max(int(fx), 0), field.nx - 2)
+    j = min(max(int(fy), 0), field.ny - 2)
+    u, v, at = fx - i, fy - j, i * field.ny + j
+    low = load_float32(grid, at) * (1.0 - v) + load_float32(grid, at + 1) * v
+    high = load_float32(grid, at + field.ny) * (1.0 - v) + load_float32(grid, at + field.ny + 1) * v
+    return low * (1.0 - u) + high * u
 
 
 @inlined
+def _closest(field, x, y):  # type: ignore[no-untyped-def]
+    """Indices of the grid point closest to (x, y)."""
+    i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
+    j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
+    return i, j
+
+
+@kernel
 def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
     """Component that is nearest at the grid point closest to (x, y)."""
-    i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.label.shape[0] - 1)
-    j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.label.shape[1] - 1)
-    return field.label[i, j]
+    i, j = _closest(field, x, y)
+    return load_int32(field.label, i * field.ny + j)
 
 
 @inlined
@@ -176,10 +197,9 @@ def clearance(field, x, y):  # type: ignore[no-untyped-def]
 @kernel
 def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
     """Whether the Lipschitz upper bound from the nearest grid point is already negative."""
-    i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.label.shape[0] - 1)
-    j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.label.shape[1] - 1)
-    gap = math.hypot(x - field.x0 - i * field.spacing, y - field.y0 - j * field.spacing)
-    return field.nearest[i, j] + gap + field.spacing < 0.0
+    i, j = _closest(field, x, y)
+    gap = math.sqrt((x - field.x0 - i * field.spacing) ** 2 + (y - field.y0 - j * field.spacing) ** 2)
+    return load_float32(field.nearest, i * field.ny + j) + gap + field.spacing < 0.0
 
 
 @kernel

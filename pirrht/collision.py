@@ -210,9 +210,7 @@ class Collision:
     def _from_one(self, index: int, point: Array) -> float:
         self.calls += 1
         self._probe.setTranslation(point)
-        d: float = PROBE + fcl.distance(
-            self._probe, self._shells[index], self._distance_request, fcl.DistanceResult()
-        )
+        d: float = PROBE + fcl.distance(self._probe, self._shells[index], self._distance_request, fcl.DistanceResult())
         if d <= PROBE:
             return 0.0
         if not self._is_doubtful[index]:
@@ -258,9 +256,7 @@ class Collision:
             return _ball(middle, self.scene.robot_radius)
         c, s = span[0] / length, span[1] / length
         along_z = np.array([[-s, 0.0, c], [c, 0.0, s], [0.0, 1.0, 0.0]])  # the capsule's own axis is z
-        return fcl.CollisionObject(
-            fcl.Capsule(self.scene.robot_radius, length), fcl.Transform(along_z, middle)
-        )
+        return fcl.CollisionObject(fcl.Capsule(self.scene.robot_radius, length), fcl.Transform(along_z, middle))
 
 
 def _ball(center: Array, radius: float) -> Any:
@@ -275,9 +271,7 @@ def _manager(objects: list[Any]) -> Any:
 
 
 def _pose(obstacle: Obstacle) -> Any:
-    return fcl.Transform(
-        np.asarray(obstacle.rotation, dtype=float), np.asarray(obstacle.position, dtype=float)
-    )
+    return fcl.Transform(np.asarray(obstacle.rotation, dtype=float), np.asarray(obstacle.position, dtype=float))
 
 
 def _solid(obstacle: Obstacle) -> Any:

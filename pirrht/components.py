@@ -134,9 +134,7 @@ class _Planar:
             for k in (i, j):
                 if excess[k] > 0:
                     a, b = self.slope(k, x, y)
-                    polygon = _cut(
-                        polygon, a, b, a * x + b * y - excess[k] + min(self.doubt[k] * size, excess[k])
-                    )
+                    polygon = _cut(polygon, a, b, a * x + b * y - excess[k] + min(self.doubt[k] * size, excess[k]))
             if len(polygon) < 3 or area < 1e-18:
                 return False
         return False

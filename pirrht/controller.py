@@ -27,20 +27,30 @@ class Plan:
     """What was decided at one state."""
 
     state: Array  # (n,)
-    tape: Array  # (T, m) open-loop controls, one per rollout step
     times: Array  # (T+1,) ends of those steps, from 0 [s]
     references: tuple[Reference, ...]  # cheapest first; empty for methods that have none
     ids: tuple[str, ...]  # class of each reference, relative to the start of the drive
     estimate: Estimate | None  # None in a fallback
     fallback: str | None  # why the estimate is missing: "no reference", "no survivor"
+    instead: Array | None = None  # (T, m) the tape that is followed in a fallback
+
+    @property
+    def tape(self) -> Array:
+        """Open-loop controls, one per rollout step, (T, m)."""
+        if self.instead is not None:
+            return self.instead
+        assert self.estimate is not None
+        return self.estimate.tape
 
     @property
     def control(self) -> Array:
         """The control now, (m,)."""
-        return self.tape[0]
+        return self.tape[0] if self.estimate is None else self.estimate.control
 
     def at(self, x: Array, s: float) -> Array:
         """Control (m,) at time s [s] after the plan was made, at state x (open loop: x does not matter)."""
+        if s + 1e-9 < self.times[1]:
+            return self.control
         i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
         return self.tape[i] if i < len(self.tape) else np.zeros(self.tape.shape[1])
 
@@ -119,26 +129,26 @@ class Controller:
         seed = int(self.rng.integers(2**63))
         estimator = self.path_integral
         times = estimator.grid(self._least_cost(x, trajectories))
-        tapes = np.array(
-            [t.tape(times) for t in trajectories] or [np.zeros((len(times) - 1, self.problem.dynamics.m))]
-        )
+        tapes = np.array([t.tape(times) for t in trajectories] or [np.zeros((len(times) - 1, self.problem.dynamics.m))])
         names = {self.space.homology.key(r.winding): name for r, name in zip(references, ids, strict=True)}
         estimate: Estimate | None = None
         fallback: str | None = None
+        instead: Array | None = None
         try:
-            estimate = estimator.estimate(estimator.rollout(x, times, tapes, seed, corners=self._corners(trajectories)), names)
-            tape = estimate.tape
+            estimate = estimator.estimate(
+                estimator.rollout(x, times, tapes, seed, corners=self._corners(trajectories)), names
+            )
         except NoSurvivingSample:
-            tape, fallback = tapes[0], "no survivor"
+            instead, fallback = tapes[0], "no survivor"
         return self._keep(
             Plan(
                 state=x,
-                tape=tape,
                 times=times,
                 references=tuple(references),
                 ids=ids,
                 estimate=estimate,
                 fallback=fallback,
+                instead=instead,
             )
         )
 
@@ -151,7 +161,7 @@ class Controller:
     def _corners(self, trajectories: list[Trajectory]) -> list[Array] | None:
         """What samples head for: the corners of each reference, and the goal point as the last."""
         goal = self.space.scene.goal.center[None, :]
-        return [np.vstack([t.points[1:-1], goal]) for t in trajectories] or None
+        return [np.vstack([t.path.start[1:, :2], goal]) for t in trajectories] or None
 
     def _from_start(self, reference: Reference) -> tuple[int, ...]:
         here = self.space.homology.straight(self._last[None, :])[0]
@@ -169,9 +179,7 @@ class Controller:
         rest = slice(min(passed, len(previous.tape) - 1), None)
         times = np.maximum(previous.times[rest] - self._since, 0.0)
         tape = previous.tape[rest] if passed < len(previous.tape) else np.zeros_like(previous.tape[-1:])
-        return Plan(
-            state=x, tape=tape, times=times, references=(), ids=(), estimate=None, fallback="no reference"
-        )
+        return Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback="no reference", instead=tape)
 
     def _keep(self, plan: Plan) -> Plan:
         if plan.fallback != "no reference":

@@ -31,10 +31,7 @@ class Curves:
 
     def points(self, spacing: float) -> list[Array]:
         """Each curve as a polyline (l, 2): ends of straight pieces, points every `spacing` m of arcs."""
-        return [
-            trace(self.start[i], self.curvature[i], self.length[i], spacing)
-            for i in range(self.start.shape[0])
-        ]
+        return [trace(self.start[i], self.curvature[i], self.length[i], spacing) for i in range(self.start.shape[0])]
 
 
 @kernel

@@ -53,15 +53,11 @@ class Inspector:
             if self._ask(curves.start[i], curves.curvature[i], length[i]):
                 status[i] = FREE
         whole = np.maximum(curves.length.sum(axis=1), 1e-300)
-        return Edges(
-            free=status == FREE, cost=curves.cost * (length.sum(axis=1) / whole), turns=turns, length=length
-        )
+        return Edges(free=status == FREE, cost=curves.cost * (length.sum(axis=1) / whole), turns=turns, length=length)
 
     def cut_at_goal(self, path: Curves) -> Curves:
         """A path whose last curve ends where it first enters the goal's disc."""
-        s = entry_of_curve(
-            path.start[-1], path.curvature[-1], path.length[-1], *self.goal.center, self.goal.radius
-        )
+        s = entry_of_curve(path.start[-1], path.curvature[-1], path.length[-1], *self.goal.center, self.goal.radius)
         length = path.length.copy()
         cut(path.length[-1], s, length[-1])
         share = length.sum(axis=1) / np.maximum(path.length.sum(axis=1), 1e-300)
@@ -155,7 +151,5 @@ def _inspect(field, start, curvature, length, h_tails, h_heads, into_goal, marke
         ex, ey = turns_of_curve(start[i], curvature[i], cut_length[i], markers, swept)
         for k in range(M):
             mx, my = markers[k, 0], markers[k, 1]
-            rest = (
-                h_heads[i, k] if s == np.inf else turns_of_chord(ex - mx, ey - my, goal[0] - mx, goal[1] - my)
-            )
+            rest = h_heads[i, k] if s == np.inf else turns_of_chord(ex - mx, ey - my, goal[0] - mx, goal[1] - my)
             turns[i, k] = math.floor(swept[k] + rest - h_tails[i, k] + 0.5)

@@ -51,10 +51,10 @@ def _survival(c0, c1, variance):  # type: ignore[no-untyped-def]
 
 @kernel
 def _border_survival(field, x, y, nx, ny, vx, vy):  # type: ignore[no-untyped-def]
-    alive = _survival(x - field.lower[0], nx - field.lower[0], vx)
-    alive *= _survival(field.upper[0] - x, field.upper[0] - nx, vx)
-    alive *= _survival(y - field.lower[1], ny - field.lower[1], vy)
-    return alive * _survival(field.upper[1] - y, field.upper[1] - ny, vy)
+    alive = _survival(x - field.left, nx - field.left, vx)
+    alive *= _survival(field.right - x, field.right - nx, vx)
+    alive *= _survival(y - field.low, ny - field.low, vy)
+    return alive * _survival(field.high - y, field.high - ny, vy)
 
 
 @kernel
@@ -95,7 +95,7 @@ def distances(field, goal, radius, x, y):  # type: ignore[no-untyped-def]
     return (interpolate(field, field.nearest, x, y) if edge > 0.0 else edge), edge, to_goal
 
 
-@inlined
+@kernel
 def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  # type: ignore[no-untyped-def]
     """How a noisy step from (x, y) to (nx, ny) ends.
 
@@ -151,7 +151,7 @@ def at_crossing(field, goal, x, y, dx, dy, outcome, share, radius, deviation, st
     return state, normal_part * nx - along * ny, normal_part * ny + along * nx
 
 
-@inlined
+@kernel
 def endpoint_exit(field, goal, radius, nx, ny):  # type: ignore[no-untyped-def]
     """The paper's rule: the step ends the path if its end lies outside the free space or in the goal."""
     if clearance(field, nx, ny) <= 0.0:

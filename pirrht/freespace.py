@@ -54,9 +54,7 @@ class FreeSpace:
     @property
     def inspector(self) -> Inspector:
         """The judge of proposed edges."""
-        return Inspector(
-            field=self.field, collision=self.collision, homology=self.homology, goal=self.scene.goal
-        )
+        return Inspector(field=self.field, collision=self.collision, homology=self.homology, goal=self.scene.goal)
 
     def clearance(self, position: Array) -> float:
         """FCL's clearance of the robot's centre at one position (2,) [m]."""

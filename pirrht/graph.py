@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit, objmode
 from numpy.typing import NDArray
 
-from pirrht.jit import jitable, kernel, source_token
+from pirrht.jit import jitable, kernel
 from pirrht.scene import Array
 
 DONE, NODES_FULL, QUEUE_FULL = 0, 1, 2
@@ -222,7 +222,6 @@ class Kernels(NamedTuple):
 @cache
 def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
     """Relaxation and look-up for one allowed set (compiled once, cached on disk for the default)."""
-    token = source_token(allowed)
 
     @kernel
     def append(graph, vertex, cost, key, source, at, e, limit, K):  # type: ignore[no-untyped-def]
@@ -230,7 +229,6 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
 
         Whether the node is new or cheaper, and neither dominated nor blocked nor pruned.
         """
-        _ = token
         slot = find(graph, vertex, key)
         if slot >= 0:
             if cost >= graph.cost[vertex, slot] - TIE:

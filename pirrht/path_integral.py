@@ -13,7 +13,7 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,13 @@ from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollout import Kernels, Paths, Guides, World, empty_paths, kernels_for
+from pirrht.rollout import Guides, Kernels, Paths, World, empty_paths, kernels_for
 from pirrht.scene import Array
 
 EXITS = ("bridge", "endpoint")
 WEIGHTS = ("balance", "average")
 GUIDES = ("feedback", "open-loop")
-ANTICIPATION = 0.1  # walls push as far as noise carries a path in this time [s]; longer made the weights uneven
+ANTICIPATION = 0.25  # walls push as far as noise carries a path in this time [s]; much longer makes weights uneven
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to the tape
 OTHER = "other"
@@ -41,9 +41,7 @@ class Sampling:
     dt: float = 0.1  # rollout step [s]
     first: float | None = None  # the first dt is cut into steps of this length [s]
     samples: int = 200  # N, around each reference
-    exit: str = (
-        "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
-    )
+    exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
     guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
     threads: int | None = None  # None: all cores this process may use; results do not depend on it
@@ -76,13 +74,11 @@ class Rollouts:
         return len(self.log_weight)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Estimate:
     """What the samples say about one state."""
 
     control: Array  # (m,) u* now
-    tape: Array  # (T, m) open-loop controls, sum over all samples of weight times control carried
-    alive: Array  # (T,) weight of the samples still under way at each step
     log_psi: float
     value: float  # v = -lambda log psi
     ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
@@ -92,6 +88,22 @@ class Estimate:
     proposal_weights: list[float]  # weight by the reference a sample was drawn around
     survivors: int  # samples that reached the goal
     rollouts: Rollouts
+    source: PathIntegral
+
+    @property
+    def tape(self) -> Array:
+        """Open-loop controls (T, m): the sum over all samples of weight times control carried."""
+        return self._tape[0]
+
+    @property
+    def alive(self) -> Array:
+        """Weight of the samples still under way at each step, (T,)."""
+        return self._tape[1]
+
+    @cached_property
+    def _tape(self) -> tuple[Array, Array]:
+        (tape,), (alive,), _ = self.source.tapes(self.rollouts, [np.ones(self.rollouts.size, dtype=np.bool_)])
+        return tape, alive
 
 
 class PathIntegral:
@@ -144,7 +156,7 @@ class PathIntegral:
         active = np.where(busy.any(axis=1), controls.shape[1] - np.argmax(busy[:, ::-1], axis=1), 0)
         guides = self._guides(x, times, np.ascontiguousarray(controls, dtype=float), first, active, corners)
         S = int(first[-1])
-        paths = empty_paths(S, H)
+        paths = empty_paths(S, H, self.problem.dynamics.m)
         x0 = np.ascontiguousarray(x, dtype=float)
 
         def work(part: tuple[int, int]) -> None:
@@ -173,14 +185,11 @@ class PathIntegral:
         total = float(relative.sum())
         weight = relative / total
         log_psi = top + float(np.log(total)) - float(np.log(rollouts.size))
-        (tape,), (alive,), _ = self.tapes(rollouts, [np.ones(rollouts.size, dtype=np.bool_)])
         names = dict(classes or {})
         groups = _groups(rollouts.paths.key, names)
         first = rollouts.guides.first
         return Estimate(
-            control=tape[0].copy(),
-            tape=tape,
-            alive=alive,
+            control=weight @ rollouts.paths.now,
             log_psi=log_psi,
             value=-self.temperature * log_psi,
             ess=float(1.0 / np.sum(weight**2)),
@@ -190,6 +199,7 @@ class PathIntegral:
             proposal_weights=[float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)],
             survivors=int(np.sum(outcome == Outcome.GOAL)),
             rollouts=rollouts,
+            source=self,
         )
 
     def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
@@ -296,11 +306,12 @@ def _world(problem: Problem, space: FreeSpace, bridge: bool) -> World:
     constant = d.constant
     return World(
         field=space.field,
-        goal=space.scene.goal.center.astype(float),
+        goal=(float(space.scene.goal.center[0]), float(space.scene.goal.center[1])),
         goal_radius=float(space.scene.goal.radius),
         markers=space.homology.markers,
         weights=space.homology.hash_weights,
         parameters=np.asarray(d.parameters, dtype=float),
+        inverse=np.linalg.solve(d.G_c(x), d.B_c(x)) if constant else np.zeros((d.m, d.m)),
         gain=np.linalg.solve(d.B_c(x), d.G_c(x)) if constant else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.m, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q),

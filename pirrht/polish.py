@@ -110,9 +110,9 @@ def _shortcut(field, markers, goal, radius, points, count):  # type: ignore[no-u
     i = 0
     while i < count - 2:
         for j in range(count - 1, i + 1, -1):
-            if _clear(
-                field, goal, radius, points[i, 0], points[i, 1], points[j, 0], points[j, 1]
-            ) and _contractible(points, i, j, markers):
+            if _clear(field, goal, radius, points[i, 0], points[i, 1], points[j, 0], points[j, 1]) and _contractible(
+                points, i, j, markers
+            ):
                 for k in range(j, count):
                     points[i + 1 + k - j, 0] = points[k, 0]
                     points[i + 1 + k - j, 1] = points[k, 1]

@@ -26,9 +26,7 @@ class Problem:
     dynamics: Dynamics
     scene: Scene
     R: Array | Callable[[Array], Array]  # (m, m) control cost; a function of x where G or B is one
-    q: float | Callable[..., float] = (
-        1.0  # state cost rate [cost/s]; or a function q(x, p) that numba compiles
-    )
+    q: float | Callable[..., float] = 1.0  # state cost rate [cost/s]; or a function q(x, p) that numba compiles
     q_min: float | None = None  # a lower bound of q over the workspace; needed when q is a function
     phi: float = np.inf  # final cost off the goal; it is 0 at the goal
 
@@ -36,13 +34,9 @@ class Problem:
         if callable(self.q) and self.q_min is None:
             raise OptionError("q is a function; give q_min, its least value over the workspace, as well")
         if not self.least_rate > 0:
-            raise OptionError(
-                f"the least state cost rate is {self.least_rate:g}; first exit needs a positive one"
-            )
+            raise OptionError(f"the least state cost rate is {self.least_rate:g}; first exit needs a positive one")
         if np.isnan(self.phi) or self.phi < 0:
-            raise OptionError(
-                f"the final cost phi is {self.phi:g}; it must be 0 or more (infinity is allowed)"
-            )
+            raise OptionError(f"the final cost phi is {self.phi:g}; it must be 0 or more (infinity is allowed)")
         _ = self.temperature
 
     @property

@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.clearance import Field, clearance
-from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, sweep_exit
-from pirrht.jit import as_jitable, kernel, source_token
+from pirrht.clearance import Field
+from pirrht.dynamics import no_drift
+from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, slope_of, sweep_exit
+from pirrht.jit import as_jitable, kernel
 from pirrht.noise import normal, stream
 from pirrht.problem import Problem, unit_rate
 from pirrht.scene import Array
-
 
 AHEAD = 0.03  # a corner counts as passed this far before it [m]
 
@@ -29,12 +29,13 @@ class World(NamedTuple):
     """What a rollout needs to know of scene and problem."""
 
     field: Field
-    goal: Array  # (2,) [m]
+    goal: tuple[float, float]  # centre [m]
     goal_radius: float
     markers: Array  # (M, 2) [m]
     weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker
     parameters: Array  # p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant
+    inverse: Array  # (m, m) G_c^-1 B_c, if constant
     diffusion: Array  # (m, m) B_c, if constant
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
@@ -63,6 +64,7 @@ class Paths(NamedTuple):
     key: NDArray[np.int64]  # (S,) class of the path itself, as an additive key
     outcome: NDArray[np.int8]  # (S,) Outcome
     steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
+    now: Array  # (S, m) control carried in the first step, u_in + G_c^-1 B_c dw / dt
 
 
 class Kernels(NamedTuple):
@@ -73,10 +75,15 @@ class Kernels(NamedTuple):
     trace: Callable[..., None]  # states of chosen samples
 
 
-def empty_paths(S: int, H: int) -> Paths:
+def empty_paths(S: int, H: int, m: int) -> Paths:
     """Room for S paths under H references."""
     return Paths(
-        np.zeros(S), np.zeros((S, H)), np.zeros(S, np.int64), np.zeros(S, np.int8), np.zeros(S, np.int32)
+        work=np.zeros(S),
+        log_ratio=np.zeros((S, H)),
+        key=np.zeros(S, np.int64),
+        outcome=np.zeros(S, np.int8),
+        steps=np.zeros(S, np.int32),
+        now=np.zeros((S, m)),
     )
 
 
@@ -141,166 +148,147 @@ def _build(
     varying_rate: bool,
     noisy_position: bool,
 ) -> Kernels:
-    varying = control_block is not None
+    varying, drifting = control_block is not None, drift is not no_drift
     gain_at: Any = control_block if varying else drift
     noise_at: Any = diffusion_block if varying else drift
-    token = source_token(drift, gain_at, noise_at, q)
     fixed = n - m
     isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @kernel
-    def blocks(world, x, G, D, B):  # type: ignore[no-untyped-def]
-        """D = B_c^-1 G_c and B = B_c at x."""
-        gain_at(x, world.parameters, G)
-        noise_at(x, world.parameters, B)
-        solve(B, G, D)
-
-    @kernel
-    def position_covariance(B, dt, cov):  # type: ignore[no-untyped-def]
-        """Covariance (xx, xy, yy) of the position over one step of dt."""
-        cov[0], cov[1], cov[2] = 0.0, 0.0, 0.0
+    def covariance(B):  # type: ignore[no-untyped-def]
+        """Covariance (xx, xy, yy) of the position per second."""
+        xx, xy, yy = 0.0, 0.0, 0.0
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
             by = B[1 - fixed, j] if fixed <= 1 else 0.0
-            cov[0] += bx * bx * dt
-            cov[1] += bx * by * dt
-            cov[2] += by * by * dt
+            xx, xy, yy = xx + bx * bx, xy + bx * by, yy + by * by
+        return xx, xy, yy
 
-    @kernel
-    def push(world, guides, x, B, cov, out):  # type: ignore[no-untyped-def]
-        """Drift B' grad log h away from the nearest wall, h = erf(c / reach): what surviving paths do by themselves."""
-        for j in range(m):
-            out[j] = 0.0
-        if guides.reach <= 0.0:
-            return
-        c = clearance(world.field, x[0], x[1])
-        if c > 3.0 * guides.reach:
-            return
-        c = max(c, 0.5 * math.sqrt(max(cov[0], cov[2]))) / guides.reach
-        slope = 2.0 / (math.sqrt(math.pi) * guides.reach) * math.exp(-c * c) / math.erf(c)
-        h = world.field.spacing
-        gx = (clearance(world.field, x[0] + h, x[1]) - clearance(world.field, x[0] - h, x[1])) / (2.0 * h)
-        gy = (clearance(world.field, x[0], x[1] + h) - clearance(world.field, x[0], x[1] - h)) / (2.0 * h)
-        for j in range(m):
-            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
-            by = B[1 - fixed, j] if fixed <= 1 else 0.0
-            out[j] = slope * (bx * gx + by * gy)
-
-    @kernel
-    def lean(guides, g, i, x, D, pushed, stage, out):  # type: ignore[no-untyped-def]
-        """a = B_c^-1 G_c u of reference g in step i at state x, into out (m,); stage (H,) says which corner is next."""
-        if guides.count[g] > 0:
-            s = stage[g]
-            dx, dy = guides.corners[g, s, 0] - x[0], guides.corners[g, s, 1] - x[1]
-            while s < guides.count[g] - 1 and dx * guides.beyond[g, s, 0] + dy * guides.beyond[g, s, 1] < AHEAD:
-                s += 1
-                dx, dy = guides.corners[g, s, 0] - x[0], guides.corners[g, s, 1] - x[1]
-            stage[g] = s
-            scale = guides.speed / max(math.sqrt(dx * dx + dy * dy), 1e-9)
-            for j in range(m):
-                out[j] = pushed[j] + scale * (D[j, 0] * dx + (D[j, 1] * dy if m > 1 else 0.0))
-            return
-        for j in range(m):
-            out[j] = pushed[j]
-            if i < guides.active[g]:
-                if not varying:
-                    out[j] += guides.drift[g, i, j]
-                else:
-                    for k in range(m):
-                        out[j] += D[j, k] * guides.control[g, i, k]
-
+    # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
     def one_path(world, guides, h, x0, seed, sample, ratio, states, applied):  # type: ignore[no-untyped-def]
-        """Simulate one sample; `ratio` (H,), `states` (T+1, n) and `applied` (T, m) are filled if not empty."""
-        _ = token
-        H, T = guides.control.shape[0], guides.control.shape[1]
-        M = world.markers.shape[0]
-        x, moved, f, y = x0.copy(), x0.copy(), np.empty(n), np.empty(m)
+        """Simulate one sample; `ratio` (H,), `states` (T+1, n) and `applied` (up to T, m) are filled as far as they go."""
+        field, goal, radius, p = world.field, world.goal, world.goal_radius, world.parameters
+        markers, weights, times, drifts, controls = (
+            world.markers, world.weights, guides.times, guides.drift, guides.control,
+        )  # fmt: skip
+        corners, beyond, count, active = guides.corners, guides.beyond, guides.count, guides.active
+        speed, reach, M = guides.speed, guides.reach, markers.shape[0]
+        H, T = controls.shape[0], controls.shape[1]
+        weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, world.inverse
+        x, moved, f, y = x0.copy(), x0.copy(), np.zeros(n), np.empty(m)
         G, D, B = np.zeros((m, m)), world.gain.copy(), world.diffusion.copy()
-        a, pushed, stage = np.empty(m), np.empty(m), np.zeros(H, np.int64)
+        a, pushed, stage = np.zeros((H, m)), np.zeros(m), np.zeros(H, np.int64)
         column, carried = np.empty((m, 1)), np.empty((m, 1))
-        cov = np.zeros(3)
-        state = stream(seed, sample)
-        work, key = 0.0, np.int64(0)
-        before = distances(world.field, world.goal, world.goal_radius, x[0], x[1])
-        if states.shape[0] > 0:
-            for j in range(n):
-                states[0, j] = x[j]
+        xx, xy, yy = covariance(B)
+        state, work, key = stream(seed, sample), 0.0, np.int64(0)
+        before = distances(field, goal, radius, x[0], x[1])
+        for j in range(n if draw else 0):
+            states[0, j] = x[j]
         for i in range(T):
-            dt = guides.times[i + 1] - guides.times[i]
-            root, until = np.sqrt(dt), dt
+            dt = times[i + 1] - times[i]
+            root, until = math.sqrt(dt), dt
             if varying:
-                blocks(world, x, G, D, B)
-            position_covariance(B, dt, cov)
-            drift(x, world.parameters, f)
-            push(world, guides, x, B, cov, pushed)
-            lean(guides, h, i, x, D, pushed, stage, a)
+                gain_at(x, p, G)
+                noise_at(x, p, B)
+                solve(B, G, D)
+                xx, xy, yy = covariance(B)
+            if drifting:
+                drift(x, p, f)
+            cov = (xx * dt, xy * dt, yy * dt)
+            # The push B' grad log h away from the nearest wall, h = erf(c / reach): survivors lean that way by themselves.
+            near = noisy_position and (0.0 < before[0] < 3.0 * reach or 0.0 < before[1] < 3.0 * reach)
+            if near:
+                c = max(min(before[0], before[1]), 0.5 * math.sqrt(max(cov[0], cov[2]))) / reach
+                slope = 2.0 / (math.sqrt(math.pi) * reach) * math.exp(-c * c) / math.erf(c)
+                gx, gy = slope_of(field, x[0], x[1])
+                for j in range(m):
+                    bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+                    by = B[1 - fixed, j] if fixed <= 1 else 0.0
+                    pushed[j] = slope * (bx * gx + by * gy)
+            # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
+            for g in range(0 if weigh else h, H if weigh else h + 1):
+                ends = count[g]
+                if ends > 0:
+                    s = stage[g]
+                    dx, dy = corners[g, s, 0] - x[0], corners[g, s, 1] - x[1]
+                    while s < ends - 1 and dx * beyond[g, s, 0] + dy * beyond[g, s, 1] < AHEAD:
+                        s += 1
+                        dx, dy = corners[g, s, 0] - x[0], corners[g, s, 1] - x[1]
+                    stage[g] = s
+                    scale = speed / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+                    for j in range(m):
+                        a[g, j] = scale * (D[j, 0] * dx + (D[j, 1] * dy if m > 1 else 0.0))
+                else:
+                    busy = i < active[g]
+                    for j in range(m):
+                        a[g, j] = drifts[g, i, j] if busy and not varying else 0.0
+                        if varying and busy:
+                            for k in range(m):
+                                a[g, j] += D[j, k] * controls[g, i, k]
+                if near:
+                    for j in range(m):
+                        a[g, j] += pushed[j]
             for j in range(m):
                 state, z = normal(state)
-                y[j] = z * root + a[j] * dt
+                y[j] = z * root + a[h, j] * dt
             for j in range(n):
                 moved[j] = x[j] + f[j] * dt
             for j in range(m):
                 for k in range(m):
                     moved[fixed + j] += B[j, k] * y[k]
-            if applied.shape[0] > 0:
+            if i < applied.shape[0]:
+                if varying:
+                    for j in range(m):
+                        column[j, 0] = y[j]
+                    solve(D, column, carried)
                 for j in range(m):
-                    column[j, 0] = y[j]
-                solve(D, column, carried)
-                for j in range(m):
-                    applied[i, j] = carried[j, 0] / dt
+                    u = carried[j, 0] if varying else 0.0
+                    if not varying:
+                        for k in range(m):
+                            u += inverse[j, k] * y[k]
+                    applied[i, j] = u / dt
+            # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
             for k in range(M):
-                bx, by = world.goal[0] - world.markers[k, 0], world.goal[1] - world.markers[k, 1]
-                ax, ay = x[0] - world.markers[k, 0], x[1] - world.markers[k, 1]
-                cx, cy = moved[0] - world.markers[k, 0], moved[1] - world.markers[k, 1]
+                bx, by = goal[0] - markers[k, 0], goal[1] - markers[k, 1]
+                ax, ay = x[0] - markers[k, 0], x[1] - markers[k, 1]
+                cx, cy = moved[0] - markers[k, 0], moved[1] - markers[k, 1]
                 side, other = ax * by - ay * bx, cx * by - cy * bx
                 if (side > 0.0) != (other > 0.0):
                     share = side / (side - other)
-                    px, py = ax + share * (cx - ax), ay + share * (cy - ay)
-                    if px * bx + py * by < 0.0:
-                        key += world.weights[k] if other > 0.0 else -world.weights[k]
+                    if (ax + share * (cx - ax)) * bx + (ay + share * (cy - ay)) * by < 0.0:
+                        key += weights[k] if other > 0.0 else -weights[k]
             if not world.bridge:
-                exit, share = endpoint_exit(world.field, world.goal, world.goal_radius, moved[0], moved[1])
+                exit, share = endpoint_exit(field, goal, radius, moved[0], moved[1])
+                if reach > 0.0:
+                    before = distances(field, goal, radius, moved[0], moved[1])
             elif noisy_position:
-                after = distances(world.field, world.goal, world.goal_radius, moved[0], moved[1])
+                after = distances(field, goal, radius, moved[0], moved[1])
                 state, exit, share = bridge_exit(
-                    world.field,
-                    world.goal,
-                    world.goal_radius,
-                    x[0],
-                    x[1],
-                    moved[0],
-                    moved[1],
-                    before,
-                    after,
-                    cov,
-                    state,
+                    field, goal, radius, x[0], x[1], moved[0], moved[1], before, after, cov, state
                 )
                 before = after
-                if exit != INSIDE and isotropic and cov[1] == 0.0 and cov[0] == cov[2]:
+                if isotropic and exit != INSIDE and cov[1] == 0.0 and cov[0] == cov[2]:
                     # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
                     state, dx, dy = at_crossing(
-                        world.field, world.goal, x[0], x[1], moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt,
-                        exit, share, world.goal_radius, np.sqrt(cov[0]), state,
+                        field, goal, x[0], x[1], moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt,
+                        exit, share, radius, math.sqrt(cov[0]), state,
                     )  # fmt: skip
                     y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
                     y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
                     moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
                     until = dt * share
             else:
-                exit, share = sweep_exit(
-                    world.field, world.goal, world.goal_radius, x[0], x[1], moved[0], moved[1]
-                )
-            for g in range(ratio.shape[0]):
-                lean(guides, g, i, x, D, pushed, stage, a)
-                for j in range(m):
-                    ratio[g] += a[j] * (y[j] - 0.5 * a[j] * until)
-            work += (q(x, world.parameters) if varying_rate else world.rate) * dt * share
+                exit, share = sweep_exit(field, goal, radius, x[0], x[1], moved[0], moved[1])
+            if weigh:
+                for g in range(H):
+                    for j in range(m):
+                        ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
+            work += (q(x, p) if varying_rate else world.rate) * dt * share
             for j in range(n):
                 x[j] = moved[j]
-            if states.shape[0] > 0:
-                for j in range(n):
-                    states[i + 1, j] = x[j]
+            for j in range(n if draw else 0):
+                states[i + 1, j] = x[j]
             if exit != INSIDE:
                 return work, key, exit, i + 1
         return work, key, 0, T
@@ -312,9 +300,7 @@ def _build(
         for s in range(start, stop):
             while s >= guides.first[h + 1]:
                 h += 1
-            work, key, outcome, steps = one_path(
-                world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, nothing
-            )
+            work, key, outcome, steps = one_path(world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, nothing)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
 
     @kernel

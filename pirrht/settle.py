@@ -111,8 +111,7 @@ def _move(task, way, kappa, ell, legs, i, to, new_kappa, new_ell):  # type: igno
     if not alike(old, new):
         return False
     if not (
-        surely_free(task.field, a, new_kappa[0], new_ell[0])
-        and surely_free(task.field, to, new_kappa[1], new_ell[1])
+        surely_free(task.field, a, new_kappa[0], new_ell[0]) and surely_free(task.field, to, new_kappa[1], new_ell[1])
     ):
         return False
     for k in range(3):

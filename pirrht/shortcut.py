@@ -21,9 +21,7 @@ from pirrht.settle import settle
 ROUNDS = (12, 16)  # stations of each round; more rounds or stations gain a few parts in a thousand
 
 
-def shortcut(
-    path: Curves, steering: Dubins, inspector: Inspector, rounds: tuple[int, ...] = ROUNDS
-) -> Curves:
+def shortcut(path: Curves, steering: Dubins, inspector: Inspector, rounds: tuple[int, ...] = ROUNDS) -> Curves:
     """A path (rows are consecutive curves into the goal's disc) of the same class that is never longer.
 
     What is kept of the path is not judged again.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +18,21 @@ from pirrht.scene import Array, Scene
 SPACING = 0.05  # distance of points on drawn arcs [m]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
     """A deterministic path with the controls that drive it, piecewise constant in time."""
 
     controls: Array  # (l, m) control of each piece
     durations: Array  # (l,) [s]
-    points: Array  # (k, 2) the path as a polyline, for pictures and signatures [m]
+    path: Curves  # rows are consecutive curves
     cost: float  # steering cost
     length: float  # [m]
+
+    @cached_property
+    def points(self) -> Array:
+        """The path as a polyline (k, 2), for pictures [m]; points on arcs are SPACING apart."""
+        lines = self.path.points(SPACING)
+        return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
 
     def tape(self, times: Array) -> Array:
         """Mean control of each step of a grid (T+1,) [s], (T, m); zero after the end (the paper's footnote)."""
@@ -81,16 +88,13 @@ class Steering(ABC):
     def trajectory(self, path: Curves) -> Trajectory:
         """The controls along a path whose rows are consecutive curves."""
         pieces = path.curvature.shape[1]
-        heading = (
-            path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
-        )
+        heading = path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
         length, keep = path.length.ravel(), path.length.ravel() > 0
         total = float(length.sum())
-        polylines = path.points(SPACING)
         return Trajectory(
             controls=self.controls(heading.reshape(-1, pieces).ravel()[keep], path.curvature.ravel()[keep]),
             durations=length[keep] / self.speed,
-            points=np.vstack([polylines[0], *(line[1:] for line in polylines[1:])]),
+            path=path,
             cost=total * self.cost_per_meter,
             length=total,
         )
@@ -111,9 +115,7 @@ class StraightLine(Steering):
         """The optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1)."""
         R = problem.control_cost(np.zeros(problem.dynamics.n))
         if not np.allclose(R, R[0, 0] * np.eye(len(R))):
-            raise OptionError(
-                "straight lines are optimal only for R a multiple of the identity; bring a Steering"
-            )
+            raise OptionError("straight lines are optimal only for R a multiple of the identity; bring a Steering")
         speed = float(np.sqrt(2.0 * problem.least_rate / R[0, 0]))
         return cls(pace=speed, cost_rate=2.0 * problem.least_rate)
 

@@ -28,8 +28,12 @@ class Reference:
 
     winding: tuple[int, ...]  # (M,) whole turns against the straight line from the state to the goal point
     signature: Array  # (M,) the paper's H, leading 1 included
-    path: Curves  # rows are consecutive curves
     trajectory: Trajectory
+
+    @property
+    def path(self) -> Curves:
+        """Rows are consecutive curves."""
+        return self.trajectory.path
 
     @property
     def cost(self) -> float:
@@ -70,9 +74,7 @@ class HomologyTree:
         rng: np.random.Generator,
     ) -> None:
         if not (np.isfinite(limit) and limit > 0):
-            raise OptionError(
-                f"the limit H_limit is {limit:g}; it must be positive (0.5 < limit < 1 is usual)"
-            )
+            raise OptionError(f"the limit H_limit is {limit:g}; it must be positive (0.5 < limit < 1 is usual)")
         if classes < 0:
             raise OptionError(f"classes is {classes}; it must be 0 (all) or more")
         self.space, self.steering, self.limit, self.classes = space, steering, limit, classes
@@ -143,8 +145,7 @@ class HomologyTree:
             raise NoReference(x, vertices=self.size, limit=None if self._predicate else self.limit)
         best = np.argsort(found.cost[:count], kind="stable")
         references = [
-            self._reference(x, int(heads[found.edge[i]]), int(found.slot[i]), found.turns[i], polished)
-            for i in best
+            self._reference(x, int(heads[found.edge[i]]), int(found.slot[i]), found.turns[i], polished) for i in best
         ]
         return sorted(references, key=lambda reference: reference.cost)
 
@@ -273,9 +274,7 @@ class HomologyTree:
         )  # fmt: skip
         return int(count), found
 
-    def _reference(
-        self, x: Array, head: int, slot: int, turns: NDArray[np.int32], polished: bool
-    ) -> Reference:
+    def _reference(self, x: Array, head: int, slot: int, turns: NDArray[np.int32], polished: bool) -> Reference:
         states = np.vstack([x, self.states[self.path_of(head, slot)]])
         path = self.inspector.cut_at_goal(self.steering.connect(states[:-1], states[1:]))
         if polished:
@@ -284,7 +283,6 @@ class HomologyTree:
         return Reference(
             winding=winding,
             signature=self.space.homology.signature(x, winding),
-            path=path,
             trajectory=self.steering.trajectory(path),
         )
 

@@ -1,4 +1,4 @@
-"""One colour per homology class for a whole run, safe for the colour-blind, in recordings and figures."""
+"""One colour and one title per homology class for a whole run, in recordings and figures alike."""
 
 from __future__ import annotations
 
@@ -48,6 +48,15 @@ class ClassColors:
     def names(self) -> list[str]:
         """The class ids met so far, in order of first appearance."""
         return list(self._order)
+
+
+def title(name: str) -> str:
+    """A class id for people: where there are many obstacles only those with turns, as in "+5 -12"."""
+    turns = name.split(",")
+    if len(turns) <= 4:
+        return name
+    parts = [f"{'+' if int(k) > 0 else '-'}{i}" * abs(int(k)) for i, k in enumerate(turns, 1) if int(k)]
+    return " ".join(parts) or "straight"
 
 
 def nth_color(index: int) -> Color:

@@ -9,7 +9,7 @@ import rerun as rr
 
 from pirrht.controller import Plan
 from sim import drawing
-from sim.colors import DEAD_COLOR, ClassColors, Color, fade, mix
+from sim.colors import DEAD_COLOR, ClassColors, Color, fade, mix, title
 from sim.drawing import at_most, lift, packed
 from sim.stage import FLOOR, Subject
 from sim.stream import Stream
@@ -69,18 +69,24 @@ class Pictures:
         colors = [self._colors[name] for name in plan.ids]
         lines = [drawing.even(r.trajectory.points, LIFTED_POINTS) for r in plan.references]
         named = drawing.apart(lines)
-        titles = [f"{name}  {100 * w:.0f} %" for name, w in zip(plan.ids, share, strict=True)]
+        short = [title(name) for name in plan.ids]
         flat = [lift(at_most(r.trajectory.points, REFERENCE_POINTS), 0.05) for r in plan.references]
         radii = (0.012 + 0.02 * np.sqrt(share)).astype(np.float32)
         self._strips("/world/references", flat, colors, radii)
-        self._names("/world/names", [lift(line[i], 0.1) for line, i in zip(lines, named, strict=True)], titles, colors)
+        told = [i for i, w in enumerate(share) if i < LIFTED or w >= 0.01]  # more names than that hide the scene
+        self._names(
+            "/world/names",
+            [lift(lines[i][named[i]], 0.1) for i in told],
+            [f"{short[i]}   {100 * share[i]:.0f} %" for i in told],
+            [colors[i] for i in told],
+        )
         homology, turn = self._subject.space.homology, self._subject.turn
         for obstacle, path, _ in self._subject.lifted:
             chosen = list(zip(plan.references, lines, strict=True))[:LIFTED]
             raised = [lift(line, turn * drawing.remaining(homology, r, line, obstacle)) for r, line in chosen]
             named = drawing.apart(raised)
             self._strips(f"{path}/references", raised, colors, np.full(len(raised), 0.04, np.float32))
-            self._names(f"{path}/names", [line[i] for line, i in zip(raised, named, strict=True)], plan.ids, colors)
+            self._names(f"{path}/names", [line[i] for line, i in zip(raised, named, strict=True)], short, colors)
 
     def _strips(
         self, path: str, strips: Sequence[drawing.Floats], colors: Sequence[Color], radii: drawing.Floats

@@ -1,11 +1,12 @@
 """What a recording holds of a drive, batch by batch: numbers at every step, pictures where they are due.
 
 /steps        a row per control step. At its start: state [m, m, rad], control, clearance [m]; over it:
-              duration [s], noise (sum of the Brownian increments) [sqrt(s)]; up to its end: cost, length [m]
+              duration [s], noise (sum of the Brownian increments) [sqrt(s)]; up to its end: cost, length [m];
+              value, and class by class in the same order: classes (ids and "other"), weights, ess
 /world/robot  pose, and as an arrow where the control would take it; one row more for where the drive ended
 /world/path   position after every physics step
-/why/weight   one number per class in order of first appearance, and one for all other classes; so `ess`
-/why/value    -lambda log psi of all paths, then of each class by itself
+/why/weight   one line for all other classes, then one for each of a few classes as they gain weight; so `ess`
+/why/value    -lambda log psi of all paths, then of each of those classes by itself
 /log          what happened
 /timing/plan  wall time of a plan [ms]
 """
@@ -25,7 +26,7 @@ from pirrht.controller import Plan
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER
 from pirrht.scene import Array
-from sim.colors import ClassColors
+from sim.colors import ClassColors, title
 from sim.drawing import lift
 from sim.episode import Frame
 from sim.pictures import Pictures
@@ -34,6 +35,7 @@ from sim.stream import Stream
 
 BATCH_STEPS = 20  # rows per chunk: a chunk costs 1.3 kB whatever it holds
 BATCH_LEAST, BATCH_TIME = 8, 0.2  # fewer will do once they span so much simulated time [s]
+LINES, CHEAPEST, HEAVY = 12, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
 
 
@@ -96,7 +98,7 @@ class Writer:
         self._colors = ClassColors()
         self._pictures = Pictures(stream, subject, self._colors)
         self._favourite: str | None = None
-        self._named = False
+        self._lines: list[str] = []  # classes that have a line of their own in the plots
         self._batch: list[Row] = []
 
     def begin(self) -> None:
@@ -136,18 +138,28 @@ class Writer:
                 self._pictures.draw(row.plan, row.step, row.time)
 
     def _name_classes(self, rows: Sequence[Row]) -> None:
-        new = [self._colors.meet(row.ids) for row in rows]
-        if self._named and not any(new):
-            return
-        self._named = True
-        names = self._colors.names
-        colors = [self._colors[name] for name in names]
-        titles = [f"class {name}" for name in names]
-        look = {"names": [*titles, OTHER], "colors": [*colors, self._colors[OTHER]]}
+        """Give colours to new classes, and lines in the plots: to the cheapest at first, then to the heavy."""
+        before = list(self._lines)
+        for row in rows:
+            self._colors.meet(row.ids)
+            heavy = [name for name, w in row.weights.items() if w >= HEAVY and name != OTHER]
+            for name in [*(row.ids[:CHEAPEST] if not self._lines else ()), *heavy]:
+                if name not in self._lines and len(self._lines) < LINES:
+                    self._lines.append(name)
+        if self._lines != before:
+            self._name_lines()
+
+    def _name_lines(self) -> None:
+        # The viewer wants the same number of lines at all times; those of equal name share a place in its legend.
+        spare = LINES - len(self._lines)
+        titles = [OTHER, *(f"class {title(name)}" for name in self._lines), *[OTHER] * spare]
+        colors = [self._colors[name] for name in [OTHER, *self._lines, *[OTHER] * spare]]
+        widths = [2.5] * len(titles)
         for path in ("/why/weight", "/why/ess"):
-            self.stream.static(path, rr.SeriesLines(**look, widths=[2.5] * (len(names) + 1)))
-        look = {"names": ["all paths", *titles], "colors": [CONTROL, *colors]}
-        self.stream.static("/why/value", rr.SeriesLines(**look, widths=[3.0] + [1.5] * len(names)))
+            self.stream.static(path, rr.SeriesLines(names=titles, colors=colors, widths=widths))
+        titles = ["all paths" if name == OTHER else name for name in titles]
+        colors = [CONTROL if color == self._colors[OTHER] else color for color in colors]
+        self.stream.static("/why/value", rr.SeriesLines(names=titles, colors=colors, widths=widths))
 
     def _numbers(self, rows: Sequence[Row]) -> None:
         self._columns(
@@ -161,6 +173,10 @@ class Writer:
                 *_values(cost=[r.cost for r in rows]),
                 *_values(length=[r.length for r in rows]),
                 *_values(clearance=[r.clearance for r in rows]),
+                *_values(value=[r.value for r in rows]),
+                *_ragged("classes", [list(r.weights) for r in rows]),
+                *_ragged("weights", [list(r.weights.values()) for r in rows]),
+                *_ragged("ess", [list(r.sizes.values()) for r in rows]),
             ],
         )
 
@@ -188,18 +204,21 @@ class Writer:
         return np.array([c * dx + s * dy, c * dy - s * dx, 0.0])
 
     def _why(self, rows: Sequence[Row]) -> None:
-        names = self._colors.names
-        shown = [*names, OTHER]
-        self._series("/why/weight", rows, [[r.weights.get(n, 0.0) for n in shown] for r in rows])
-        self._series("/why/ess", rows, [[r.sizes.get(n, 0.0) for n in shown] for r in rows])
-        self._series("/why/value", rows, [[r.value, *self._class_values(r, names)] for r in rows])
-
-    def _class_values(self, row: Row, names: Sequence[str]) -> list[float]:
-        """What the value would be if only the paths of one class were allowed."""
-        weights = [row.weights.get(name, 0.0) for name in names]
+        names, spare = self._lines, [inf] * (LINES - len(self._lines))
+        weights, sizes, values = [], [], []
         temperature = self._subject.path_integral.temperature
-        # Infinite where no path was found: NaN would make equal recordings compare unequal.
-        return [row.value - temperature * log(w) if w > 0 else inf for w in weights]
+        for r in rows:
+            share = [r.weights.get(name, 0.0) for name in names]
+            other = sum(r.weights.values()) - sum(share)
+            weights.append([other, *share, *spare])
+            sizes.append([r.sizes.get(OTHER, 0.0), *(r.sizes.get(name, 0.0) for name in names), *spare])
+            # Infinite where no path was found: NaN would make equal recordings compare unequal.
+            by_class = [r.value - temperature * log(w) if w > 0 else inf for w in share]
+            values.append([r.value, *by_class, *spare])
+        for path, table in (("/why/weight", weights), ("/why/ess", sizes), ("/why/value", values)):
+            flat = np.array(table)
+            columns = rr.Scalars.columns(scalars=flat.ravel()).partition([flat.shape[1]] * len(rows))
+            self._columns(path, rows, columns)
 
     def _mark_switch(self, row: Row) -> None:
         if row.favourite is None:
@@ -208,22 +227,23 @@ class Writer:
             self.stream.log("/why/weight/switch", row.step, row.time, rr.Scalars(1.03))
         self._favourite = row.favourite
 
-    def _series(self, path: str, rows: Sequence[Row], table: list[list[float]]) -> None:
-        flat = list(chain.from_iterable(table))
-        columns = rr.Scalars.columns(scalars=flat).partition([len(line) for line in table])
-        self._columns(path, rows, columns)
-
     def _columns(self, path: str, rows: Sequence[Row], columns: Iterable[Any]) -> None:
         self.stream.columns(path, [r.step for r in rows], [r.time for r in rows], columns)
 
 
 def _values(**named: Sequence[Any]) -> Iterable[Any]:
-    """One named component with a row of numbers per step."""
+    """One named component with equally many numbers per step."""
     ((name, rows),) = named.items()
-    table = np.asarray(rows, dtype=float).reshape(len(rows), -1)
-    columns = rr.AnyValues.columns(**{name: table.ravel()})
-    parted: Iterable[Any] = columns.partition([table.shape[1]] * len(rows))
-    return parted
+    return _ragged(name, np.asarray(rows, dtype=float).reshape(len(rows), -1).tolist())
+
+
+def _ragged(name: str, rows: Sequence[list[Any]]) -> Iterable[Any]:
+    """One named component with any number of values per step."""
+    flat = list(chain.from_iterable(rows))
+    if not flat:
+        return ()
+    columns: Iterable[Any] = rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in rows])
+    return columns
 
 
 def _spatial(states: Array) -> Array:
