@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments = _parser().parse_args(argv)
         from sim import commands
 
-        status: int = getattr(commands, arguments.command)(arguments)
+        status: int = commands.COMMANDS[arguments.command](arguments)
         return status
     except PirrhtError as error:
         print(f"pirrht: {error}", file=sys.stderr)
@@ -48,9 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     commands.add_parser("scenes", help="list the built-in scenes")
     plan = commands.add_parser("plan", help="grow the tree and print one row per homology class")
     plan.add_argument("--png", type=Path, metavar="FILE", help="draw tree and references (extra `figures`)")
-    run = commands.add_parser(
-        "run", help="plan, then drive; exit status 0 goal, 1 collision or time-out, 2 bad input"
-    )
+    run = commands.add_parser("run", help="plan, then drive; exit status 0 goal, 1 collision or time-out, 2 bad input")
     _run_options(run)
     estimate = commands.add_parser("estimate", help="what the controller would do at one state")
     estimate.add_argument("--at", type=float, nargs="+", required=True, metavar="X", help="state: X Y [TH]")
@@ -63,15 +61,21 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument("scenes", nargs="+", metavar="SCENE", help="built-in names or MJCF files")
     _common_options(sweep, skip=("noise", "method", "seed"))
     _sweep_options(sweep)
+    world = commands.add_parser("import", help="turn a Gazebo world of static primitives into an MJCF scene")
+    world.add_argument("world", type=Path, metavar="WORLD", help="an SDF file: .world or .sdf")
+    world.add_argument("-o", "--output", type=Path, required=True, metavar="SCENE.xml", help="the scene to write")
+    world.add_argument("--start", type=float, nargs="+", metavar="X", help="start: X Y [TH]")
+    world.add_argument("--goal", type=float, nargs=3, metavar=("X", "Y", "R"), help="goal disc")
+    world.add_argument(
+        "--workspace", type=float, nargs=4, metavar=("X0", "X1", "Y0", "Y1"), help="border of the robot's centre"
+    )
     return parser
 
 
 def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -> None:
     """Options of the contract; None means: what the preset, the scene or the robot says."""
     scene = parser.add_argument_group("scene and robot")
-    scene.add_argument(
-        "--robot", metavar="NAME", help="puck, unicycle, diffdrive or an MJCF file (the scene's own)"
-    )
+    scene.add_argument("--robot", metavar="NAME", help="puck, unicycle, diffdrive or an MJCF file (the scene's own)")
     scene.add_argument("--radius", type=float, metavar="M", help="footprint radius of the robot")
     scene.add_argument("--start", type=float, nargs="+", metavar="X", help="start: X Y [TH]")
     scene.add_argument("--goal", type=float, nargs=3, metavar=("X", "Y", "R"), help="goal disc")
@@ -102,12 +106,8 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
     for group, name, kind, metavar, text in numbers:
         if name not in skip:
             group.add_argument(f"--{name}", type=kind, metavar=metavar, help=text)
-    planner.add_argument(
-        "--exit", metavar="RULE", help="first exit along the step (bridge) or at its end (endpoint)"
-    )
-    planner.add_argument(
-        "--weights", metavar="RULE", help="how references mix: balance or average (the paper)"
-    )
+    planner.add_argument("--exit", metavar="RULE", help="first exit along the step (bridge) or at its end (endpoint)")
+    planner.add_argument("--weights", metavar="RULE", help="how references mix: balance or average (the paper)")
     planner.add_argument(
         "--no-polish",
         dest="polish",
@@ -149,9 +149,7 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _sweep_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--methods", default="pi-rrht", metavar="A,B", help=f"of {', '.join(METHOD_NAMES)} (pi-rrht)"
-    )
+    parser.add_argument("--methods", default="pi-rrht", metavar="A,B", help=f"of {', '.join(METHOD_NAMES)} (pi-rrht)")
     parser.add_argument("--noise", metavar="B1,B2", help="noise levels (the scene's own)")
     parser.add_argument("--seeds", default="0:10", metavar="A:B", help="seeds A to B-1 (0:10)")
     parser.add_argument("--plan-seed", type=int, default=0, metavar="N", help="seed of the trees (0)")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -47,13 +48,11 @@ def plan(arguments: argparse.Namespace) -> int:
     tree, references = _planned(scenario)
     seconds = time.perf_counter() - began
     print(present.class_table(references))
-    print(
-        f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s"
-    )
+    print(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
     if arguments.json:
         present.write_json(arguments.json, present.plan_json(scenario, tree, references, seconds))
     if arguments.png:
-        from sim.pictures import draw_plan
+        from sim.figures import draw_plan
 
         draw_plan(arguments.png, scenario, tree, references)
     return 0
@@ -129,6 +128,28 @@ def sweep(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def import_world(arguments: argparse.Namespace) -> int:
+    """Turn a Gazebo world into a scene."""
+    from sim import worlds
+
+    _check_outputs(arguments, "output")
+    imported = worlds.import_world(
+        arguments.world, arguments.output, start=arguments.start, goal=arguments.goal, workspace=arguments.workspace
+    )
+    print(f"{imported.path}: {imported.geoms} geoms, {imported.obstacles} of them obstacles")
+    return 0
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "scenes": scenes,
+    "plan": plan,
+    "run": run,
+    "estimate": estimate,
+    "sweep": sweep,
+    "import": import_world,
+}
+
+
 def given(arguments: argparse.Namespace) -> dict[str, Any]:
     """What the user said, by setting."""
     skip = {"command", "scene", "scenes", "robot", "radius", "start", "goal", "preset", "json", "png"}
@@ -162,17 +183,13 @@ def _state(at: list[float], scenario: Scenario) -> np.ndarray[Any, np.dtype[np.f
         raise OptionError(f"--at has {len(at)} numbers; it must be X Y or X Y TH, all finite")
     x = np.array([*at, 0.0][:n] if len(at) < n else at[:n], dtype=float)
     if scenario.space.clearance(x) <= 0.0:
-        raise SceneError(
-            f"--at {' '.join(f'{v:g}' for v in at)}: this state is in collision or outside the workspace"
-        )
+        raise SceneError(f"--at {' '.join(f'{v:g}' for v in at)}: this state is in collision or outside the workspace")
     if scenario.loaded.scene.goal.contains(x[:2]):
         raise SceneError(f"--at {' '.join(f'{v:g}' for v in at)}: this state is already in the goal")
     return x
 
 
-def _recorder(
-    arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any
-) -> Any:
+def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any) -> Any:
     if not (arguments.record or arguments.connect or arguments.view):
         return nullcontext()
     from sim.recorder import Recorder

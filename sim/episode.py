@@ -28,9 +28,7 @@ class Frame:
     cost: float  # integral of q + u'Ru/2 up to the end of this period
     length: float  # driven up to there [m]
     clearance: float  # FCL's clearance at the start of the period [m]
-    driven_class: tuple[
-        int, ...
-    ]  # class of the path up to the end of the period, completed straight to the goal
+    driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
     plan_seconds: float  # wall time the plan took [s]
 
     @property

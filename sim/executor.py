@@ -25,9 +25,7 @@ from sim.mjcf import Loaded
 from sim.robots import STATES
 from sim.stance import stance_of
 
-Control = Callable[
-    [Array, float], Array
-]  # state (n,), time since the start of the period [s] -> control (m,)
+Control = Callable[[Array, float], Array]  # state (n,), time since the start of the period [s] -> control (m,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -147,9 +147,7 @@ class Scope:
         state = next((s for s in self.state.findall(part.tag) if s.get("name") in names), None)
         scale = None if state is None else state.findtext("scale")
         if scale is not None and not np.array_equal(numbers(scale, 3), [1, 1, 1]):  # type: ignore[arg-type]
-            self.refuse(
-                f"<state> scales {label_of(part)} by {scale.strip()!r}; scale its sizes and write 1 1 1"
-            )
+            self.refuse(f"<state> scales {label_of(part)} by {scale.strip()!r}; scale its sizes and write 1 1 1")
         return state
 
     def _transform(self, pose: ET.Element, what: str) -> Array:

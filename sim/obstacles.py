@@ -174,8 +174,6 @@ def _height_range(obstacle: Obstacle) -> tuple[float, float]:
 def _extent(centre: Array, rotation: Array, size: Array, what: str, path: Path) -> tuple[Array, Array]:
     turn = np.abs(rotation.reshape(3, 3))
     if np.any(np.minimum(turn, np.abs(1 - turn)) > 1e-6):
-        raise SceneError(
-            f"{path}: {what} is askew; the domain is aligned with the axes: turn it by quarter turns"
-        )
+        raise SceneError(f"{path}: {what} is askew; the domain is aligned with the axes: turn it by quarter turns")
     half = turn @ size
     return np.array(centre[:2] - half[:2]), np.array(centre[:2] + half[:2])

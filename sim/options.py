@@ -10,12 +10,12 @@ import numpy as np
 
 from pirrht.controller import METHODS
 from pirrht.errors import OptionError
-from pirrht.path_integral import EXITS, WEIGHTS
+from pirrht.path_integral import EXITS, GUIDES, WEIGHTS
 
 PLANTS = ("mujoco", "sde")
 PRESETS: dict[str, dict[str, Any]] = {
     # The paper plans every dt and holds an open-loop control, averages over the classes and reads exit at step ends.
-    "paper": {"dt": 0.1, "period": 0.1, "exit": "endpoint", "weights": "average"},
+    "paper": {"dt": 0.1, "period": 0.1, "exit": "endpoint", "weights": "average", "guide": "open-loop"},
 }
 PAPER_SAMPLES = {"single_integrator": 200, "unicycle": 300}
 
@@ -39,6 +39,7 @@ class Settings:
     plant: str = "mujoco"
     exit: str = "bridge"
     weights: str = "balance"
+    guide: str = "feedback"
     polish: bool = True
     max_time: float = 30.0
     threads: int | None = None
@@ -55,22 +56,16 @@ class Settings:
         for name, bound in least.items():
             value = getattr(self, name)
             if value is not None and value < bound:
-                raise OptionError(
-                    f"--{_flag(name)} is {value}; it must be a whole number of at least {bound}"
-                )
-        choices = {"method": METHODS, "plant": PLANTS, "exit": EXITS, "weights": WEIGHTS}
+                raise OptionError(f"--{_flag(name)} is {value}; it must be a whole number of at least {bound}")
+        choices = {"method": METHODS, "plant": PLANTS, "exit": EXITS, "weights": WEIGHTS, "guide": GUIDES}
         for name, known in choices.items():
             if getattr(self, name) not in known:
-                raise OptionError(
-                    f"--{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}"
-                )
+                raise OptionError(f"--{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
 
 
 ROBOT_DEFAULTS = {
     "single_integrator": Settings(),
-    "unicycle": Settings(
-        noise=0.03, phi=1000.0, vertices=2000, samples=300, period=0.1, limit=0.8, max_time=60.0
-    ),
+    "unicycle": Settings(noise=0.03, phi=1000.0, vertices=2000, samples=300, period=0.1, limit=0.8, max_time=60.0),
 }
 
 

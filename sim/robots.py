@@ -128,9 +128,7 @@ def _at_origin(model: mujoco.MjModel) -> bool:
 
 def _check_wheels(model: mujoco.MjModel, states: int, path: Path) -> None:
     if states != 3:
-        raise SceneError(
-            f'{path}: a robot with a free joint moves as a "unicycle"; name that as its dynamics'
-        )
+        raise SceneError(f'{path}: a robot with a free joint moves as a "unicycle"; name that as its dynamics')
     if int(model.jnt_bodyid[0]) != model.body("robot").id or not _at_origin(model):
         raise SceneError(f'{path}: body "robot" must stand at the origin and have the free joint itself')
     ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
@@ -138,13 +136,10 @@ def _check_wheels(model: mujoco.MjModel, states: int, path: Path) -> None:
         raise SceneError(f'{path}: a robot on wheels needs a plane geom "{GROUND}" of its own, at the origin')
     if model.geom_contype[ground] or model.geom_conaffinity[ground]:
         raise SceneError(
-            f'{path}: geom "{GROUND}" must meet the wheels in contact pairs; write contype="0" '
-            'conaffinity="0"'
+            f'{path}: geom "{GROUND}" must meet the wheels in contact pairs; write contype="0" conaffinity="0"'
         )
     joints = model.actuator_trnid[:, 0]
-    if np.any(model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) or np.any(
-        model.jnt_type[joints] != _HINGE
-    ):
+    if np.any(model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) or np.any(model.jnt_type[joints] != _HINGE):
         raise SceneError(f"{path}: every actuator of a robot on wheels must drive a hinge joint")
 
 

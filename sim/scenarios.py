@@ -92,7 +92,7 @@ class Scenario:
         s = self.settings
         first = s.period if s.period < s.dt else None
         return Sampling(
-            dt=s.dt, first=first, samples=s.samples, exit=s.exit, weights=s.weights, threads=s.threads
+            dt=s.dt, first=first, samples=s.samples, exit=s.exit, weights=s.weights, guide=s.guide, threads=s.threads
         )
 
     def plant(self) -> Plant:

@@ -171,9 +171,7 @@ def _ground(link: Scope, collision: ET.Element, plane: ET.Element) -> list[Array
         link.refuse(f"<plane> of {label_of(collision)} has no <normal>; write 0 0 1")
     up = pose[:3, :3] @ normal / np.linalg.norm(normal)
     if up[2] < 1 - _LEVEL or abs(pose[2, 3]) > _LEVEL:
-        link.refuse(
-            f"{label_of(collision)} is a plane other than the ground z = 0; write a box, or remove it"
-        )
+        link.refuse(f"{label_of(collision)} is a plane other than the ground z = 0; write a box, or remove it")
     size = numbers(plane.findtext("size"), 2)
     if size is None or not np.all(size > 0):
         return []

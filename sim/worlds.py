@@ -130,9 +130,7 @@ def _check_target(source: Path, target: Path) -> None:
         raise SceneError(f"{target}: this is a folder or the world itself; choose another name")
 
 
-def _numbers(
-    source: Path, option: str, given: Sequence[float] | Array | None, counts: tuple[int, ...]
-) -> Array:
+def _numbers(source: Path, option: str, given: Sequence[float] | Array | None, counts: tuple[int, ...]) -> Array:
     if given is None:
         raise SceneError(f"{source}: a world does not tell it: add {option}")
     values = np.array(given, dtype=float)
