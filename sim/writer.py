@@ -33,8 +33,8 @@ from sim.pictures import Pictures
 from sim.stage import CONTROL, Subject, properties, stage
 from sim.stream import Stream
 
-BATCH_STEPS = 25  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
-BATCH_LEAST, BATCH_TIME = 8, 0.2  # fewer will do once they span so much simulated time [s]
+BATCH_STEPS = 32  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
+BATCH_LEAST, BATCH_TIME = 8, 0.32  # fewer will do once they span so much simulated time [s]
 LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
 

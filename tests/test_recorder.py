@@ -1,0 +1,267 @@
+"""Recordings read back: what is in them, what they cost, and what happens when a run or a viewer dies."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from pirrht.controller import Controller
+from pirrht.dynamics import SingleIntegrator
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.path_integral import Sampling
+from pirrht.problem import Problem
+from pirrht.steering import StraightLine
+from pirrht.tree import HomologyTree
+from sim import drawing, viewer
+from sim.colors import PALETTE, ClassColors, title
+from sim.episode import Frame, Tally, run
+from sim.executor import Executor
+from sim.mjcf import load
+from sim.recorder import ROOM, Recorder
+from sim.stream import Stream
+
+PERIOD, MAX_TIME = 0.01, 0.5
+STATIC_BYTES = 350_000  # scene, robot, tree, legend, and 140 kB of blueprint
+
+
+class Drive:
+    """The slit under noise, with everything a recorder wants to know; the same every time."""
+
+    def __init__(self, seed: int = 0) -> None:
+        self.loaded = load("slit")
+        self.scene = self.loaded.scene
+        self.space = FreeSpace.of(self.scene)
+        problem = Problem(dynamics=SingleIntegrator(b=0.3), scene=self.scene, R=2 * np.eye(2))
+        self.tree = HomologyTree(self.space, StraightLine(), limit=0.6, rng=np.random.default_rng(seed))
+        self.tree.grow(200)
+        self.controller = Controller(
+            problem, self.space, self.tree, Sampling(samples=60), rng=np.random.default_rng(seed)
+        )
+        self.plant = Executor(self.loaded, problem, period=PERIOD)
+        self.plant_rng = np.random.default_rng(seed)
+
+    def recorder(self, file: Path | None = None, **options) -> Recorder:
+        settings = {"scene": "slit", "seed": 0, "noise": 0.3, "method": "pi-rrht"}
+        integral = self.controller.path_integral
+        return Recorder(self.loaded, self.space, self.tree, integral, file=file, settings=settings, **options)
+
+    def frames(self, max_time: float = MAX_TIME) -> Iterator[Frame]:
+        return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time)
+
+
+def record(file: Path) -> tuple[list[Frame], list[str], list[float]]:
+    drive, tally = Drive(), Tally(PERIOD)
+    frames, news, spent = [], [], []
+    with drive.recorder(file) as recorder:
+        for frame in drive.frames():
+            line = tally.add(frame)
+            began = time.perf_counter()
+            recorder.log(frame, line)
+            spent.append(time.perf_counter() - began)
+            frames.append(frame)
+            news += [line] if line else []
+    return frames, news, spent
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    file = tmp_path_factory.mktemp("recording") / "slit.rrd"
+    return file, *record(file)
+
+
+def columns(file: Path) -> dict[str, dict[str, list]]:
+    """All temporal rows by entity and column, in the order of the file."""
+    table: dict[str, dict[str, list]] = defaultdict(lambda: defaultdict(list))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a file without footer is what one of the tests is about
+        for chunk in RrdReader(str(file)).stream():
+            if not chunk.is_static:
+                batch = chunk.to_record_batch()
+                for name in batch.schema.names:
+                    table[chunk.entity_path][name] += batch.column(name).to_pylist()
+    return table
+
+
+def rerun(*arguments: str | Path) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "rerun", *map(str, arguments)]
+    return subprocess.run(command, env={**os.environ, "CI": "1"}, capture_output=True, text=True, timeout=60)
+
+
+def test_every_step_is_a_row_with_the_numbers_of_its_frame(recorded):
+    file, frames, _, _ = recorded
+    steps = columns(file)["/steps"]
+    assert steps["step"] == [frame.step for frame in frames]
+    assert np.allclose([t.total_seconds() for t in steps["sim_time"]], [f.time for f in frames], atol=2e-6)
+    assert np.array_equal(steps["state"], [frame.plan.state for frame in frames])
+    assert np.array_equal(steps["control"], [frame.plan.control for frame in frames])
+    assert np.array_equal(steps["noise"], [frame.advance.noise.sum(axis=0) for frame in frames])
+    assert np.array_equal(np.ravel(steps["cost"]), [frame.cost for frame in frames])
+    assert np.array_equal(np.ravel(steps["clearance"]), [frame.clearance for frame in frames])
+    assert np.array_equal(np.ravel(steps["value"]), [frame.plan.estimate.value for frame in frames])
+    for i, frame in enumerate(frames):
+        named = dict(zip(steps["classes"][i], steps["weights"][i], strict=True))
+        assert named == frame.plan.estimate.class_weights
+        assert steps["ess"][i] == list(frame.plan.estimate.class_ess.values())
+
+
+def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded):
+    file, frames, news, _ = recorded
+    table = columns(file)
+    robot = table["/world/robot"]
+    assert np.allclose(np.array(robot["Transform3D:translation"])[-1, 0, :2], frames[-1].state, atol=1e-6)
+    assert len(robot["step"]) == len(frames) + 1
+    assert [text for line in table["/log"]["TextLog:text"] for text in line] == news
+    for path in ("/world/path", "/why/weight", "/why/value", "/why/ess", "/timing/plan"):
+        assert len(table[path]["step"]) == len(frames), path
+    for path in ("/world/references", "/world/tape", "/tree/1/references", "/world/samples/dead"):
+        assert 2 <= len(table[path]["step"]) <= 2 + 5 * MAX_TIME, path
+    entities = {chunk.entity_path for chunk in RrdReader(str(file)).stream()}
+    for path in ("/world/scene/obstacles/boxes", "/world/robot/body/cylinders", "/tree/2/edges", "/about"):
+        assert path in entities
+    timelines = {name for chunk in RrdReader(str(file)).stream() for name in chunk.timeline_names}
+    assert timelines == {"step", "sim_time"}
+    assert RrdReader(str(file)).blueprints()
+
+
+def test_a_closed_recording_is_whole(recorded):
+    result = rerun("rrd", "verify", recorded[0])
+    assert result.returncode == 0, result.stderr
+
+
+def test_two_runs_of_one_seed_differ_in_wall_time_only(recorded, tmp_path):
+    again = tmp_path / "again.rrd"
+    record(again)
+    timeless = []
+    for file in (recorded[0], again):
+        timeless.append(tmp_path / f"{file.stem}-timeless.rrd")
+        assert rerun("rrd", "filter", "--drop-entity", "/timing/plan", file, "-o", timeless[-1]).returncode == 0
+    result = rerun("rrd", "compare", *timeless)
+    assert result.returncode == 0, result.stderr[-2000:]
+
+
+def test_size_and_time_stay_within_bounds(recorded):
+    file, frames, _, spent = recorded
+    assert file.stat().st_size <= STATIC_BYTES + 450_000 * frames[-1].end_time
+    assert np.mean(spent) < 2e-3  # 0.2 ms is asked for, 0.02 ms usual; a busy machine may need more
+
+
+def test_a_killed_run_leaves_all_but_its_last_moments(tmp_path):
+    file = tmp_path / "killed.rrd"
+    code = (
+        "import sys; from pathlib import Path; from test_recorder import Drive\n"
+        "drive = Drive()\n"
+        "with drive.recorder(Path(sys.argv[1])) as recorder:\n"
+        "    for frame in drive.frames(max_time=30.0):\n"
+        "        recorder.log(frame); print(frame.step, flush=True)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(file)], cwd=Path(__file__).parent, stdout=subprocess.PIPE, text=True
+    )
+    written = []
+    for line in process.stdout:
+        written.append((int(line), time.monotonic()))
+        if written[-1][0] == 100:
+            break
+    process.send_signal(signal.SIGKILL)
+    killed = time.monotonic()
+    process.wait()
+    rows = columns(file)["/steps"]["step"]
+    assert rows == list(range(len(rows)))
+    due = [step for step, when in written if when < killed - 1.0]  # 0.2 s on an idle machine
+    assert len(rows) > max(due, default=60)
+
+
+def test_a_viewer_that_is_not_there_is_refused_quickly(tmp_path):
+    drive, file = Drive(), tmp_path / "none.rrd"
+    began = time.monotonic()
+    with pytest.raises(OptionError, match=r"rerun\+http://127.0.0.1:9/proxy.*listens.*rerun --bind"):
+        drive.recorder(file, connect="rerun+http://127.0.0.1:9/proxy")
+    assert time.monotonic() - began < 2.0
+    assert not file.exists()
+
+
+@pytest.mark.parametrize("url", ["localhost", "http://127.0.0.1:9876/proxy", "rerun+http://127.0.0.1:99999/proxy"])
+def test_an_address_that_is_no_viewers_is_refused_with_an_example(url):
+    with pytest.raises(OptionError, match=r"write one like rerun\+http://"):
+        viewer.probe(url)
+
+
+def test_a_viewer_needs_a_display(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    with pytest.raises(OptionError, match=r"display.*--record"):
+        viewer.spawn()
+
+
+def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
+    drive, release = Drive(), threading.Event()
+    frame = next(drive.frames())
+    monkeypatch.setattr(viewer, "probe", lambda url: None)
+    monkeypatch.setattr(Stream, "connect", lambda self, url, blueprint: release.wait())
+    monkeypatch.setattr("sim.recorder.GRACE", 0.1)
+    recorder = drive.recorder(tmp_path / "both.rrd", connect=viewer.EXAMPLE)
+    began = time.monotonic()
+    for _ in range(ROOM + 100):
+        recorder.log(frame)
+    assert time.monotonic() - began < 5.0
+    recorder.close()
+    assert recorder.dropped == ROOM + 100
+    assert len(columns(tmp_path / "both.rrd")["/steps"]["step"]) == ROOM + 100
+
+
+def test_output_that_cannot_be_written_is_named_before_the_run(tmp_path):
+    drive = Drive()
+    for file, reason in ((tmp_path / "no" / "a.rrd", "does not exist"), (tmp_path, "cannot be written")):
+        with pytest.raises(OptionError, match=reason) as caught:
+            drive.recorder(file)
+        assert str(file) in str(caught.value)
+
+
+def test_a_run_without_frames_leaves_the_old_file_alone(tmp_path):
+    file = tmp_path / "old.rrd"
+    file.write_bytes(b"precious")
+    with pytest.raises(ZeroDivisionError), Drive().recorder(file):
+        raise ZeroDivisionError
+    assert file.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize(("option", "value"), [("hz", 0.0), ("hz", float("nan")), ("samples", "few")])
+def test_options_that_cannot_work_are_refused(option, value):
+    with pytest.raises(OptionError, match="--record-"):
+        Drive().recorder(**{option: value})
+
+
+def test_classes_keep_their_colours_and_have_short_titles():
+    colors = ClassColors()
+    assert colors.meet(("0,0", "0,-1"))
+    assert not colors.meet(("0,-1", "other"))
+    assert (colors["0,0"], colors["0,-1"]) == PALETTE[:2]
+    assert len({colors[str(i)] for i in range(16)}) == 16
+    assert title("0,-1") == "0,-1"
+    assert title("0,0,0,0,1,0,-1") == "+5 -7"
+
+
+def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side():
+    drive = Drive()
+    homology = drive.space.homology
+    for reference in drive.tree.references(drive.scene.start[:2]):
+        line = drawing.even(reference.trajectory.points, 32)
+        for k in range(homology.M):
+            height = drawing.remaining(homology, reference, line, k)
+            assert height[0] == reference.signature[k]
+            assert height[-1] == pytest.approx(1.0 + homology.straight(line[-1:])[0, k], abs=1e-9)
+            assert np.abs(np.diff(height)).max() < 0.25
