@@ -20,7 +20,7 @@ from pirrht.memory import load_float32, load_int32
 from pirrht.scene import Array, Scene
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
-BAND = 3.0  # a cell is refined where its clearance is less than this many of its own widths
+BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
 REACH = 1.0  # the field is cut off at this clearance [m]; exits and bridges are decided far below it
 FREE, UNSURE, BLOCKED = 1, 0, -1
 LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m] is left to FCL
@@ -100,13 +100,17 @@ class _Sampler:
         index = np.argwhere(mask)
         points = self.scene.lower + index * width
         r = self.scene.robot_radius
+        reach = REACH
         if guess is None:
             shape = mask.shape
             guess = (np.full(shape, REACH), np.full(shape, REACH), np.full(shape, -1, dtype=np.int64))
+        else:
+            reach = min(REACH, 2.0 * (BAND + 1.5) * width)  # no nearest component of a refined cell is farther
         nearest, second, label = guess
         if len(points) and self.groups:
-            one, two, which = self.collision.nearest_groups(points, self.groups, REACH + r)
-            nearest[mask], second[mask], label[mask] = one - r, two - r, which
+            one, two, which = self.collision.nearest_groups(points, self.groups, reach + r)
+            nearest[mask], label[mask] = one - r, which
+            second[mask] = np.where(two < reach + r, two - r, np.maximum(second[mask], reach))
         return nearest, second, label
 
 

@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# From nothing to a recorded drive: a virtual environment, the package, and the paper's first example.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source scripts/environment.sh
+prepare "."
+pirrht run slit --record slit.rrd "$@"

@@ -1,0 +1,10 @@
+#!/usr/bin/env bash
+# Lint, types and the whole test suite on a fresh machine.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source scripts/environment.sh
+prepare ".[test,figures]"
+ruff check .
+ruff format --check .
+mypy
+python -m pytest --numprocesses 2 --dist loadfile "$@"
