@@ -167,7 +167,7 @@ def _build(
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
     def one_path(world, guides, h, x0, seed, sample, ratio, states, applied):  # type: ignore[no-untyped-def]
-        """Simulate one sample; `ratio` (H,), `states` (T+1, n) and `applied` (up to T, m) are filled as far as they go."""
+        """Simulate one sample; `ratio` (H,), `states` (T+1, n), `applied` (up to T, m) are filled as far as they go."""
         field, goal, radius, p = world.field, world.goal, world.goal_radius, world.parameters
         markers, weights, times, drifts, controls = (
             world.markers, world.weights, guides.times, guides.drift, guides.control,
@@ -196,7 +196,7 @@ def _build(
             if drifting:
                 drift(x, p, f)
             cov = (xx * dt, xy * dt, yy * dt)
-            # The push B' grad log h away from the nearest wall, h = erf(c / reach): survivors lean that way by themselves.
+            # The push B' grad log h away from the nearest wall, h = erf(c / reach): survivors lean that way anyway.
             near = noisy_position and (0.0 < before[0] < 3.0 * reach or 0.0 < before[1] < 3.0 * reach)
             if near:
                 c = max(min(before[0], before[1]), 0.5 * math.sqrt(max(cov[0], cov[2]))) / reach
@@ -280,6 +280,10 @@ def _build(
                     until = dt * share
             else:
                 exit, share = sweep_exit(field, goal, radius, x[0], x[1], moved[0], moved[1])
+                if exit != INSIDE:  # decided before this step's noise, which therefore must not weigh
+                    until = 0.0
+                    for j in range(m):
+                        y[j] = 0.0
             if weigh:
                 for g in range(H):
                     for j in range(m):
@@ -296,12 +300,15 @@ def _build(
     @kernel
     def sample(world, guides, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
         nothing = np.empty((0, 1))
+        now = np.empty((1, m))
         h = 0
         for s in range(start, stop):
             while s >= guides.first[h + 1]:
                 h += 1
-            work, key, outcome, steps = one_path(world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, nothing)
+            work, key, outcome, steps = one_path(world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, now)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
+            for j in range(m):
+                paths.now[s, j] = now[0, j]
 
     @kernel
     def control(world, guides, x0, seed, chosen, group, weight, total, alive):  # type: ignore[no-untyped-def]
