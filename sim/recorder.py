@@ -137,7 +137,9 @@ class _Target:
 
     def __init__(self, subject: Subject, connect: Connect, *, url: str | None = None) -> None:
         self.dropped = 0
-        self._subject, self._connect, self._url = subject, connect, url
+        self._connect, self._url = connect, url
+        self._writer = Writer(Stream(subject.id, orderly=url is None), subject)
+        self._writer.begin()  # kept in memory until the first frame comes: a file is not touched before
         self._rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
         self._closing, self._done = threading.Event(), threading.Event()
         self._failure: Exception | None = None
@@ -174,33 +176,27 @@ class _Target:
             raise OptionError(f"the recording broke off: {self._failure}") from self._failure
 
     def _work(self) -> None:
-        writer: Writer | None = None
+        connected = False
         try:
             while self._rows or not self._closing.is_set():
                 if not self._rows:
                     time.sleep(NAP)
                     continue
-                if writer is None:
-                    writer = self._open()
+                if not connected:
+                    self._connect(self._writer.stream)
+                    connected = True
                 self._under_way += 1
-                if writer.add(self._rows.popleft()):
-                    self._deliver(writer.stream)
+                if self._writer.add(self._rows.popleft()):
+                    self._deliver(self._writer.stream)
                     self._under_way = 0
-            if writer is not None:
-                writer.end()
+            if connected:
+                self._writer.end()
         except Exception as error:  # the control thread reports it, or goes on without the viewer
             self._failure = error
         self._done.set()
         if self._failure is not None and self._url is not None:
             # Letting go of a stream waits for its viewer, who is gone: hold it until the process ends.
             threading.Event().wait()
-
-    def _open(self) -> Writer:
-        stream = Stream(self._subject.id, orderly=self._url is None)
-        self._connect(stream)
-        writer = Writer(stream, self._subject)
-        writer.begin()
-        return writer
 
     def _deliver(self, stream: Stream) -> None:
         """See a batch off before the next one is drawn: what a viewer cannot take must not pile up."""
@@ -235,8 +231,9 @@ def _check_writable(file: Path) -> None:
 
 
 def _warm_up(path_integral: PathIntegral) -> None:
-    """Have the tracing kernel compiled before the drive, not beside it."""
+    """Have the kernels behind pictures compiled before the drive, not beside it."""
     problem = path_integral.problem
     x = problem.scene.start[: problem.dynamics.n]
     rollouts = path_integral.rollout(x, np.arange(3.0), np.zeros((1, 2, problem.dynamics.m)), 0, counts=[1])
     path_integral.trace(rollouts, np.zeros(1, np.int64))
+    path_integral.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
