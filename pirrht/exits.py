@@ -135,7 +135,7 @@ def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  
 
 @kernel
 def at_crossing(field, goal, x, y, dx, dy, outcome, share, radius, deviation, state):  # type: ignore[no-untyped-def]
-    """Displacement of an isotropic bridge at its first crossing, given its displacement (dx, dy) at the end of the step.
+    """Displacement of an isotropic bridge at its first crossing; (dx, dy) is that at the end of the step.
 
     Towards the wall or the goal's disc it is the distance to it; along it the bridge is drawn.
     """

@@ -85,7 +85,8 @@ def enlarged(graph: Graph, vertices: int, edges: int, nodes: int, queue: int) ->
         queue_vertex=np.zeros(queue, np.int32),
         queue_key=np.zeros(queue, np.int64),
     )
-    for old, new in zip(graph, bigger, strict=True):
+    arrays: list[tuple[NDArray[Any], NDArray[Any]]] = list(zip(graph, bigger, strict=True))  # type: ignore[arg-type]
+    for old, new in arrays:
         new[tuple(slice(0, length) for length in old.shape)] = old
     return bigger
 
@@ -193,7 +194,7 @@ def _evict(graph, vertex, slot):  # type: ignore[no-untyped-def]
 @jitable
 def within_limit(signature, limit):  # type: ignore[no-untyped-def]
     """The paper's allowed set: |1 - H_i| <= limit for every obstacle; the signature (M,) comes without the 1."""
-    for k in range(signature.shape[0]):
+    for k in range(signature.shape[0]):  # noqa: SIM110
         if abs(signature[k]) > limit:
             return False
     return True

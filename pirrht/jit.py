@@ -24,12 +24,12 @@ _inlined: set[str] = set()
 _HERE = Path(__file__).resolve().parent
 
 
-def kernel(function: F) -> F:
+def kernel(function: Callable[..., Any]) -> Any:
     """Compile a numeric function: without the interpreter lock, cached on disk, IEEE division."""
     return _compiled(function)
 
 
-def inlined(function: F) -> F:
+def inlined(function: Callable[..., Any]) -> Any:
     """The same for a small function of numbers, which is always inlined: a call would cost more than it does."""
     return _compiled(function, forceinline=True)
 
@@ -52,11 +52,11 @@ def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
     return compiled
 
 
-def _compiled(function: F, **options: Any) -> F:
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_FOLDER)  # read when a function is decorated, and only then
     try:
-        compiled: F = njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+        compiled = njit(cache=True, nogil=True, error_model="numpy", **options)(function)
     finally:
         numba.config.CACHE_DIR = before
     return compiled

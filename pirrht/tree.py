@@ -142,7 +142,7 @@ class HomologyTree:
         heads = near[edges.free]
         count, found = self._classes_over(x, heads, edges)
         if count == 0:
-            raise NoReference(x, vertices=self.size, limit=None if self._predicate else self.limit)
+            raise NoReference(x.tolist(), vertices=self.size, limit=None if self._predicate else self.limit)
         best = np.argsort(found.cost[:count], kind="stable")
         references = [
             self._reference(x, int(heads[found.edge[i]]), int(found.slot[i]), found.turns[i], polished) for i in best

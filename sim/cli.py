@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="pirrht",
-        description="Topology-guided path integral control (PI-RRHT*): plan with FCL, drive in MuJoCo, record in Rerun.",
+        description="Topology-guided path integral control (PI-RRHT*): plan with FCL, drive in MuJoCo, watch in Rerun.",
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     commands.add_parser("scenes", help="list the built-in scenes")

@@ -234,7 +234,8 @@ def _bar(what: str, total: float, unit: str) -> Any:
 def _print_summary(result: dict[str, Any]) -> None:
     ms = result["step_ms"]
     print(
-        f"{result['outcome']} after {result['time']:.2f} s: cost {result['cost']:.3f}, path {result['path_length']:.2f} m, "
+        f"{result['outcome']} after {result['time']:.2f} s: cost {result['cost']:.3f}, "
+        f"path {result['path_length']:.2f} m, "
         f"class {result['executed_class'] or 'none'}, {result['class_switches']} class switches, "
         f"least clearance {result['min_clearance']:.3f} m"
     )

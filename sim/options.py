@@ -1,4 +1,4 @@
-"""The settings of a run: defaults by robot, what the scene asks for, a preset, and what the user said, in that order."""
+"""The settings of a run: robot defaults, what the scene asks for, a preset and what the user said, in that order."""
 
 from __future__ import annotations
 
