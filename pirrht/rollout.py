@@ -51,7 +51,7 @@ class Guides(NamedTuple):
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
     corners: Array  # (H, C, 2) what to head for, one after the other, instead of the tape [m]
     beyond: Array  # (H, C, 2) normal of the line past which a corner is behind
-    count: NDArray[np.int64]  # (H,) number of corners; 0: follow the tape
+    count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) number of corners; 0: follow the tape
     speed: float  # towards a corner [m/s]
     reach: float  # walls push within about this distance [m]; 0: they do not
 

@@ -83,12 +83,8 @@ def test_the_task_is_a_car_that_crosses_a_field_of_ten_metres():
 def test_ten_obstacles_or_more_of_all_shapes_stand_free():
     loaded, space = course()
     assert len(space.obstacles) >= 10
-    assert sum(len(part.members) for part in space.obstacles) == len(
-        loaded.scene.obstacles
-    )  # none at the border
-    assert [part.names for part in space.obstacles if len(part.members) > 1] == [
-        ("corner crate", "corner drum")
-    ]
+    assert sum(len(part.members) for part in space.obstacles) == len(loaded.scene.obstacles)  # none at the border
+    assert [part.names for part in space.obstacles if len(part.members) > 1] == [("corner crate", "corner drum")]
     assert {o.kind for o in loaded.scene.obstacles} == set(Kind) - {Kind.MESH}
 
 

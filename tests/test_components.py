@@ -139,9 +139,7 @@ def test_markers_lie_in_their_inflated_solids(kind):
     rng = np.random.default_rng(1)
     for seed in range(20):
         turn = Rotation.random(random_state=seed)
-        obstacle = solid(
-            kind, rng.uniform(0.1, 1.0, 3), rng.uniform(-1, 1, 2), turn, height=rng.uniform(-0.5, 0.7)
-        )
+        obstacle = solid(kind, rng.uniform(0.1, 1.0, 3), rng.uniform(-1, 1, 2), turn, height=rng.uniform(-0.5, 0.7))
         for component in found(obstacle):
             assert Collision(scene_of(obstacle)).distance(component.marker[None])[0] <= RADIUS
 

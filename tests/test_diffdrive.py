@@ -27,18 +27,14 @@ def steady(value: float):
 
 
 @pytest.mark.parametrize("timestep", [0.002, 0.01])
-@pytest.mark.parametrize(
-    ("V", "turn"), [(1.0, 0.0), (1.0, 0.5), (1.0, 1.5), (1.0, 3.0), (1.0, -3.0), (0.5, 2.0)]
-)
+@pytest.mark.parametrize(("V", "turn"), [(1.0, 0.0), (1.0, 0.5), (1.0, 1.5), (1.0, 3.0), (1.0, -3.0), (0.5, 2.0)])
 def test_speed_and_turn_rate_are_tracked_within_a_percent(tmp_path, V, turn, timestep):
     _, plant = wheeled(tmp_path, V=V, option=f'<option timestep="{timestep}" gravity="0 0 0"/>')
     states = plant.advance(steady(turn), np.random.default_rng(0)).states
     steps = np.diff(states[len(states) // 4 :], axis=0) / timestep
     assert np.hypot(steps[:, 0], steps[:, 1]).mean() == pytest.approx(V, rel=0.01)
     assert steps[:, 2].mean() == pytest.approx(turn, rel=0.01, abs=1e-3)
-    assert np.ptp(states[:, 2]) == pytest.approx(
-        4 * abs(turn), abs=0.03 * abs(turn) + 1e-3
-    )  # unwrapped, late
+    assert np.ptp(states[:, 2]) == pytest.approx(4 * abs(turn), abs=0.03 * abs(turn) + 1e-3)  # unwrapped, late
 
 
 def test_heading_diffuses_as_the_equation_says(tmp_path):

@@ -34,9 +34,7 @@ def near_degenerate(count: int, seed: int) -> tuple[Array, Array]:
     tails[:, 2] = rng.integers(-4, 5, count) * np.pi / 4
     gap = rng.choice([0.0, 1e-7, 1e-3, 1.0, 2.0, 4.0, np.sqrt(8.0)], count) * R
     bearing = rng.integers(-4, 5, count) * np.pi / 4
-    heads = np.column_stack(
-        [gap * np.cos(bearing), gap * np.sin(bearing), rng.integers(-4, 5, count) * np.pi / 4]
-    )
+    heads = np.column_stack([gap * np.cos(bearing), gap * np.sin(bearing), rng.integers(-4, 5, count) * np.pi / 4])
     heads[:, :2] *= 1.0 + rng.choice([0.0, 1e-9, -1e-9, 1e-5], count)[:, None]
     return tails, heads
 
@@ -85,9 +83,7 @@ def brute_force(tails: Array, heads: Array, eps: float) -> Array:
     return best * R
 
 
-@pytest.mark.parametrize(
-    "sample", [pairs(100_000, 1), pairs(20_000, 2, span=1.5), near_degenerate(20_000, 3)]
-)
+@pytest.mark.parametrize("sample", [pairs(100_000, 1), pairs(20_000, 2, span=1.5), near_degenerate(20_000, 3)])
 def test_distance_is_the_least_over_all_words(sample: tuple[Array, Array]) -> None:
     tails, heads = sample
     length = CAR.distance(tails, heads) * CAR.V
@@ -99,9 +95,7 @@ def test_distance_is_the_least_over_all_words(sample: tuple[Array, Array]) -> No
     np.testing.assert_allclose(length, np.where(most - least < 1e-8, most, length), rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize(
-    "sample", [pairs(100_000, 4), pairs(20_000, 5, span=1.0), near_degenerate(20_000, 6)]
-)
+@pytest.mark.parametrize("sample", [pairs(100_000, 4), pairs(20_000, 5, span=1.0), near_degenerate(20_000, 6)])
 def test_curves_reach_their_heads_at_the_stated_cost(sample: tuple[Array, Array]) -> None:
     tails, heads = sample
     curves = CAR.connect(tails, heads)
@@ -265,9 +259,7 @@ def grown() -> HomologyTree:
         start=np.array([0.6, 4.0, 0.0]), robot_radius=0.15,
         goal=Goal(center=np.array([7.4, 4.6]), radius=0.35),
     )  # fmt: skip
-    tree = HomologyTree(
-        FreeSpace.of(scene), Dubins(rho=0.7), limit=0.8, classes=12, rng=np.random.default_rng(15)
-    )
+    tree = HomologyTree(FreeSpace.of(scene), Dubins(rho=0.7), limit=0.8, classes=12, rng=np.random.default_rng(15))
     tree.grow(300)
     return tree
 

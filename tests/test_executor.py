@@ -75,9 +75,7 @@ def test_mujoco_follows_the_sde(tmp_path, robot, timestep, b):
     assert mujoco_cost == pytest.approx(sde_cost)
 
 
-@pytest.mark.parametrize(
-    ("robot", "b", "actuated"), [("puck", 0.3, slice(0, 2)), ("unicycle", 0.5, slice(2, 3))]
-)
+@pytest.mark.parametrize(("robot", "b", "actuated"), [("puck", 0.3, slice(0, 2)), ("unicycle", 0.5, slice(2, 3))])
 def test_displacement_without_control_has_covariance_b_b_t(tmp_path, robot, b, actuated):
     plant, _ = pair(tmp_path, robot, b)
     rng = np.random.default_rng(11)
@@ -215,9 +213,7 @@ def test_the_unicycle_collides_with_its_body_inside_the_footprint(tmp_path):
     assert 0.6 - loaded.scene.robot_radius < end.states[-1, 0] < 0.6 - 0.11 + 2 * STEP
 
 
-def drive_right(
-    folder: Path, x: float, goal: tuple[float, float, float], *, world: str = "", speed: float = 1.0
-):
+def drive_right(folder: Path, x: float, goal: tuple[float, float, float], *, world: str = "", speed: float = 1.0):
     loaded = load(scene_file(folder, world=world, size=2.0), start=(x, 0), goal=goal)
     plant = Executor(loaded, problem_of(loaded, SingleIntegrator(b=QUIET)), period=0.1)
     return plant.advance(lambda x, s: np.array([speed, 0.0]), np.random.default_rng(0))

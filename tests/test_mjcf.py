@@ -106,9 +106,7 @@ def test_a_mesh_keeps_its_place_although_mujoco_recentres_it(write):
     corners = wedge.vertices @ wedge.rotation.T + wedge.position
     written = np.array(WEDGE.split(), dtype=float).reshape(-1, 3)[:-1]  # the last lies inside the hull
     expected = np.column_stack([3 - written[:, 1], 4 + written[:, 0], written[:, 2]])
-    np.testing.assert_allclose(
-        sorted(corners.round(4).tolist()), sorted(expected.round(4).tolist()), atol=2e-4
-    )
+    np.testing.assert_allclose(sorted(corners.round(4).tolist()), sorted(expected.round(4).tolist()), atol=2e-4)
 
 
 @pytest.mark.parametrize(
@@ -134,10 +132,7 @@ def test_an_obstacle_is_what_would_collide_at_the_height_of_the_robot(write, geo
 
 
 def test_the_robot_touches_neither_floor_nor_slab_nor_beam(write):
-    world = (
-        FLOOR
-        + '<geom type="box" size="9 9 0.5" pos="5 5 -0.5"/><geom type="box" size="9 9 0.5" pos="5 5 0.7"/>'
-    )
+    world = FLOOR + '<geom type="box" size="9 9 0.5" pos="5 5 -0.5"/><geom type="box" size="9 9 0.5" pos="5 5 0.7"/>'
     for robot in robot_names():
         model = load(write(mjcf(SITES + world)), robot=robot, radius=0.1 if robot == "puck" else 0.15).model
         data = mujoco.MjData(model)

@@ -82,9 +82,7 @@ def searched(tree: HomologyTree) -> list[dict[Class, float]]:
 
 
 @pytest.mark.parametrize(("steering", "classes"), CASES)
-def test_the_grown_tree_equals_a_search_of_its_graph(
-    space: FreeSpace, steering: Steering, classes: int
-) -> None:
+def test_the_grown_tree_equals_a_search_of_its_graph(space: FreeSpace, steering: Steering, classes: int) -> None:
     tree = grown(space, steering, classes)
     expected = searched(tree)
     for v in range(tree.size):
@@ -98,9 +96,7 @@ def test_the_grown_tree_equals_a_search_of_its_graph(
 
 
 @pytest.mark.parametrize(("steering", "classes"), CASES)
-def test_every_node_costs_its_parent_plus_its_edge(
-    space: FreeSpace, steering: Steering, classes: int
-) -> None:
+def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: Steering, classes: int) -> None:
     tree = grown(space, steering, classes)
     gr = tree.graph
     for v in range(tree.size):
@@ -122,9 +118,7 @@ def test_every_node_costs_its_parent_plus_its_edge(
 
 
 @pytest.mark.parametrize("steering", [StraightLine(), Dubins(rho=0.4)])
-def test_the_state_of_every_node_is_driven_to_the_goal_in_its_class(
-    space: FreeSpace, steering: Steering
-) -> None:
+def test_the_state_of_every_node_is_driven_to_the_goal_in_its_class(space: FreeSpace, steering: Steering) -> None:
     tree = grown(space, steering, 3)
     for v in np.flatnonzero(~tree.in_goal[: tree.size])[::7]:
         for slot in range(int(tree.graph.nodes[v])):

@@ -32,9 +32,7 @@ def places(imported: Imported) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     data = mujoco.MjData(loaded.model)
     mujoco.mj_kinematics(loaded.model, data)
     names = [(g, loaded.model.geom(g).name) for g in np.flatnonzero(~loaded.robot_geoms)]
-    return {
-        name: (data.geom_xpos[g], data.geom_xmat[g].reshape(3, 3)) for g, name in names if name != "floor"
-    }
+    return {name: (data.geom_xpos[g], data.geom_xmat[g].reshape(3, 3)) for g, name in names if name != "floor"}
 
 
 def place(imported: Imported) -> np.ndarray:
