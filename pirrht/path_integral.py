@@ -116,6 +116,14 @@ class PathIntegral:
         self.world = _world(problem, space, sampling.exit == "bridge")
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
+    def warm_up(self) -> None:
+        """Compile what sampling, weighing and tracing need, so that the first plan takes no longer than the others."""
+        d = self.problem.dynamics
+        x = self.problem.scene.start[: d.n]
+        rollouts = self.rollout(x, np.arange(3.0), np.zeros((1, 2, d.m)), 0, counts=[1])
+        self.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
+        self.trace(rollouts, np.zeros(1, dtype=np.int64))
+
     def grid(self, reference_cost: float) -> Array:
         """Ends of the rollout steps (T+1,) [s], up to T_max = (c_ref + 40 lambda) / q_min where a path weighs nothing.
 

@@ -69,6 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     if references:
         print(present.class_table(references))
     controller = scenario.controller(tree)
+    controller.path_integral.warm_up()
     tally = episode.Tally(settings.period)
     plant = scenario.plant()
     frames = episode.run(plant, controller, scenario.start, scenario.plant_rng(), max_time=settings.max_time)

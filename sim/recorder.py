@@ -14,8 +14,6 @@ from contextlib import nullcontext, suppress
 from pathlib import Path
 from types import TracebackType
 
-import numpy as np
-
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.path_integral import PathIntegral
@@ -83,7 +81,7 @@ class Recorder:
             samples=samples,
             settings=settings,
         )
-        _warm_up(path_integral)
+        path_integral.warm_up()
         self._interval, self._due = 1.0 / hz, 0.0
         self._file = None if file is None else _Target(subject, _to_file(subject, file))
         self._live = [_Target(subject, _to_viewer(subject, url), url=url) for url in urls]
@@ -228,12 +226,3 @@ def _check_writable(file: Path) -> None:
         raise OptionError(f"{file}: cannot be written ({error.strerror}); {remedy}") from None
     if new:
         file.unlink()
-
-
-def _warm_up(path_integral: PathIntegral) -> None:
-    """Have the kernels behind pictures compiled before the drive, not beside it."""
-    problem = path_integral.problem
-    x = problem.scene.start[: problem.dynamics.n]
-    rollouts = path_integral.rollout(x, np.arange(3.0), np.zeros((1, 2, problem.dynamics.m)), 0, counts=[1])
-    path_integral.trace(rollouts, np.zeros(1, np.int64))
-    path_integral.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
