@@ -22,6 +22,7 @@ from pirrht.scene import Array, Scene
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
 BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
 REACH = 1.0  # the field is cut off at this clearance [m]; exits and bridges are decided far below it
+NOTHING = 1e6  # clearance where there are no obstacles at all [m]
 FREE, UNSURE, BLOCKED = 1, 0, -1
 LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m] is left to FCL
 
@@ -103,7 +104,8 @@ class _Sampler:
         reach = REACH
         if guess is None:
             shape = mask.shape
-            guess = (np.full(shape, REACH), np.full(shape, REACH), np.full(shape, -1, dtype=np.int64))
+            far = REACH if self.groups else NOTHING
+            guess = (np.full(shape, far), np.full(shape, far), np.full(shape, -1, dtype=np.int64))
         else:
             reach = min(REACH, 2.0 * (BAND + 1.5) * width)  # no nearest component of a refined cell is farther
         nearest, second, label = guess
