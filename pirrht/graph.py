@@ -200,6 +200,7 @@ def within_limit(signature, limit):  # type: ignore[no-untyped-def]
     return True
 
 
+@cache  # kernels are built once per predicate
 def user_predicate(predicate: Callable[[Array], bool]) -> Callable[..., Any]:
     """Wrap any Python predicate on the paper's H (M,), leading 1 included, for use in the kernels."""
 

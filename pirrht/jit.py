@@ -10,6 +10,7 @@ import hashlib
 import os
 import shutil
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -44,6 +45,7 @@ def jitable(function: F) -> F:
     return marked
 
 
+@cache  # kernels are built once per function
 def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
     """Make any numeric Python function callable from a kernel (without the disk cache if it is foreign)."""
     if isinstance(function, Dispatcher) or _name(function) in _inlined:

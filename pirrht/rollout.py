@@ -20,6 +20,7 @@ from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_e
 from pirrht.jit import as_jitable, kernel
 from pirrht.noise import normal, stream
 from pirrht.problem import Problem, unit_rate
+from pirrht.riccati import STEEP, homing, wrapped
 from pirrht.scene import Array
 
 AHEAD = 0.03  # a corner counts as passed this far before it [m]
@@ -54,6 +55,8 @@ class Guides(NamedTuple):
     count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) number of corners; 0: follow the tape
     speed: float  # towards a corner [m/s]
     reach: float  # walls push within about this distance [m]; 0: they do not
+    law: Array  # (H, T, 7) feedback of a car in noise units: a, its slopes in x, y, theta, and the state it is for
+    led: NDArray[np.int64]  # (H,) number of steps that the law covers, then towards the goal; 0: follow the tape
 
 
 class Paths(NamedTuple):
@@ -127,14 +130,17 @@ def solve(A, Y, X):  # type: ignore[no-untyped-def]
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:
-    if isinstance(block, np.ndarray):
-        matrix = block
+    return _filling(block.tobytes(), len(block)) if isinstance(block, np.ndarray) else block
 
-        def fill(x, p, out):  # type: ignore[no-untyped-def]
-            out[:, :] = matrix
 
-        return fill
-    return block
+@cache  # kernels are built once per matrix
+def _filling(data: bytes, m: int) -> Callable[..., None]:
+    matrix = np.frombuffer(data).reshape(m, m)
+
+    def fill(x, p, out):  # type: ignore[no-untyped-def]
+        out[:, :] = matrix
+
+    return fill
 
 
 @cache
@@ -152,6 +158,7 @@ def _build(
     gain_at: Any = control_block if varying else drift
     noise_at: Any = diffusion_block if varying else drift
     fixed = n - m
+    car = n == 3 and m == 1 and not varying  # dx, dy along the heading, which is steered
     isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @kernel
@@ -174,6 +181,7 @@ def _build(
         )  # fmt: skip
         corners, beyond, count, active = guides.corners, guides.beyond, guides.count, guides.active
         speed, reach, M = guides.speed, guides.reach, markers.shape[0]
+        law, led = guides.law, guides.led
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, world.inverse
         x, moved, f, y = x0.copy(), x0.copy(), np.zeros(n), np.empty(m)
@@ -181,6 +189,7 @@ def _build(
         a, pushed, stage = np.zeros((H, m)), np.zeros(m), np.zeros(H, np.int64)
         column, carried = np.empty((m, 1)), np.empty((m, 1))
         xx, xy, yy = covariance(B)
+        steep = STEEP * D[0, 0]
         state, work, key = stream(seed, sample), 0.0, np.int64(0)
         before = distances(field, goal, radius, x[0], x[1])
         for j in range(n if draw else 0):
@@ -206,6 +215,7 @@ def _build(
                     bx = B[0 - fixed, j] if fixed <= 0 else 0.0
                     by = B[1 - fixed, j] if fixed <= 1 else 0.0
                     pushed[j] = slope * (bx * gx + by * gy)
+            homeward = np.inf  # computed once, if a reference asks for it
             # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
             for g in range(0 if weigh else h, H if weigh else h + 1):
                 ends = count[g]
@@ -219,6 +229,14 @@ def _build(
                     scale = speed / max(math.sqrt(dx * dx + dy * dy), 1e-9)
                     for j in range(m):
                         a[g, j] = scale * (D[j, 0] * dx + (D[j, 1] * dy if m > 1 else 0.0))
+                elif car and led[g] > i:
+                    drive = law[g, i, 0] + law[g, i, 1] * (x[0] - law[g, i, 4]) + law[g, i, 2] * (x[1] - law[g, i, 5])
+                    drive += law[g, i, 3] * wrapped(x[2] - law[g, i, 6])
+                    a[g, 0] = max(-steep, min(steep, drive))
+                elif car and led[g] > 0:
+                    if homeward == np.inf:
+                        homeward = homing(x[0], x[1], x[2], goal[0], goal[1], D[0, 0] * B[0, 0]) / B[0, 0]
+                    a[g, 0] = homeward
                 else:
                     busy = i < active[g]
                     for j in range(m):
