@@ -48,11 +48,20 @@ class Plan:
         return self.tape[0] if self.estimate is None else self.estimate.control
 
     def at(self, x: Array, s: float) -> Array:
-        """Control (m,) at time s [s] after the plan was made, at state x (open loop: x does not matter)."""
+        """Control (m,) at time s [s] after the plan was made, at state x (n,).
+
+        Under feedback guidance the part that the nearest wall accounts for follows the state; the rest is held.
+        """
         if s + 1e-9 < self.times[1]:
-            return self.control
+            return self.control + self._since_planned(x)
         i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
         return self.tape[i] if i < len(self.tape) else np.zeros(self.tape.shape[1])
+
+    def _since_planned(self, x: Array) -> Array | float:
+        if self.estimate is None or self.estimate.rollouts.guides.reach <= 0.0:
+            return 0.0
+        source, guides = self.estimate.source, self.estimate.rollouts.guides
+        return source.push(x, guides) - source.push(self.state, guides)
 
     @property
     def favourite(self) -> str | None:

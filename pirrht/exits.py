@@ -68,6 +68,18 @@ def slope_of(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def survivors_slope(field, reach, widest, x, y, c):  # type: ignore[no-untyped-def]
+    """Gradient of log erf(c / reach) at clearance c: along it, times BB', surviving paths lean away from a wall [1/m].
+
+    Nearer than half of `widest`, the deviation of a step, it grows no more.
+    """
+    c = max(c, 0.5 * widest) / reach
+    slope = 2.0 / (math.sqrt(math.pi) * reach) * math.exp(-c * c) / math.erf(c)
+    gx, gy = slope_of(field, x, y)
+    return slope * gx, slope * gy
+
+
+@kernel
 def _towards_wall(field, x, y, cov):  # type: ignore[no-untyped-def]
     """Variance of a step towards the nearest wall."""
     if cov[1] == 0.0 and cov[0] == cov[2]:

@@ -18,8 +18,11 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pirrht.clearance import clearance
 from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.exits import survivors_slope
 from pirrht.freespace import FreeSpace
+from pirrht.guides import Guidance, Guide
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollout import Guides, Kernels, Paths, World, empty_paths, kernels_for
@@ -30,6 +33,7 @@ WEIGHTS = ("balance", "average")
 GUIDES = ("feedback", "open-loop")
 ANTICIPATION = 0.25  # walls push as far as noise carries a path in this time [s]; much longer makes weights uneven
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
+AVERAGED = 0.05  # the control now is averaged over steps of at most this length together [s]
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to the tape
 OTHER = "other"
 
@@ -114,6 +118,8 @@ class PathIntegral:
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
         self.world = _world(problem, space, sampling.exit == "bridge")
+        steered = sampling.guide == "feedback" and Guidance.suits(problem)
+        self.guidance = Guidance(problem, self.world) if steered else None
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
     def warm_up(self) -> None:
@@ -146,6 +152,7 @@ class PathIntegral:
         *,
         counts: Sequence[int] | None = None,
         corners: Sequence[Array] | None = None,
+        guides: Sequence[Guide | None] | None = None,
     ) -> Rollouts:
         """Sample paths from x (n,) around H references.
 
@@ -156,24 +163,23 @@ class PathIntegral:
             counts: samples around each reference, (H,); default N.
             corners: polylines (k, 2) into the goal; under feedback guidance samples head for their corners, one
                 after the other, and are pushed away from walls, instead of following the tapes.
+            guides: of a car, one per reference: samples follow their feedback instead of the tapes where there is one.
         """
         H = len(controls)
         number = np.full(H, self.sampling.samples) if counts is None else np.asarray(counts)
         first = np.concatenate([[0], np.cumsum(number)]).astype(np.int64)
         busy = np.any(controls != 0.0, axis=2)
         active = np.where(busy.any(axis=1), controls.shape[1] - np.argmax(busy[:, ::-1], axis=1), 0)
-        guides = self._guides(x, times, np.ascontiguousarray(controls, dtype=float), first, active, corners)
+        leads = self._guides(x, times, np.ascontiguousarray(controls, dtype=float), first, active, corners, guides)
         S = int(first[-1])
         paths = empty_paths(S, H, self.problem.dynamics.m)
         x0 = np.ascontiguousarray(x, dtype=float)
 
         def work(part: tuple[int, int]) -> None:
-            self.kernels.sample(self.world, guides, x0, np.uint64(seed), part[0], part[1], paths)
+            self.kernels.sample(self.world, leads, x0, np.uint64(seed), part[0], part[1], paths)
 
         _in_parallel(work, S, self.threads)
-        return Rollouts(
-            x0=x0, seed=seed, guides=guides, paths=paths, log_weight=self._log_weight(paths, guides, number)
-        )
+        return Rollouts(x0=x0, seed=seed, guides=leads, paths=paths, log_weight=self._log_weight(paths, leads, number))
 
     def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
         """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.
@@ -197,7 +203,7 @@ class PathIntegral:
         groups = _groups(rollouts.paths.key, names)
         first = rollouts.guides.first
         return Estimate(
-            control=weight @ rollouts.paths.now,
+            control=weight @ rollouts.paths.now + self.push(rollouts.x0, rollouts.guides),
             log_psi=log_psi,
             value=-self.temperature * log_psi,
             ess=float(1.0 / np.sum(weight**2)),
@@ -234,8 +240,9 @@ class PathIntegral:
         first: NDArray[np.int64],
         active: NDArray[np.int64],
         corners: Sequence[Array] | None,
+        leaders: Sequence[Guide | None] | None,
     ) -> Guides:
-        H = len(control)
+        H, T = control.shape[:2]
         feedback = self.sampling.guide == "feedback" and self.problem.dynamics.n == self.problem.dynamics.m == 2
         lines = [np.asarray(line) for line in corners] if feedback and corners is not None else []
         room = max((len(line) for line in lines), default=1)
@@ -247,6 +254,13 @@ class PathIntegral:
             units = legs / np.maximum(np.hypot(legs[:, 0], legs[:, 1]), 1e-12)[:, None]
             bisector = units[:-1] + units[1:]
             beyond[h, : len(line) - 1] = bisector / np.maximum(np.hypot(*bisector.T), 1e-12)[:, None]
+        law, led = np.zeros((H, T, 9)), np.zeros(H, np.int64)
+        for h, leader in enumerate(leaders or ()):
+            if leader is not None:
+                led[h] = leader.length
+                law[h, :, 0], law[h, :, 1:4], law[h, :, 4:7] = leader.control, leader.gains, leader.states[:-1]
+                law[h, :, 7], law[h, :, 8] = leader.spread, np.log(leader.spread)
+                law[h, :, :4] *= self.world.gain[0, 0]
         return Guides(
             control=control,
             drift=np.ascontiguousarray(control @ self.world.gain.T),
@@ -258,7 +272,32 @@ class PathIntegral:
             count=count,
             speed=self._speed(x),
             reach=self._reach(x) if feedback else 0.0,
+            window=self._window(times) if feedback else 1,
+            law=law,
+            led=led,
         )
+
+    def _window(self, times: Array) -> int:
+        """Leading steps that together last no longer than AVERAGED, at least one."""
+        return max(1, int(np.searchsorted(times, AVERAGED + 1e-9, side="right")) - 1)
+
+    def push(self, x: Array, guides: Guides) -> Array:
+        """The part of the control at x (n,) that the nearest wall accounts for, (m,); none without feedback guidance.
+
+        It changes fast with the position, so it is taken at x itself; the rest of the control, which samples tell,
+        changes slowly and is averaged over the leading steps.
+        """
+        d = self.problem.dynamics
+        if guides.reach <= 0.0:
+            return np.zeros(d.m)
+        field = self.space.field
+        c = float(clearance(field, x[0], x[1]))
+        if not 0.0 < c < 3.0 * guides.reach:
+            return np.zeros(d.m)
+        B = d.B_c(x)
+        widest = float(np.sqrt((B @ B.T).diagonal().max() * guides.times[1]))
+        slope = np.array(survivors_slope(field, guides.reach, widest, x[0], x[1], c))
+        return np.asarray(np.linalg.solve(d.G_c(x), B @ B.T @ slope))
 
     def _speed(self, x: Array) -> float:
         """Speed that balances q against u'Ru/2."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pirrht.clearance import Field
 from pirrht.dynamics import no_drift
-from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, slope_of, sweep_exit
+from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, survivors_slope, sweep_exit
 from pirrht.jit import as_jitable, kernel
 from pirrht.noise import normal, stream
 from pirrht.problem import Problem, unit_rate
@@ -55,7 +55,8 @@ class Guides(NamedTuple):
     count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) number of corners; 0: follow the tape
     speed: float  # towards a corner [m/s]
     reach: float  # walls push within about this distance [m]; 0: they do not
-    law: Array  # (H, T, 7) feedback of a car in noise units: a, its slopes in x, y, theta, and the state it is for
+    window: int  # leading steps over which the control now is averaged
+    law: Array  # (H, T, 9) of a car, in noise units: a, its slopes in x, y, theta, the state it is for, spread and its log
     led: NDArray[np.int64]  # (H,) number of steps that the law covers, then towards the goal; 0: follow the tape
 
 
@@ -67,7 +68,7 @@ class Paths(NamedTuple):
     key: NDArray[np.int64]  # (S,) class of the path itself, as an additive key
     outcome: NDArray[np.int8]  # (S,) Outcome
     steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
-    now: Array  # (S, m) control carried in the first step, u_in + G_c^-1 B_c dw / dt
+    now: Array  # (S, m) mean control carried in the first `window` steps, without what the nearest wall accounts for
 
 
 class Kernels(NamedTuple):
@@ -173,8 +174,11 @@ def _build(
 
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
-    def one_path(world, guides, h, x0, seed, sample, ratio, states, applied):  # type: ignore[no-untyped-def]
-        """Simulate one sample; `ratio` (H,), `states` (T+1, n), `applied` (up to T, m) are filled as far as they go."""
+    def one_path(world, guides, h, x0, seed, sample, ratio, states, applied, pushes):  # type: ignore[no-untyped-def]
+        """Simulate one sample and fill `ratio` (H,), `states` (T+1, n), `applied` and `pushes` (up to T, m) if not empty.
+
+        `applied` is the control carried, `pushes` the part of it that the nearest wall accounts for.
+        """
         field, goal, radius, p = world.field, world.goal, world.goal_radius, world.parameters
         markers, weights, times, drifts, controls = (
             world.markers, world.weights, guides.times, guides.drift, guides.control,
@@ -208,13 +212,12 @@ def _build(
             # The push B' grad log h away from the nearest wall, h = erf(c / reach): survivors lean that way anyway.
             near = noisy_position and (0.0 < before[0] < 3.0 * reach or 0.0 < before[1] < 3.0 * reach)
             if near:
-                c = max(min(before[0], before[1]), 0.5 * math.sqrt(max(cov[0], cov[2]))) / reach
-                slope = 2.0 / (math.sqrt(math.pi) * reach) * math.exp(-c * c) / math.erf(c)
-                gx, gy = slope_of(field, x[0], x[1])
+                widest, c = math.sqrt(max(cov[0], cov[2])), min(before[0], before[1])
+                gx, gy = survivors_slope(field, reach, widest, x[0], x[1], c)
                 for j in range(m):
                     bx = B[0 - fixed, j] if fixed <= 0 else 0.0
                     by = B[1 - fixed, j] if fixed <= 1 else 0.0
-                    pushed[j] = slope * (bx * gx + by * gy)
+                    pushed[j] = bx * gx + by * gy
             homeward = np.inf  # computed once, if a reference asks for it
             # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
             for g in range(0 if weigh else h, H if weigh else h + 1):
@@ -249,6 +252,8 @@ def _build(
                         a[g, j] += pushed[j]
             for j in range(m):
                 state, z = normal(state)
+                if car and led[h] > i:
+                    z *= law[h, i, 7]
                 y[j] = z * root + a[h, j] * dt
             for j in range(n):
                 moved[j] = x[j] + f[j] * dt
@@ -266,6 +271,11 @@ def _build(
                         for k in range(m):
                             u += inverse[j, k] * y[k]
                     applied[i, j] = u / dt
+            if i < pushes.shape[0]:
+                for j in range(m):
+                    pushes[i, j] = 0.0
+                    for k in range(m if near else 0):
+                        pushes[i, j] += inverse[j, k] * pushed[k]
             # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
             for k in range(M):
                 bx, by = goal[0] - markers[k, 0], goal[1] - markers[k, 1]
@@ -304,8 +314,13 @@ def _build(
                         y[j] = 0.0
             if weigh:
                 for g in range(H):
-                    for j in range(m):
-                        ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
+                    if car and led[g] > i:
+                        if until > 0.0:
+                            off = (y[0] - a[g, 0] * dt) / law[g, i, 7]
+                            ratio[g] += 0.5 * (y[0] * y[0] - off * off) / dt - law[g, i, 8]
+                    else:
+                        for j in range(m):
+                            ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
             work += (q(x, p) if varying_rate else world.rate) * dt * share
             for j in range(n):
                 x[j] = moved[j]
@@ -318,15 +333,19 @@ def _build(
     @kernel
     def sample(world, guides, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
         nothing = np.empty((0, 1))
-        now = np.empty((1, m))
+        now, pushes = np.empty((guides.window, m)), np.empty((guides.window, m))
         h = 0
         for s in range(start, stop):
             while s >= guides.first[h + 1]:
                 h += 1
-            work, key, outcome, steps = one_path(world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, now)
+            work, key, outcome, steps = one_path(
+                world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, now, pushes
+            )
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
             for j in range(m):
-                paths.now[s, j] = now[0, j]
+                for i in range(min(steps, guides.window)):
+                    share = (guides.times[i + 1] - guides.times[i]) / guides.times[guides.window]
+                    paths.now[s, j] += share * (now[i, j] - pushes[i, j])
 
     @kernel
     def control(world, guides, x0, seed, chosen, group, weight, total, alive):  # type: ignore[no-untyped-def]
@@ -338,7 +357,7 @@ def _build(
             s, g = chosen[c], group[c]
             while s >= guides.first[h + 1]:
                 h += 1
-            _, _, _, steps = one_path(world, guides, h, x0, seed, s, ratio, nothing, applied)
+            _, _, _, steps = one_path(world, guides, h, x0, seed, s, ratio, nothing, applied, nothing)
             for i in range(steps):
                 alive[g, i] += weight[c]
                 for j in range(m):
@@ -349,6 +368,6 @@ def _build(
         nothing, ratio = np.empty((0, 1)), np.empty(0)
         for c in range(chosen.shape[0]):
             h = np.searchsorted(guides.first, chosen[c], side="right") - 1
-            _, _, _, steps[c] = one_path(world, guides, h, x0, seed, chosen[c], ratio, states[c], nothing)
+            _, _, _, steps[c] = one_path(world, guides, h, x0, seed, chosen[c], ratio, states[c], nothing, nothing)
 
     return Kernels(sample, control, trace)
