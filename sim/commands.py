@@ -183,10 +183,11 @@ def _state(at: list[float], scenario: Scenario) -> np.ndarray[Any, np.dtype[np.f
     if len(at) not in (2, 3) or not np.all(np.isfinite(at)):
         raise OptionError(f"--at has {len(at)} numbers; it must be X Y or X Y TH, all finite")
     x = np.array([*at, 0.0][:n] if len(at) < n else at[:n], dtype=float)
+    where = f"--at {' '.join(f'{v:g}' for v in at)}"
     if scenario.space.clearance(x) <= 0.0:
-        raise SceneError(f"--at {' '.join(f'{v:g}' for v in at)}: this state is in collision or outside the workspace")
+        raise SceneError(f"{where}: this state is in collision or outside the workspace; choose another")
     if scenario.loaded.scene.goal.contains(x[:2]):
-        raise SceneError(f"--at {' '.join(f'{v:g}' for v in at)}: this state is already in the goal")
+        raise SceneError(f"{where}: this state is already in the goal; choose another")
     return x
 
 
