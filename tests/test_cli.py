@@ -1,0 +1,330 @@
+"""The command line keeps its contract: names in JSON, exit statuses, and one line for whoever gave it wrong input."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mjcf_samples import FLOOR, GOAL, SITES, START, mjcf
+
+from sim.cli import main
+from sim.scenarios import prepare
+
+Run = Callable[..., tuple[int, Any]]
+
+SMALL = ["--vertices", "80", "--samples", "20"]
+SHORT = [*SMALL, "--max-time", "0.05"]
+
+CLASS = {"id", "winding", "signature", "cost", "length"}
+PLAN = {"scene", "robot", "vertices", "nodes", "pruned_classes", "seconds", "fcl_calls", "obstacles", "classes"}
+RUN = {
+    *("scene", "robot", "method", "seed", "noise", "lambda", "samples", "dt", "period", "outcome", "time", "cost"),
+    *("path_length", "steps", "min_clearance", "value_estimate", "obstacles", "classes", "executed_class"),
+    *("class_switches", "fallbacks", "step_ms", "deadline_misses"),
+}
+ESTIMATE = {"control", "value", "ess", "class_weights", "proposal_weights", "classes", "obstacles"}
+
+
+@pytest.fixture
+def figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Run a command that succeeds or whose drive fails; its exit status and what it wrote as JSON."""
+
+    def call(*words: str) -> tuple[int, Any]:
+        file = tmp_path / "figures.json"
+        status = main([*words, "--json", str(file)])
+        captured = capsys.readouterr()
+        assert captured.out
+        assert "Traceback" not in captured.err
+        return status, json.loads(file.read_text())
+
+    return call
+
+
+# -- what works --------------------------------------------------------------------------------------------------
+
+
+def test_scenes_lists_every_built_in_scene(capsys):
+    assert main(["scenes"]) == 0
+    listed = capsys.readouterr().out
+    for name in ("slit", "clutter"):
+        assert f"{name} " in listed
+        assert f"{name}.xml" in listed
+
+
+def test_plan_writes_the_classes_cheapest_first(figures):
+    status, plan = figures("plan", "slit", "--vertices", "500")
+    assert status == 0
+    assert plan.keys() >= PLAN
+    assert (plan["scene"], plan["robot"], plan["vertices"]) == ("slit", "puck", 500)
+    assert [obstacle.keys() for obstacle in plan["obstacles"]] == [{"marker", "geoms"}] * 2
+    assert [obstacle["geoms"] for obstacle in plan["obstacles"]] == [["upper wall"], ["lower wall"]]
+    np.testing.assert_allclose([obstacle["marker"] for obstacle in plan["obstacles"]], [[3.4, 2.8], [3.4, 2.2]])
+    ids = [c["id"] for c in plan["classes"]]
+    assert ids[0] == "0,0"
+    assert sorted(ids) == ["-1,0", "0,0", "0,1"]
+    for one in plan["classes"]:
+        assert one.keys() >= CLASS
+        assert one["id"] == ",".join(str(k) for k in one["winding"])
+        assert one["cost"] == pytest.approx(2.0 * one["length"])
+        turns = np.array(one["signature"]) - 1.0 - one["winding"]  # of the straight line to the goal, less than half
+        assert np.all(np.abs(turns) < 0.5)
+    assert [c["cost"] for c in plan["classes"]] == sorted(c["cost"] for c in plan["classes"])
+
+
+def test_plan_prints_one_row_per_class(capsys):
+    assert main(["plan", "slit", "--vertices", "500"]) == 0
+    rows = [line.split()[0] for line in capsys.readouterr().out.splitlines()[2:5]]
+    assert rows[0] == "0,0"
+    assert sorted(rows) == ["-1,0", "0,0", "0,1"]
+
+
+@pytest.mark.parametrize("plant", ["mujoco", "sde"])
+def test_run_reports_a_drive_to_the_goal(figures, plant):
+    status, run = figures("run", "slit", "--start", "4.9", "2.5", "--plant", plant, *SMALL)
+    assert status == 0
+    assert run.keys() >= RUN
+    assert (run["scene"], run["robot"], run["method"], run["seed"]) == ("slit", "puck", "pi-rrht", 0)
+    assert (run["noise"], run["samples"], run["dt"], run["period"]) == (0.1, 20, 0.1, 0.01)
+    assert run["lambda"] == pytest.approx(2.0 * 0.1**2)
+    assert run["outcome"] == "goal"
+    assert 0.15 < run["time"] < 0.8  # 0.3 m at about 1 m/s
+    assert run["steps"] == int(np.ceil(run["time"] / 0.01 - 1e-9))
+    assert run["cost"] > run["time"]  # q = 1, and control is not free
+    assert 0.25 < run["value_estimate"] < 1.2
+    assert 0.3 <= run["path_length"] < 5.0
+    assert run["executed_class"] == "0,0"
+    assert run["step_ms"].keys() == {"median", "p95", "max"}
+    assert 0 < run["step_ms"]["median"] <= run["step_ms"]["p95"] <= run["step_ms"]["max"]
+    assert 0 <= run["deadline_misses"] <= run["steps"]
+    assert all(one.keys() >= CLASS for one in run["classes"])
+    assert run["fallbacks"] == 0
+
+
+def test_run_ends_with_1_when_time_is_up(figures):
+    status, run = figures("run", "slit", *SHORT)
+    assert status == 1
+    assert run["outcome"] == "timeout"
+    assert (run["time"], run["steps"]) == (pytest.approx(0.05), 5)
+    assert 0.05 < run["cost"] < 0.5
+    assert run["executed_class"] is None
+
+
+def test_run_ends_with_1_in_a_wall(figures):
+    status, run = figures("run", "slit", "--start", "3.4", "2.5", "--noise", "1", "--seed", "3", *SMALL)
+    assert status == 1
+    assert run["outcome"] == "collision"
+    assert run["executed_class"] is None
+    assert run["min_clearance"] < 0.15
+
+
+def test_equal_seeds_drive_alike_and_others_do_not(figures):
+    one, two, three = (figures("run", "slit", "--seed", seed, *SHORT)[1] for seed in ("1", "1", "2"))
+    measured = {"step_ms", "deadline_misses"}
+    assert {k: v for k, v in one.items() if k not in measured} == {k: v for k, v in two.items() if k not in measured}
+    assert one["path_length"] != three["path_length"]
+
+
+def test_the_paper_preset_sets_the_papers_steps_and_rules(figures):
+    status, run = figures("run", "slit", "--preset", "paper", "--vertices", "80", "--max-time", "0.3")
+    assert status == 1
+    assert (run["dt"], run["period"], run["samples"], run["steps"]) == (0.1, 0.1, 200, 3)
+    settings = prepare("slit", preset="paper").settings
+    assert (settings.exit, settings.weights, settings.guide) == ("endpoint", "average", "open-loop")
+
+
+def test_the_command_line_wins_over_the_preset(figures):
+    words = ["--preset", "paper", "--dt", "0.05", "--period", "0.02"]
+    _, run = figures("run", "slit", *words, *SHORT)
+    assert (run["dt"], run["period"], run["samples"]) == (0.05, 0.02, 20)
+
+
+@pytest.mark.parametrize("method", ["pi-rrht", "single", "passive"])
+def test_every_method_drives(figures, method):
+    status, run = figures("run", "slit", "--method", method, *SHORT)
+    assert status == 1
+    assert run["method"] == method
+    assert run["steps"] == 5
+    assert (run["classes"] == []) == (method == "passive")
+
+
+def test_estimate_repeats_with_independent_samples(figures):
+    status, found = figures("estimate", "slit", "--at", "1", "2.5", "--repeat", "3", "--vertices", "500")
+    assert status == 0
+    assert found.keys() >= ESTIMATE
+    for key in ("control", "value", "ess", "class_weights", "proposal_weights"):
+        assert len(found[key]) == 3
+    assert len(set(found["value"])) == 3
+    ids = [one["id"] for one in found["classes"]]
+    for weights, drawn in zip(found["class_weights"], found["proposal_weights"], strict=True):
+        assert weights.keys() == {*ids, "other"}
+        assert sum(weights.values()) == pytest.approx(1.0)
+        assert len(drawn) == len(ids)
+        assert sum(drawn) == pytest.approx(1.0)
+    assert all(len(control) == 2 for control in found["control"])
+    assert np.mean(found["value"]) == pytest.approx(8.44, abs=0.1)
+
+
+def test_estimate_without_survivors_prints_nulls_and_succeeds(figures):
+    words = ["--at", "1", "2.5", "--method", "passive", "--samples", "10"]
+    status, found = figures("estimate", "slit", *words)
+    assert status == 0
+    assert found["value"] == found["control"] == found["ess"] == [None]
+
+
+def test_sweep_records_every_combination(figures, capsys):
+    grid = ["--methods", "pi-rrht,passive", "--noise", "0.1,0.3", "--seeds", "0:2", "--jobs", "1"]
+    status, rows = figures("sweep", "slit", *grid, *SHORT)
+    assert status == 0
+    assert len(rows) == 8
+    assert {(row["method"], row["noise"], row["seed"]) for row in rows} == {
+        (method, noise, seed) for method in ("pi-rrht", "passive") for noise in (0.1, 0.3) for seed in (0, 1)
+    }
+    assert all(row["outcome"] == "timeout" for row in rows)
+
+
+def test_a_scene_file_is_as_good_as_a_built_in_name(figures, tmp_path):
+    scene = tmp_path / "own.xml"
+    scene.write_text(mjcf(FLOOR + SITES + '<geom name="post" type="cylinder" size="0.5 0.5" pos="5 5 0.5"/>'))
+    status, plan = figures("plan", str(scene), *SMALL)
+    assert status == 0
+    assert (plan["scene"], plan["robot"]) == ("own", "puck")
+    assert sorted(one["winding"] for one in plan["classes"]) in ([[-1], [0]], [[0], [1]])
+
+
+# -- what does not -----------------------------------------------------------------------------------------------
+
+NARROW = "".join(
+    f'<geom name="{name}" type="box" pos="5 {y} 0.5" size="0.1 2.4 0.5"/>'
+    for name, y in (("south", 2.4), ("north", 7.5))
+)
+FILES: dict[str, str | bytes] = {
+    "empty.xml": "",
+    "binary.xml": bytes(range(256)) * 4,
+    "broken.xml": "<mujoco><worldbody><geom</worldbody>",
+    "scene.txt": mjcf(FLOOR + SITES),
+    "no_goal.xml": mjcf(FLOOR + START),
+    "no_start.xml": mjcf(FLOOR + GOAL),
+    "odd_option.xml": mjcf(FLOOR + SITES, head='<custom><numeric name="pirrht_speeed" data="1"/></custom>'),
+    "bad_noise.xml": mjcf(FLOOR + SITES, head='<custom><numeric name="pirrht_noise" data="-1"/></custom>'),
+    "narrow.xml": mjcf(FLOOR + SITES + NARROW),
+}
+
+WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the remedy that the answer names
+    ("plan missing.xml", "missing.xml", "slit"),
+    ("plan empty.xml", "empty.xml", "write"),
+    ("plan binary.xml", "binary.xml", "mend"),
+    ("plan broken.xml", "broken.xml", "mend"),
+    ("plan scene.txt", "scene.txt", "rename"),
+    ("plan .", ".", "give the path"),
+    ("plan no_goal.xml", "no_goal.xml", '<site name="goal"'),
+    ("plan no_start.xml", "no_start.xml", '<site name="start"'),
+    ("plan odd_option.xml", "pirrht_speeed", "pirrht_speed"),
+    ("plan bad_noise.xml", "noise", "positive"),
+    ("plan slit --start 3.4 2.8", "upper wall", "--start"),
+    ("plan slit --start 9 9", "start (9, 9)", "[0, 6] x [0, 5]"),
+    ("plan slit --start nan 1", "start (nan, 1)", "[0, 6] x [0, 5]"),
+    ("plan slit --start 1", "--start", "X Y"),
+    ("plan slit --goal 3.4 2.8 0.1", "goal (3.4, 2.8)", "--radius"),
+    ("plan slit --goal 5 2.5 -1", "goal radius is -1", "positive"),
+    ("plan slit --goal 5 2.5", "--goal", "3 arguments"),
+    ("plan slit --radius -0.1", "--radius is -0.1", "positive"),
+    ("plan slit --radius nan", "--radius is nan", "positive"),
+    ("plan narrow.xml --radius 0.3 --vertices 60", "no allowed class", "smaller --radius"),
+    ("run narrow.xml --radius 0.3 --vertices 60", "no allowed class", "smaller --radius"),
+    ("plan slit --limit 0", "--limit is 0", "positive"),
+    ("plan slit --limit -1", "--limit is -1", "positive"),
+    ("plan slit --limit 0.01 --vertices 60", "no allowed class", "larger --limit"),
+    ("plan slit --noise 0", "--noise is 0", "positive"),
+    ("plan slit --noise nan", "--noise is nan", "positive"),
+    ("plan slit --noise abc", "'abc'", "--help"),
+    ("plan nosuch", "nosuch", "clutter, slit"),
+    ("plan slit --robot tank", "tank", "puck"),
+    ("plan slit --method magic", "'magic'", "pi-rrht"),
+    ("plan slit --preset best", "'best'", "paper"),
+    ("plan slit --exit soon", "'soon'", "bridge"),
+    ("plan slit --weights heavy", "'heavy'", "balance"),
+    ("plan slit --plant tree", "'tree'", "mujoco"),
+    ("plan slit --vertices 0", "--vertices is 0", "at least 1"),
+    ("plan slit --vertices 1.5", "'1.5'", "--help"),
+    ("plan slit --classes -1", "--classes is -1", "at least 0"),
+    ("plan slit --samples 0", "--samples is 0", "at least 1"),
+    ("plan slit --seed -1", "--seed is -1", "at least 0"),
+    ("run slit --threads 0", "--threads is 0", "at least 1"),
+    ("run slit --dt 0", "--dt is 0", "positive"),
+    ("run slit --max-time 0", "--max-time is 0", "positive"),
+    ("run slit --phi -1", "--phi is -1", "0 or more"),
+    ("run slit --period 0.003", "period 0.003", "whole multiple of the physics step 0.002"),
+    ("run slit --record-hz 0", "--record-hz is 0", "positive"),
+    ("run slit --record nowhere/x.rrd", "--record nowhere/x.rrd", "create it"),
+    ("plan slit --png nowhere/x.png", "--png nowhere/x.png", "create it"),
+    ("plan slit --json nowhere/x.json", "--json nowhere/x.json", "create it"),
+    ("plan slit --json .", "--json . is a folder", "path of a file"),
+    ("run slit --json empty.xml/x.json", "--json empty.xml/x.json", "create it"),
+    ("estimate slit", "--at", "--help"),
+    ("estimate slit --at 1", "--at has 1 number", "X Y"),
+    ("estimate slit --at 1 2 3 4", "--at has 4 numbers", "X Y"),
+    ("estimate slit --at nan 1", "--at", "finite"),
+    ("estimate slit --at 3.4 2.8", "--at 3.4 2.8", "choose another"),
+    ("estimate slit --at 5.5 2.5", "--at 5.5 2.5", "choose another"),
+    ("estimate slit --at 1 2 --repeat 0", "--repeat is 0", "at least 1"),
+    ("sweep slit --seeds 3:3", "'3:3'", "0:100"),
+    ("sweep slit --seeds some", "'some'", "0:100"),
+    ("sweep slit --methods magic", "'magic'", "pi-rrht"),
+    ("sweep slit --noise 0.1,x", "'x'", "0.1,0.3"),
+    ("sweep slit --jobs 0", "--jobs is 0", "at least 1"),
+    ("sweep slit nosuch", "nosuch", "slit"),
+    ("fly slit", "'fly'", "plan"),
+    ("plan", "SCENE", "--help"),
+    ("", "COMMAND", "--help"),
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with files that are wrong in every way, and a good result of an earlier run."""
+    for name, content in FILES.items():
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    (tmp_path / "good.json").write_text('{"kept": true}\n')
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("typed", "culprit", "remedy"), WRONG, ids=[words[0] or "nothing" for words in WRONG])
+def test_wrong_input_costs_one_line_that_names_culprit_and_remedy(folder, capsys, typed, culprit, remedy):
+    words = typed.split()
+    if words and words[0] in ("plan", "run", "estimate", "sweep") and "--json" not in words:
+        words += ["--json", "good.json"]
+    before = sorted(folder.iterdir())
+    assert main(words) == 2
+    captured = capsys.readouterr()
+    assert captured.err.startswith("pirrht: ")
+    assert captured.err.endswith("\n")
+    assert captured.err.count("\n") == 1
+    assert "Traceback" not in captured.err
+    assert culprit in captured.err
+    assert remedy in captured.err
+    assert (folder / "good.json").read_text() == '{"kept": true}\n'
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_narrow_gap_lets_a_small_robot_through(folder, capsys):
+    """The scene that is refused for a larger robot above is a good one."""
+    assert main(["plan", "narrow.xml", "--radius", "0.05", "--vertices", "400"]) == 0
+    assert " vertices, " in capsys.readouterr().out
+
+
+def test_a_good_result_replaces_the_old_one(folder, capsys):
+    assert main(["plan", "slit", *SMALL, "--json", "good.json"]) == 0
+    assert json.loads((folder / "good.json").read_text()).keys() >= PLAN
+
+
+@pytest.mark.parametrize("command", ["", "plan", "run", "estimate", "sweep", "scenes"])
+def test_help_ends_well(capsys, command):
+    with pytest.raises(SystemExit) as caught:
+        main([*command.split(), "--help"])
+    assert caught.value.code == 0
+    assert "usage: pirrht" in capsys.readouterr().out
