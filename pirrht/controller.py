@@ -8,6 +8,7 @@ import numpy as np
 
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.guides import Guide
 from pirrht.homology import class_id
 from pirrht.path_integral import Estimate, PathIntegral, Sampling
 from pirrht.problem import Problem
@@ -108,6 +109,7 @@ class Controller:
         self._last = np.array(x[:2], dtype=float)
         self._previous: Plan | None = None
         self._since = 0.0
+        self._guides: dict[str, Guide] = {}
 
     def observe(self, states: Array, duration: float) -> None:
         """Take note of the states (k, n) just driven through and the time it took [s]."""
@@ -143,12 +145,14 @@ class Controller:
         estimate: Estimate | None = None
         fallback: str | None = None
         instead: Array | None = None
+        guides, counts = self._lead(x, times, references, ids)
         try:
-            estimate = estimator.estimate(
-                estimator.rollout(x, times, tapes, seed, corners=self._corners(trajectories)), names
+            rollouts = estimator.rollout(
+                x, times, tapes, seed, counts=counts, corners=self._corners(trajectories), guides=guides
             )
+            estimate = estimator.estimate(rollouts, names)
         except NoSurvivingSample:
-            instead, fallback = tapes[0], "no survivor"
+            instead, fallback = _instead(tapes, guides), "no survivor"
         return self._keep(
             Plan(
                 state=x,
@@ -166,6 +170,22 @@ class Controller:
             return []
         references = self.tree.references(x, polished=self.polished)
         return references[:1] if self.method == "single" else references
+
+    def _lead(
+        self, x: Array, times: Array, references: list[Reference], ids: tuple[str, ...]
+    ) -> tuple[list[Guide | None] | None, list[int] | None]:
+        """Guides of a car, each from what is left of the last one of its class, and samples around each."""
+        guidance = self.path_integral.guidance
+        if guidance is None or not references:
+            return None, None
+        guides = [
+            guidance.improve(
+                x, times, self.space.homology.key(r.winding), r.trajectory, self._guides.get(name), self._since
+            )
+            for r, name in zip(references, ids, strict=True)
+        ]
+        self._guides = {name: guide for name, guide in zip(ids, guides, strict=True) if guide is not None}
+        return guides, guidance.counts(guides, self.path_integral.sampling.samples)
 
     def _corners(self, trajectories: list[Trajectory]) -> list[Array] | None:
         """What samples head for: the corners of each reference, and the goal point as the last."""
@@ -194,6 +214,12 @@ class Controller:
         if plan.fallback != "no reference":
             self._previous, self._since = plan, 0.0
         return plan
+
+
+def _instead(tapes: Array, guides: list[Guide | None] | None) -> Array:
+    """What to follow without an estimate, (T, m): the cheapest guide, or the first tape."""
+    led = [guide for guide in guides or () if guide is not None]
+    return min(led, key=lambda guide: guide.priced).control[:, None] if led else np.asarray(tapes[0])
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:

@@ -1,0 +1,167 @@
+"""Guides of a car: per class a trajectory of least cost near the reference, with feedback that holds samples near it.
+
+A Dubins curve is a poor thing to sample around: it minimises time, turns at full lock and grazes the obstacles, while
+the problem also charges u'Ru/2 and the noise needs room. In `clutter` its cost exceeds the value by hundreds of
+lambda, and open loop the heading diffuses. A guide starts from the curve, or from what was left of the last guide of
+its class, and is improved on the rollouts' own steps (`riccati`); samples then follow u_ref + K (x - x_ref), and what
+they deviate from the passive dynamics is weighed exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.dynamics import Unicycle
+from pirrht.problem import Problem
+from pirrht.riccati import Car, optimise
+from pirrht.rollout import World
+from pirrht.scene import Array
+from pirrht.steering import Trajectory
+
+ROUNDS_COLD, ROUNDS_WARM = 30, 8  # backward passes from a Dubins curve, and from the last guide
+TOLERANCE = 0.01  # a round that is expected to gain less than this many lambda is the last
+BARRIER = 3.0  # lambda / (time in which noise carries a car over its clearance) costs so much; tuned for even weights
+MARGIN = 20.0  # boundary layers beyond which a wall costs nothing
+PARABOLA = 0.5  # boundary layers below which the barrier rises no steeper than a parabola
+FEW = 30  # samples around references that can hardly carry weight
+HOPELESS = 60.0  # those whose guide costs so many lambda, and this share of the least cost, more than the cheapest
+SHARE = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Guide:
+    """A trajectory of one class and the feedback around it, on the grid of the rollouts."""
+
+    times: Array  # (T+1,) ends of the steps [s]
+    states: Array  # (T+1, 3)
+    control: Array  # (T,)
+    gains: Array  # (T, 3) K of u = control + K (x - states)
+    spread: Array  # (T,) standard deviation of the samples' noise as a share of the passive one
+    length: int  # steps until the one that enters the goal
+    cost: float  # integral of q + u'Ru/2 up to the goal
+    priced: float  # the same with clearance priced: it differs from the value by about the same in every class
+    valid: bool  # whether it touches nothing and is of its class
+
+
+class Guidance:
+    """Makes guides for the references of one problem."""
+
+    def __init__(self, problem: Problem, world: World) -> None:
+        assert self.suits(problem)
+        self.problem, self.world = problem, world
+        d = problem.dynamics
+        assert isinstance(d, Unicycle)
+        layer = boundary_layer(problem)
+        self.car = Car(
+            speed=d.V,
+            gain=1.0 / d.rho,
+            effort=float(problem.control_cost(np.zeros(3))[0, 0]),
+            rate=problem.least_rate,
+            margin=MARGIN * layer,
+            least=PARABOLA * layer,
+            price=BARRIER * problem.temperature * (d.b * d.V) ** (2.0 / 3.0),
+            tolerance=TOLERANCE * problem.temperature,
+        )
+
+    @staticmethod
+    def suits(problem: Problem) -> bool:
+        """Whether guides can be made: the car's dynamics and constant costs."""
+        return isinstance(problem.dynamics, Unicycle) and not callable(problem.q) and not callable(problem.R)
+
+    def improve(
+        self, x: Array, times: Array, key: int, trajectory: Trajectory, last: Guide | None = None, elapsed: float = 0.0
+    ) -> Guide | None:
+        """A guide from x (3,) in the class with this additive key; None if it does not arrive within `times`.
+
+        Args:
+            times: ends of the rollout steps, (T+1,) from 0 [s].
+            trajectory: the reference.
+            last: the guide of the same class made `elapsed` [s] ago.
+
+        If the improvement leaves the class or touches something, samples follow the curve itself, with feedback.
+        """
+        if last is not None:
+            guide = self._from(x, times, key, _shifted(last, times, elapsed), ROUNDS_WARM)
+            if guide is not None and guide.valid:
+                return guide
+        for stiffer in (1.0, 4.0):
+            guide = self._from(x, times, key, _along(trajectory, times), ROUNDS_COLD, stiffer)
+            if guide is None or guide.valid:
+                return guide
+        return self._from(x, times, key, _along(trajectory, times), 0)
+
+    def counts(self, guides: Sequence[Guide | None], samples: int) -> list[int]:
+        """Samples around each reference: N, or FEW where a class can hardly carry any weight.
+
+        Classes whose guide costs HOPELESS lambda more than the cheapest weigh about exp(-HOPELESS); a reference without
+        a guide takes longer than any path that weighs anything.
+        """
+        least = min((guide.priced for guide in guides if guide is not None), default=np.inf)
+        bound = least * (1.0 + SHARE) + HOPELESS * self.problem.temperature
+        few = min(FEW, samples)
+        return [
+            samples if least == np.inf or (guide is not None and guide.priced <= bound) else few for guide in guides
+        ]
+
+    def _from(
+        self,
+        x: Array,
+        times: Array,
+        key: int,
+        start: tuple[Array, Array, Array, int],
+        rounds: int,
+        stiffer: float = 1.0,
+    ) -> Guide | None:
+        states, control, gains, length = start
+        states[0] = x
+        spread = np.ones(len(control))
+        car = self.car._replace(price=stiffer * self.car.price)
+        if length < 1:
+            return None
+        length, cost, priced, _, right, free = optimise(
+            self.world, car, times, key, rounds, states, control, gains, spread, length
+        )
+        if length < 0:
+            return None
+        return Guide(
+            times=times, states=states, control=control, gains=gains, spread=spread, length=length, cost=cost,
+            priced=priced, valid=bool(right and free),
+        )  # fmt: skip
+
+
+def boundary_layer(problem: Problem) -> float:
+    """Width [m] over which noise keeps paths off a wall that they would rather follow.
+
+    A wall of curvature 1/r holds a car that saves cost q per second with the force q / (V r); over a distance c
+    that is worth lambda in the time (c / bV)^(2/3) in which noise carries the car so far.
+    """
+    d = problem.dynamics
+    assert isinstance(d, Unicycle)
+    radius = max(2.0 * problem.scene.robot_radius, 0.2)
+    force = problem.least_rate / radius
+    return float((problem.temperature * (d.b * d.V) ** (2.0 / 3.0) / force) ** 0.6)
+
+
+def _along(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array, int]:
+    """A tape that drives the rollouts' steps along a curve: they keep the heading that they begin with.
+
+    Each step should therefore begin with the heading of its middle, so the turning is brought forward by half a step.
+    """
+    middle = np.concatenate([[0.0], 0.5 * (times[1:-1] + times[2:]), times[-1:]])
+    control = trajectory.tape(middle)[:, 0] * np.diff(middle) / np.diff(times)
+    length = int(np.searchsorted(times, trajectory.durations.sum()))
+    T = len(control)
+    return np.zeros((T + 1, 3)), control, np.zeros((T, 3)), min(length, T)
+
+
+def _shifted(last: Guide, times: Array, elapsed: float) -> tuple[Array, Array, Array, int]:
+    """What is left of a guide after some time, on a new grid."""
+    T = len(times) - 1
+    then = times + elapsed
+    states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
+    at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.control) - 1)
+    length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
+    return states, last.control[at], last.gains[at], min(length, T)

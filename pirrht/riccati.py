@@ -1,0 +1,303 @@
+"""Compiled local optimisation of a car's trajectory, and the linear feedback that holds noisy paths near it.
+
+Differential dynamic programming (Mayne, Int. J. Control 1966) on the very steps that the rollouts take: x' = x +
+V cos(theta) dt, y' = y + V sin(theta) dt, theta' = theta + g u dt, with the running cost q + R u^2 / 2 and a price on
+clearances that noise would use up. The quadratic model of the cost-to-go yields u = u_ref + K (x - x_ref).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pirrht.clearance import border
+from pirrht.curves import entry_of_piece
+from pirrht.exits import COLLISION, sweep_exit
+from pirrht.jit import inlined, kernel
+from pirrht.memory import load_float32
+
+POINTS = 4  # of each step at which its clearance is priced
+STEEP = 6.0  # |u| of a guide stays below this
+LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
+HALVINGS = 6
+TURN_GAIN = 3.0  # turn rate per heading error past the end of a guide [1/s]
+
+
+class Car(NamedTuple):
+    """The numbers of a problem with unicycle dynamics that guides are optimised for."""
+
+    speed: float  # V [m/s]
+    gain: float  # g = 1/rho, turn rate per control [rad/s]
+    effort: float  # R
+    rate: float  # q [cost/s]
+    margin: float  # clearance below which a point costs something [m]
+    least: float  # clearance below which the barrier goes on as a parabola [m]
+    price: float  # cost rate of the barrier at a clearance of 1 m [cost/s]
+    tolerance: float  # an expected gain below this ends the iterations [cost]
+
+
+@inlined
+def wrapped(angle):  # type: ignore[no-untyped-def]
+    """The same angle within half a turn of zero."""
+    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+
+
+@inlined
+def homing(x, y, theta, gx, gy, bound):  # type: ignore[no-untyped-def]
+    """Turn rate towards the goal centre, at most `bound` [rad/s]."""
+    return max(-bound, min(bound, TURN_GAIN * wrapped(math.atan2(gy - y, gx - x) - theta)))
+
+
+@inlined
+def _with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value at (x, y) of the grid at an address, and its gradient."""
+    fx, fy = (x - field.x0) / field.spacing, (y - field.y0) / field.spacing
+    i = min(max(int(fx), 0), field.nx - 2)
+    j = min(max(int(fy), 0), field.ny - 2)
+    u, v, at = fx - i, fy - j, i * field.ny + j
+    a, b = load_float32(grid, at), load_float32(grid, at + 1)
+    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
+    low, high = a * (1.0 - v) + b * v, c * (1.0 - v) + d * v
+    return low * (1.0 - u) + high * u, (high - low) / field.spacing, ((b - a) * (1.0 - u) + (d - c) * u) / field.spacing
+
+
+@inlined
+def _barrier(c, margin, least):  # type: ignore[no-untyped-def]
+    """c^(-2/3) with its tangent at the margin taken off, and its first two derivatives; quadratic below `least`."""
+    if c >= margin:
+        return 0.0, 0.0, 0.0
+    at = max(c, least)
+    root, edge = at ** (-2.0 / 3.0), margin ** (-2.0 / 3.0)
+    rise, bend = -2.0 / 3.0 * root / at, 10.0 / 9.0 * root / (at * at)
+    down = -2.0 / 3.0 * edge / margin
+    below = c - at
+    value = root + rise * below + 0.5 * bend * below * below - edge - down * (c - margin)
+    return value, rise + bend * below - down, bend
+
+
+@kernel
+def _price(field, margin, least, x, y):  # type: ignore[no-untyped-def]
+    """Barrier against the two nearest components and the border at (x, y).
+
+    Returns: value, gradient (x, y) and Gauss-Newton Hessian (xx, xy, yy).
+    """
+    value, px, py, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if border(field, x, y) < margin:
+        for side in range(4):
+            c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
+            gx, gy = (1.0, -1.0, 0.0, 0.0)[side], (0.0, 0.0, 1.0, -1.0)[side]
+            p, d, h = _barrier(c, margin, least)
+            value, px, py = value + p, px + d * gx, py + d * gy
+            xx, yy = xx + h * gx * gx, yy + h * gy * gy
+    c, gx, gy = _with_slope(field, field.nearest, x, y)
+    if c < margin:
+        for k in range(2):
+            if k == 1:
+                c, gx, gy = _with_slope(field, field.second, x, y)
+            p, d, h = _barrier(c, margin, least)
+            value, px, py = value + p, px + d * gx, py + d * gy
+            xx, xy, yy = xx + h * gx * gx, xy + h * gx * gy, yy + h * gy * gy
+    return value, px, py, xx, xy, yy
+
+
+@kernel
+def roll(world, car, times, nominal, control, change, gains, length, step, states, applied):  # type: ignore[no-untyped-def]
+    """Drive from nominal[0] under u = control + step * change + K (x - nominal); past `length` towards the goal centre.
+
+    Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced.
+    """
+    gx, gy = world.goal
+    field = world.field
+    x, y, theta = states[0, 0], states[0, 1], states[0, 2]
+    cost, priced = 0.0, 0.0
+    for i in range(times.shape[0] - 1):
+        dt = times[i + 1] - times[i]
+        dx, dy = car.speed * math.cos(theta), car.speed * math.sin(theta)
+        s = entry_of_piece(x, y, theta, 0.0, car.speed * dt, gx, gy, world.goal_radius)
+        if s < np.inf:
+            share = car.rate * s / car.speed
+            applied[i] = 0.0
+            return i, cost + share, priced + share
+        for k in range(1, POINTS + 1):
+            t = dt * k / POINTS
+            value, _, _, _, _, _ = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
+            priced += car.price * value * dt / POINTS
+        if i < length:
+            u = control[i] + step * change[i]
+            u += gains[i, 0] * (x - nominal[i, 0]) + gains[i, 1] * (y - nominal[i, 1])
+            u += gains[i, 2] * wrapped(theta - nominal[i, 2])
+        else:
+            u = homing(x, y, theta, gx, gy, car.gain) / car.gain
+        u = max(-STEEP, min(STEEP, u))
+        applied[i] = u
+        running = (car.rate + 0.5 * car.effort * u * u) * dt
+        cost, priced = cost + running, priced + running
+        x, y, theta = x + dx * dt, y + dy * dt, theta + car.gain * u * dt
+        states[i + 1, 0], states[i + 1, 1], states[i + 1, 2] = x, y, theta
+    return -1, np.inf, np.inf
+
+
+@kernel
+def _arrival(world, car, x, y, theta):  # type: ignore[no-untyped-def]
+    """Cost q s / V of the way s to the goal's rim straight ahead: gradient (3) and Hessian (6) in x, y, theta."""
+    gx, gy = world.goal
+    radius = world.goal_radius
+    tx, ty = math.cos(theta), math.sin(theta)
+    along = (gx - x) * tx + (gy - y) * ty
+    off = max(radius * radius - (gx - x) ** 2 - (gy - y) ** 2 + along * along, 1e-4 * radius * radius)
+    s = along - math.sqrt(off)
+    nx, ny = (x + s * tx - gx) / radius, (y + s * ty - gy) / radius
+    head, side = nx * tx + ny * ty, -nx * ty + ny * tx
+    head = min(head, -0.05)
+    sx, sy, st = -nx / head, -ny / head, -s * side / head
+    # The hit point moves by h = [I, s t'] + t (sx, sy, st); differentiating |hit - g|^2 = r^2 twice gives the Hessian.
+    h00, h01, h02 = 1.0 + tx * sx, tx * sy, -s * ty + tx * st
+    h10, h11, h12 = ty * sx, 1.0 + ty * sy, s * tx + ty * st
+    scale = -1.0 / (radius * head)
+    xx = scale * (h00 * h00 + h10 * h10)
+    xy = scale * (h00 * h01 + h10 * h11)
+    yy = scale * (h01 * h01 + h11 * h11)
+    xt = scale * (h00 * h02 + h10 * h12 + radius * side * sx)
+    yt = scale * (h01 * h02 + h11 * h12 + radius * side * sy)
+    tt = scale * (h02 * h02 + h12 * h12 + radius * (2.0 * side * st - s * head))
+    w = car.rate / car.speed
+    return w * sx, w * sy, w * st, w * xx, w * xy, w * xt, w * yy, w * yt, w * tt
+
+
+@kernel
+def sweep_back(world, car, times, states, control, length, damping, change, gains, spread):  # type: ignore[no-untyped-def]
+    """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost]."""
+    field = world.field
+    v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
+        world, car, states[length, 0], states[length, 1], states[length, 2]
+    )
+    expected, g = 0.0, car.gain
+    for i in range(length - 1, -1, -1):
+        dt = times[i + 1] - times[i]
+        x, y, theta = states[i, 0], states[i, 1], states[i, 2]
+        dx, dy = car.speed * math.cos(theta), car.speed * math.sin(theta)
+        a, b = -dy * dt, dx * dt  # how the next position moves with the heading
+        bend = -(v0 * dx + v1 * dy) * dt
+        q0, q1, q2 = v0, v1, v2 + a * v0 + b * v1
+        m02, m12 = s02 + a * s00 + b * s01, s12 + a * s01 + b * s11
+        m22 = s22 + 2.0 * (a * s02 + b * s12) + a * a * s00 + 2.0 * a * b * s01 + b * b * s11 + bend
+        m00, m01, m11 = s00, s01, s11
+        e = g * dt
+        c0, c1, c2 = e * s02, e * s12, e * (s22 + a * s02 + b * s12)
+        slope = car.effort * control[i] * dt + e * v2
+        bow = max(car.effort * dt * (1.0 + damping) + e * e * s22, LEAST_CURVATURE * car.effort * dt)
+        for k in range(1, POINTS + 1):
+            t = dt * k / POINTS
+            value, px, py, xx, xy, yy = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
+            if value > 0.0:
+                w = car.price * dt / POINTS
+                jx, jy = -t * dy, t * dx
+                q0, q1, q2 = q0 + w * px, q1 + w * py, q2 + w * (px * jx + py * jy)
+                m00, m01, m11 = m00 + w * xx, m01 + w * xy, m11 + w * yy
+                m02, m12 = m02 + w * (xx * jx + xy * jy), m12 + w * (xy * jx + yy * jy)
+                m22 += w * (xx * jx * jx + 2.0 * xy * jx * jy + yy * jy * jy - t * (px * dx + py * dy))
+        step = -slope / bow
+        k0, k1, k2 = -c0 / bow, -c1 / bow, -c2 / bow
+        change[i], gains[i, 0], gains[i, 1], gains[i, 2] = step, k0, k1, k2
+        spread[i] = math.sqrt(min(1.0, car.effort * dt / bow))
+        expected -= 0.5 * slope * step
+        # With the bow above as the curvature in u, the best response leaves the Schur complement.
+        v0, v1, v2 = q0 + c0 * step, q1 + c1 * step, q2 + c2 * step
+        s00, s01, s02 = m00 + c0 * k0, m01 + c0 * k1, m02 + c0 * k2
+        s11, s12, s22 = m11 + c1 * k1, m12 + c1 * k2, m22 + c2 * k2
+    return expected
+
+
+@kernel
+def class_of(world, states, length):  # type: ignore[no-untyped-def]
+    """Additive class key of the first `length` steps, counted at the cuts as the rollouts do."""
+    gx, gy = world.goal
+    markers, weights = world.markers, world.weights
+    key = np.int64(0)
+    for k in range(markers.shape[0]):
+        mx, my = markers[k, 0], markers[k, 1]
+        bx, by = gx - mx, gy - my
+        ax, ay = states[0, 0] - mx, states[0, 1] - my
+        side = ax * by - ay * bx
+        for i in range(length):
+            cx, cy = states[i + 1, 0] - mx, states[i + 1, 1] - my
+            other = cx * by - cy * bx
+            if (side > 0.0) != (other > 0.0):
+                share = side / (side - other)
+                if (ax + share * (cx - ax)) * bx + (ay + share * (cy - ay)) * by < 0.0:
+                    key += weights[k] if other > 0.0 else -weights[k]
+            ax, ay, side = cx, cy, other
+    return key
+
+
+@kernel
+def is_free(world, states, length):  # type: ignore[no-untyped-def]
+    """Whether the first `length` steps touch nothing."""
+    for i in range(length):
+        outcome, _ = sweep_exit(
+            world.field, world.goal, world.goal_radius,
+            states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1],
+        )  # fmt: skip
+        if outcome == COLLISION:
+            return False
+    return True
+
+
+@kernel
+def optimise(world, car, times, key, rounds, states, control, gains, spread, length):  # type: ignore[no-untyped-def]
+    """Improve a trajectory of class `key` in place.
+
+    Args:
+        times: (T+1,) ends of the steps [s].
+        key: additive class key that the result must have.
+        rounds: at most so many backward passes.
+        states: (T+1, 3) the trajectory followed, its first row the start; overwritten.
+        control: (T,) its controls; overwritten.
+        gains: (T, 3) feedback along it, used until the first backward pass; overwritten.
+        spread: (T,) standard deviation left to the noise by what comes later, as a share of the passive one; output.
+        length: steps that it prescribes.
+
+    Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced,
+        backward passes, whether it is of its class, whether it is free.
+    """
+    T = control.shape[0]
+    change, other, tried = np.zeros(T), np.zeros((T + 1, 3)), np.zeros(T)
+    for j in range(3):
+        other[0, j] = states[0, j]
+    steps, cost, priced = roll(world, car, times, states, control, change, gains, length, 0.0, other, tried)
+    if steps < 0:
+        return -1, np.inf, np.inf, 0, False, False
+    for i in range(T):
+        control[i] = tried[i]
+        for j in range(3):
+            states[i + 1, j] = other[i + 1, j]
+    right = class_of(world, states, steps) == key
+    damping, done = 0.0, 0
+    for _ in range(rounds):
+        done += 1
+        expected = sweep_back(world, car, times, states, control, steps, damping, change, gains, spread)
+        if expected < car.tolerance:
+            break
+        better, step = False, 1.0
+        for _ in range(HALVINGS):
+            n, c, p = roll(world, car, times, states, control, change, gains, steps, step, other, tried)
+            if n >= 0 and p < priced - 0.1 * step * expected:
+                same = class_of(world, other, n) == key
+                if same or not right:
+                    better, right, steps, cost, priced = True, same, n, c, p
+                    break
+            step *= 0.5
+        if better:
+            for i in range(T):
+                control[i] = tried[i]
+                for j in range(3):
+                    states[i + 1, j] = other[i + 1, j]
+            damping = 0.0 if damping < 0.01 else damping / 8.0
+        else:
+            damping = max(0.1, 8.0 * damping)
+            if damping > 1e4:
+                break
+    sweep_back(world, car, times, states, control, steps, 0.0, change, gains, spread)
+    return steps, cost, priced, done, right, is_free(world, states, steps)
