@@ -129,6 +129,8 @@ class PathIntegral:
         rollouts = self.rollout(x, np.arange(3.0), np.zeros((1, 2, d.m)), 0, counts=[1])
         self.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.trace(rollouts, np.zeros(1, dtype=np.int64))
+        clearance(self.space.field, x[0], x[1])
+        survivors_slope(self.space.field, 1.0, 1.0, x[0], x[1], 1.0)
 
     def grid(self, reference_cost: float) -> Array:
         """Ends of the rollout steps (T+1,) [s], up to T_max = (c_ref + 40 lambda) / q_min where a path weighs nothing.

@@ -28,10 +28,12 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
 
 
 def _drive(scene: Scene) -> rrb.Container:
+    begin, now = rrb.TimeRangeBoundary.infinite(), {"sim_time": {"seconds": 0.0}, "step": {"seq": 0}}
     so_far = rrb.VisibleTimeRanges(
-        timeline="sim_time",
-        start=rrb.TimeRangeBoundary.infinite(),
-        end=rrb.TimeRangeBoundary.cursor_relative(seconds=0.0),
+        [
+            rrb.VisibleTimeRange(line, start=begin, end=rrb.TimeRangeBoundary.cursor_relative(**cursor))
+            for line, cursor in now.items()
+        ]
     )
     view = rrb.Spatial3DView(
         origin="/world",
