@@ -108,6 +108,27 @@ def distances(field, goal, radius, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _behind_wall(field, x, y, nx, ny, c0, c1):  # type: ignore[no-untyped-def]
+    """Clearance c1 of a step's end; negative if the chord meets a wall, as if the step had ended inside of it."""
+    length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
+    s = c0
+    while s < length - c1:
+        c = interpolate(field, field.nearest, x + s / length * (nx - x), y + s / length * (ny - y))
+        if c <= 0.0:
+            return c0 * (1.0 - length / s)
+        s += max(c, 0.1 * field.spacing)
+    return c1
+
+
+@kernel
+def _behind_rim(goal, radius, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
+    """The same for the distance g1 to the goal's disc."""
+    length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
+    s = entry_of_piece(x, y, math.atan2(ny - y, nx - x), 0.0, length, goal[0], goal[1], radius)
+    return g0 * (1.0 - length / s) if s < length else g1
+
+
+@kernel
 def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  # type: ignore[no-untyped-def]
     """How a noisy step from (x, y) to (nx, ny) ends.
 
@@ -121,6 +142,13 @@ def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  
     near_wall = c1 <= 0.0 or 2.0 * c0 * c1 < reach
     near_border = e1 <= 0.0 or 2.0 * e0 * e1 < reach
     near_goal = g1 <= 0.0 or 2.0 * g0 * g1 < reach
+    square = (nx - x) * (nx - x) + (ny - y) * (ny - y)
+    if c1 > 0.0 and (c0 + c1) * (c0 + c1) < square:
+        c1 = _behind_wall(field, x, y, nx, ny, c0, c1)
+        near_wall = near_wall or c1 < 0.0
+    if g1 > 0.0 and (g0 + g1) * (g0 + g1) < square:
+        g1 = _behind_rim(goal, radius, x, y, nx, ny, g0, g1)
+        near_goal = near_goal or g1 < 0.0
     if not (near_wall or near_border or near_goal):
         return state, INSIDE, 1.0
     wall_time, goal_time = 2.0, 2.0
