@@ -236,7 +236,7 @@ def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
     goal, radius = goal_of(space)
     rng = np.random.default_rng(6)
     exits = []
-    for _ in range(800):
+    for _ in range(1500):
         tail, head = rng.uniform(-0.2, 4.2, (2, 2))
         if not space.collision.free(tail[None])[0] or space.scene.goal.contains(tail):
             continue

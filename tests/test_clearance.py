@@ -1,0 +1,168 @@
+"""The clearance field never claims more room than FCL finds, nor much less; what it certifies FCL confirms."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from pirrht.clearance import BLOCKED, FREE, REACH, UNSURE, certify_segment, clearance, interpolate
+from pirrht.edges import certify_curve
+from pirrht.freespace import FreeSpace
+from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
+
+RADIUS = 0.12
+ROUNDING = 1e-6  # the field is kept in single precision [m]
+every_kind = pytest.mark.parametrize("kind", list(Kind), ids=lambda kind: kind.value)
+
+
+def solid(kind: Kind, name: str, spot: Array, rng: np.random.Generator) -> Obstacle:
+    size = np.exp(rng.uniform(np.log(0.08), np.log(0.6), 3))
+    vertices = faces = None
+    if kind is Kind.MESH:
+        corners = rng.uniform(-1, 1, (12, 3)) * size
+        hull = ConvexHull(corners)
+        vertices, faces = corners[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
+    return Obstacle(
+        name=name, kind=kind, size=size, position=np.array([*spot, 0.1 + rng.uniform(-0.2, 0.2)]),
+        rotation=Rotation.random(random_state=int(rng.integers(2**31))).as_matrix(), vertices=vertices, faces=faces,
+    )  # fmt: skip
+
+
+@cache
+def cluttered(kind: Kind | None, seed: int = 0) -> FreeSpace:
+    """Five tilted solids of one kind (or of all) at random, some of which touch each other or the border."""
+    rng = np.random.default_rng(seed)
+    kinds = list(Kind) if kind is None else [kind] * 5
+    obstacles = [solid(k, f"{k.value}{i}", rng.uniform(0.8, 3.2, 2), rng) for i, k in enumerate(kinds)]
+    return FreeSpace.of(
+        Scene(
+            name="clutter", lower=np.array([-0.6, -0.4]), upper=np.array([4.5, 4.1]), obstacles=tuple(obstacles),
+            goal=Goal(center=np.array([4.3, 3.9]), radius=0.1), start=np.array([-0.4, -0.2, 0.0]), robot_radius=RADIUS,
+        )
+    )  # fmt: skip
+
+
+def points_in(space: FreeSpace, count: int, seed: int) -> Array:
+    return np.random.default_rng(seed).uniform(space.scene.lower, space.scene.upper, (count, 2))
+
+
+def field_at(space: FreeSpace, points: Array) -> Array:
+    return np.array([clearance(space.field, x, y) for x, y in points])
+
+
+@every_kind
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_field_never_claims_more_room_than_fcl_finds(kind, seed):
+    """Inside a solid, more than half a radius below the surface, it only has to stay negative."""
+    space = cluttered(kind, seed)
+    points = points_in(space, 1500, seed)
+    exact, found = space.collision.clearance(points), field_at(space, points)
+    tolerance = ROUNDING + (4e-6 if kind in (Kind.ELLIPSOID, Kind.MESH) else 0)
+    shallow = exact > -0.5 * RADIUS
+    assert np.all(found[shallow] <= exact[shallow] + tolerance)
+    assert np.all(found[~shallow] < -0.4 * RADIUS)
+    assert np.sum(exact < 0) > 20
+    assert np.sum(exact > 0.2) > 20
+
+
+@every_kind
+def test_the_field_gives_little_room_away_near_the_surface(kind):
+    """Twice the bound of interpolation, h^2 / (4 d) with d from the solid; one cell where two components meet."""
+    space = cluttered(kind)
+    h, points = space.field.spacing, points_in(space, 1500, 3)
+    exact, found = space.collision.clearance(points), field_at(space, points)
+    near = (exact > -0.5 * RADIUS) & (exact < 2 * h)
+    lost = (exact - found)[near]
+    assert near.sum() > 30
+    assert np.median(lost) < 2 * h**2 / (4 * 0.5 * RADIUS)
+    assert lost.max() < 1.5 * h
+
+
+@every_kind
+def test_the_field_gives_a_bounded_share_away_further_off(kind):
+    space = cluttered(kind)
+    points = points_in(space, 1500, 4)
+    exact, found = space.collision.clearance(points), field_at(space, points)
+    far = exact > 0.05
+    assert np.all((np.minimum(exact, REACH) - found)[far] < 0.25 * exact[far] + 1.5 * space.field.spacing)
+    assert np.median((np.minimum(exact, REACH) - found)[far]) < 0.02
+
+
+def test_the_border_is_exact_and_belongs_to_the_centre():
+    space = cluttered(Kind.BOX)
+    scene = space.scene
+    for y in np.linspace(scene.lower[1] + 0.01, scene.upper[1] - 0.01, 7):
+        assert clearance(space.field, scene.lower[0] + 0.005, y) == pytest.approx(0.005)
+        assert clearance(space.field, scene.lower[0] - 0.3, y) == pytest.approx(-0.3)
+        assert clearance(space.field, scene.upper[0] + 0.2, y) == pytest.approx(-0.2)
+
+
+def test_the_nearest_component_is_nearer_than_the_second():
+    space = cluttered(None)
+    points = points_in(space, 1000, 5)
+    nearest = np.array([interpolate(space.field, space.field.nearest, x, y) for x, y in points])
+    second = np.array([interpolate(space.field, space.field.second, x, y) for x, y in points])
+    assert np.all(nearest <= second + ROUNDING)
+    assert np.mean(second > nearest + 0.01) > 0.5
+
+
+def test_without_obstacles_only_the_border_bounds():
+    scene = Scene(
+        name="empty", lower=np.zeros(2), upper=np.full(2, 30.0), obstacles=(), robot_radius=0.2,
+        goal=Goal(center=np.full(2, 20.0), radius=0.5), start=np.array([1.0, 1.0, 0.0]),
+    )  # fmt: skip
+    space = FreeSpace.of(scene)
+    assert clearance(space.field, 15.0, 12.0) == pytest.approx(12.0)
+    assert interpolate(space.field, space.field.nearest, 15.0, 12.0) > 1e3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_the_field_says_of_a_segment_fcl_confirms(seed):
+    space = cluttered(None, seed)
+    rng = np.random.default_rng(10 + seed)
+    tails = points_in(space, 1200, 20 + seed)
+    heads = tails + rng.normal(0, 0.7, tails.shape)
+    verdict = np.array([certify_segment(space.field, *a, *b) for a, b in zip(tails, heads, strict=True)])
+    free = space.collision.segments_free(tails, heads)
+    assert np.all(free[verdict == FREE])
+    assert not np.any(free[verdict == BLOCKED])
+    assert np.mean(verdict[free] == FREE) > 0.95
+    assert {FREE, BLOCKED, UNSURE} == set(verdict)
+
+
+def test_a_certified_arc_is_free_by_fcl_at_every_point():
+    space = cluttered(None)
+    rng = np.random.default_rng(7)
+    certified = 0
+    for start in points_in(space, 800, 8):
+        kappa, length = rng.uniform(-3, 3), rng.uniform(0.1, 1.5)
+        pose = np.array([*start, rng.uniform(-np.pi, np.pi)])
+        if certify_curve(space.field, pose, np.array([kappa]), np.array([length])) != FREE:
+            continue
+        certified += 1
+        s = np.linspace(0, length, 60)
+        heading = pose[2] + kappa * s
+        arc = start + np.column_stack([np.sin(heading) - np.sin(pose[2]), np.cos(pose[2]) - np.cos(heading)]) / kappa
+        assert np.all(space.collision.clearance(arc) > 0)
+    assert certified > 100
+
+
+def test_a_segment_of_no_length_is_free_where_its_point_is():
+    space = cluttered(None)
+    for point in points_in(space, 300, 9):
+        gap = space.collision.clearance(point[None])[0]
+        verdict = certify_segment(space.field, *point, *point)
+        assert (verdict == FREE) <= (gap > 0)
+        if gap > 0.02:
+            assert verdict == FREE
+
+
+def test_a_segment_out_of_the_workspace_is_never_free():
+    space = cluttered(None)
+    for end in ([-0.4, -0.4], [-0.4, -0.5], [-0.6, -0.2], [-5.0, -0.2]):
+        assert certify_segment(space.field, -0.4, -0.2, *end) != FREE
+        assert certify_segment(space.field, *end, -0.4, -0.2) != FREE
