@@ -146,12 +146,8 @@ def boundary_layer(problem: Problem) -> float:
 
 
 def _along(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array, int]:
-    """A tape that drives the rollouts' steps along a curve: they keep the heading that they begin with.
-
-    Each step should therefore begin with the heading of its middle, so the turning is brought forward by half a step.
-    """
-    middle = np.concatenate([[0.0], 0.5 * (times[1:-1] + times[2:]), times[-1:]])
-    control = trajectory.tape(middle)[:, 0] * np.diff(middle) / np.diff(times)
+    """A tape that drives along a curve."""
+    control = trajectory.tape(times)[:, 0]
     length = int(np.searchsorted(times, trajectory.durations.sum()))
     T = len(control)
     return np.zeros((T + 1, 3)), control, np.zeros((T, 3)), min(length, T)

@@ -1,7 +1,7 @@
 """Compiled local optimisation of a car's trajectory, and the linear feedback that holds noisy paths near it.
 
-Differential dynamic programming (Mayne, Int. J. Control 1966) on the very steps that the rollouts take: x' = x +
-V cos(theta) dt, y' = y + V sin(theta) dt, theta' = theta + g u dt, with the running cost q + R u^2 / 2 and a price on
+Differential dynamic programming (Mayne, Int. J. Control 1966) on the very steps that the rollouts take: theta' = theta +
+g u dt, and the position moves by V dt along the heading in between. The running cost is q + R u^2 / 2 and a price on
 clearances that noise would use up. The quadratic model of the cost-to-go yields u = u_ref + K (x - x_ref).
 """
 
@@ -23,6 +23,7 @@ STEEP = 6.0  # |u| of a guide stays below this
 LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
 HALVINGS = 6
 TURN_GAIN = 3.0  # turn rate per heading error past the end of a guide [1/s]
+AIM = 0.9  # share of the goal's radius that is aimed at
 
 
 class Car(NamedTuple):
@@ -45,9 +46,12 @@ def wrapped(angle):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def homing(x, y, theta, gx, gy, bound):  # type: ignore[no-untyped-def]
-    """Turn rate towards the goal centre, at most `bound` [rad/s]."""
-    return max(-bound, min(bound, TURN_GAIN * wrapped(math.atan2(gy - y, gx - x) - theta)))
+def homing(x, y, theta, gx, gy, radius, bound):  # type: ignore[no-untyped-def]
+    """Turn rate that brings the goal's disc ahead, at most `bound`; none where it lies ahead already [rad/s]."""
+    dx, dy = gx - x, gy - y
+    off = wrapped(math.atan2(dy, dx) - theta)
+    within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
+    return max(-bound, min(bound, TURN_GAIN * (max(0.0, off - within) + min(0.0, off + within))))
 
 
 @inlined
@@ -114,26 +118,27 @@ def roll(world, car, times, nominal, control, change, gains, length, step, state
     cost, priced = 0.0, 0.0
     for i in range(times.shape[0] - 1):
         dt = times[i + 1] - times[i]
-        dx, dy = car.speed * math.cos(theta), car.speed * math.sin(theta)
         s = entry_of_piece(x, y, theta, 0.0, car.speed * dt, gx, gy, world.goal_radius)
         if s < np.inf:
             share = car.rate * s / car.speed
             applied[i] = 0.0
             return i, cost + share, priced + share
-        for k in range(1, POINTS + 1):
-            t = dt * k / POINTS
-            value, _, _, _, _, _ = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
-            priced += car.price * value * dt / POINTS
         if i < length:
             u = control[i] + step * change[i]
             u += gains[i, 0] * (x - nominal[i, 0]) + gains[i, 1] * (y - nominal[i, 1])
             u += gains[i, 2] * wrapped(theta - nominal[i, 2])
         else:
-            u = homing(x, y, theta, gx, gy, car.gain) / car.gain
+            u = homing(x, y, theta, gx, gy, world.goal_radius, car.gain) / car.gain
         u = max(-STEEP, min(STEEP, u))
         applied[i] = u
         running = (car.rate + 0.5 * car.effort * u * u) * dt
         cost, priced = cost + running, priced + running
+        middle = theta + 0.5 * car.gain * u * dt
+        dx, dy = car.speed * math.cos(middle), car.speed * math.sin(middle)
+        for k in range(1, POINTS + 1):
+            t = dt * k / POINTS
+            value, _, _, _, _, _ = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
+            priced += car.price * value * dt / POINTS
         x, y, theta = x + dx * dt, y + dy * dt, theta + car.gain * u * dt
         states[i + 1, 0], states[i + 1, 1], states[i + 1, 2] = x, y, theta
     return -1, np.inf, np.inf
@@ -173,31 +178,37 @@ def sweep_back(world, car, times, states, control, length, damping, change, gain
     v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
         world, car, states[length, 0], states[length, 1], states[length, 2]
     )
-    expected, g = 0.0, car.gain
+    expected = 0.0
     for i in range(length - 1, -1, -1):
         dt = times[i + 1] - times[i]
-        x, y, theta = states[i, 0], states[i, 1], states[i, 2]
-        dx, dy = car.speed * math.cos(theta), car.speed * math.sin(theta)
-        a, b = -dy * dt, dx * dt  # how the next position moves with the heading
-        bend = -(v0 * dx + v1 * dy) * dt
-        q0, q1, q2 = v0, v1, v2 + a * v0 + b * v1
-        m02, m12 = s02 + a * s00 + b * s01, s12 + a * s01 + b * s11
-        m22 = s22 + 2.0 * (a * s02 + b * s12) + a * a * s00 + 2.0 * a * b * s01 + b * b * s11 + bend
+        h = 0.5 * car.gain * dt
+        x, y, middle = states[i, 0], states[i, 1], states[i, 2] + h * control[i]
+        dx, dy = car.speed * math.cos(middle), car.speed * math.sin(middle)
+        a, b = -dy * dt, dx * dt  # how the next position moves with the heading in between
+        # First the cost-to-go as a function of x, y, the heading t in between and the next heading v2 belongs to.
+        g0, g1, gt = v0, v1, a * v0 + b * v1
         m00, m01, m11 = s00, s01, s11
-        e = g * dt
-        c0, c1, c2 = e * s02, e * s12, e * (s22 + a * s02 + b * s12)
-        slope = car.effort * control[i] * dt + e * v2
-        bow = max(car.effort * dt * (1.0 + damping) + e * e * s22, LEAST_CURVATURE * car.effort * dt)
+        m0t, m1t = a * s00 + b * s01, a * s01 + b * s11
+        mtt = a * m0t + b * m1t - (v0 * dx + v1 * dy) * dt
+        cross = a * s02 + b * s12
         for k in range(1, POINTS + 1):
             t = dt * k / POINTS
             value, px, py, xx, xy, yy = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
             if value > 0.0:
                 w = car.price * dt / POINTS
                 jx, jy = -t * dy, t * dx
-                q0, q1, q2 = q0 + w * px, q1 + w * py, q2 + w * (px * jx + py * jy)
+                g0, g1, gt = g0 + w * px, g1 + w * py, gt + w * (px * jx + py * jy)
                 m00, m01, m11 = m00 + w * xx, m01 + w * xy, m11 + w * yy
-                m02, m12 = m02 + w * (xx * jx + xy * jy), m12 + w * (xy * jx + yy * jy)
-                m22 += w * (xx * jx * jx + 2.0 * xy * jx * jy + yy * jy * jy - t * (px * dx + py * dy))
+                m0t, m1t = m0t + w * (xx * jx + xy * jy), m1t + w * (xy * jx + yy * jy)
+                mtt += w * (xx * jx * jx + 2.0 * xy * jx * jy + yy * jy * jy - t * (px * dx + py * dy))
+        # Then as a function of x, y, theta and u: t = theta + h u, and the next heading is theta + 2 h u.
+        q0, q1, q2 = g0, g1, gt + v2
+        m02, m12, m22 = m0t + s02, m1t + s12, mtt + 2.0 * cross + s22
+        c0, c1 = h * (m0t + 2.0 * s02), h * (m1t + 2.0 * s12)
+        c2 = h * (mtt + 3.0 * cross + 2.0 * s22)
+        slope = car.effort * control[i] * dt + h * (gt + 2.0 * v2)
+        bow = car.effort * dt * (1.0 + damping) + h * h * (mtt + 4.0 * cross + 4.0 * s22)
+        bow = max(bow, LEAST_CURVATURE * car.effort * dt)
         step = -slope / bow
         k0, k1, k2 = -c0 / bow, -c1 / bow, -c2 / bow
         change[i], gains[i, 0], gains[i, 1], gains[i, 2] = step, k0, k1, k2

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from pirrht.clearance import Field
 from pirrht.dynamics import no_drift
+from pirrht.exits import GOAL as REACHED
 from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, survivors_slope, sweep_exit
 from pirrht.jit import as_jitable, kernel
 from pirrht.noise import normal, stream
@@ -56,7 +57,7 @@ class Guides(NamedTuple):
     speed: float  # towards a corner [m/s]
     reach: float  # walls push within about this distance [m]; 0: they do not
     window: int  # leading steps over which the control now is averaged
-    law: Array  # (H, T, 9) of a car, in noise units: a, its slopes in x, y, theta, the state it is for, spread and its log
+    law: Array  # (H, T, 9) of a car: a, its slopes in x, y, theta, the state they are for, spread and its log
     led: NDArray[np.int64]  # (H,) number of steps that the law covers, then towards the goal; 0: follow the tape
 
 
@@ -238,7 +239,8 @@ def _build(
                     a[g, 0] = max(-steep, min(steep, drive))
                 elif car and led[g] > 0:
                     if homeward == np.inf:
-                        homeward = homing(x[0], x[1], x[2], goal[0], goal[1], D[0, 0] * B[0, 0]) / B[0, 0]
+                        bound = D[0, 0] * B[0, 0]
+                        homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / B[0, 0]
                     a[g, 0] = homeward
                 else:
                     busy = i < active[g]
@@ -255,6 +257,25 @@ def _build(
                 if car and led[h] > i:
                     z *= law[h, i, 7]
                 y[j] = z * root + a[h, j] * dt
+            # Where no noise acts on the position, it moves along the heading of the middle of the step, as the robot
+            # does; but a step that enters the goal straight ahead ends before its noise matters.
+            arrived, ahead = False, 1.0
+            if not noisy_position and world.bridge:
+                far = math.sqrt((x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2) - radius
+                if far < math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt:
+                    exit, ahead = sweep_exit(field, goal, radius, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+                    arrived = exit == REACHED
+                if arrived:
+                    until = 0.0
+                    for j in range(m):
+                        y[j] = 0.0
+                elif drifting:
+                    for j in range(n):
+                        moved[j] = x[j]
+                    for j in range(m):
+                        for k in range(m):
+                            moved[fixed + j] += 0.5 * B[j, k] * y[k]
+                    drift(moved, p, f)
             for j in range(n):
                 moved[j] = x[j] + f[j] * dt
             for j in range(m):
@@ -306,12 +327,10 @@ def _build(
                     y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
                     moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
                     until = dt * share
+            elif arrived:
+                exit, share = REACHED, ahead
             else:
                 exit, share = sweep_exit(field, goal, radius, x[0], x[1], moved[0], moved[1])
-                if exit != INSIDE:  # decided before this step's noise, which therefore must not weigh
-                    until = 0.0
-                    for j in range(m):
-                        y[j] = 0.0
             if weigh:
                 for g in range(H):
                     if car and led[g] > i:
