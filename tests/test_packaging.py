@@ -1,0 +1,76 @@
+"""What is installed is complete: a wheel brings scenes and robots along and drives from any folder."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def call(*words: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return subprocess.run(
+        [sys.executable, *map(str, words)], cwd=cwd, env=inherited | environment, capture_output=True, text=True
+    )
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    pytest.importorskip("hatchling", reason="the wheel is built without a network")
+    pip = ("-m", "pip", "--disable-pip-version-check", "wheel", "-q")
+    built = call(*pip, "--no-deps", "--no-build-isolation", "--no-index", "-w", folder, ROOT, cwd=folder)
+    assert built.returncode == 0, built.stderr
+    (file,) = folder.glob("pirrht-*.whl")
+    return file
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("installed")
+    pip = ("-m", "pip", "--disable-pip-version-check", "install", "-q")
+    done = call(*pip, "--no-deps", "--no-index", "--no-compile", "--target", folder, wheel, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_a_wheel_holds_both_packages_and_their_models(wheel):
+    names = set(zipfile.ZipFile(wheel).namelist())
+    for folder, pattern in (("pirrht", "*.py"), ("sim", "*.py")):
+        assert {f"{folder}/{path.name}" for path in (ROOT / folder).glob(pattern)} <= names
+    for path in (ROOT / "models").rglob("*.xml"):
+        assert f"sim/models/{path.relative_to(ROOT / 'models').as_posix()}" in names
+    assert {"sim/models/scenes/slit.xml", "sim/models/robots/puck.xml"} <= names
+
+
+def test_a_wheel_holds_nothing_else(wheel):
+    tops = {name.split("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+    assert {name for name in tops if not name.endswith(".dist-info")} == {"pirrht", "sim"}
+    assert not [name for name in zipfile.ZipFile(wheel).namelist() if "__pycache__" in name or name.endswith(".nbi")]
+
+
+def test_a_wheel_brings_the_command(wheel):
+    archive = zipfile.ZipFile(wheel)
+    (entry,) = [name for name in archive.namelist() if name.endswith("entry_points.txt")]
+    assert "pirrht = sim.cli:main" in archive.read(entry).decode()
+
+
+def test_an_installed_copy_finds_its_own_scenes(installed, tmp_path):
+    listed = call("-m", "sim.cli", "scenes", cwd=tmp_path, PYTHONPATH=str(installed))
+    assert listed.returncode == 0, listed.stderr
+    assert str(installed / "sim" / "models" / "scenes" / "slit.xml") in listed.stdout
+
+
+def test_an_installed_copy_drives(installed, tmp_path):
+    """Its kernels are compiled anew, which takes most of the time."""
+    words = ("run", "slit", "--max-time", "0.05", "--vertices", "60", "--samples", "20", "--json", "run.json")
+    ran = call("-m", "sim.cli", *words, cwd=tmp_path, PYTHONPATH=str(installed))
+    assert ran.returncode == 1, ran.stderr
+    assert "timeout after 0.05 s" in ran.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
