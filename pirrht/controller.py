@@ -8,7 +8,7 @@ import numpy as np
 
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.guides import Guide
+from pirrht.guides import FEW, Guide
 from pirrht.homology import class_id
 from pirrht.path_integral import Estimate, PathIntegral, Sampling
 from pirrht.problem import Problem
@@ -109,7 +109,8 @@ class Controller:
         self._last = np.array(x[:2], dtype=float)
         self._previous: Plan | None = None
         self._since = 0.0
-        self._guides: dict[str, Guide] = {}
+        self._guides: dict[tuple[int, ...], Guide] = {}  # by class of driven path and guide together
+        self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
 
     def observe(self, states: Array, duration: float) -> None:
         """Take note of the states (k, n) just driven through and the time it took [s]."""
@@ -132,9 +133,11 @@ class Controller:
         try:
             references = self._references(x)
         except NoReference:
+            references = self._kept(x, set())
             if self._previous is None:
                 raise
-            return self._keep(self._go_on(x, self._previous))
+            if not references:
+                return self._keep(self._go_on(x, self._previous))
         ids = tuple(class_id(self._from_start(reference)) for reference in references)
         trajectories = [reference.trajectory for reference in references]
         seed = int(self.rng.integers(2**63))
@@ -145,7 +148,7 @@ class Controller:
         estimate: Estimate | None = None
         fallback: str | None = None
         instead: Array | None = None
-        guides, counts = self._lead(x, times, references, ids)
+        guides, counts = self._lead(x, times, references)
         try:
             rollouts = estimator.rollout(
                 x, times, tapes, seed, counts=counts, corners=self._corners(trajectories), guides=guides
@@ -169,23 +172,46 @@ class Controller:
         if self.method == "passive" or self.tree is None:
             return []
         references = self.tree.references(x, polished=self.polished)
-        return references[:1] if self.method == "single" else references
+        if self.method == "single":
+            return references[:1]
+        kept = self._kept(x, {self._from_start(reference) for reference in references})
+        return sorted(references + kept, key=lambda reference: reference.cost) if kept else references
+
+    def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
+        """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""
+        homology = self.space.homology
+        driven = np.rint(self._driven + homology.straight(self._last[None, :])[0] - self._start)
+        references = []
+        for whole, guide in self._guides.items():
+            rest = guide.rest(self._since, self.space.scene.goal.center)
+            if whole in known or whole not in self._strong or rest is None:
+                continue
+            winding = tuple(int(k) for k in np.asarray(whole) - driven)
+            signature = homology.signature(x, winding)
+            if self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit):
+                references.append(Reference(winding=winding, signature=signature, trajectory=rest))
+        return references
 
     def _lead(
-        self, x: Array, times: Array, references: list[Reference], ids: tuple[str, ...]
+        self, x: Array, times: Array, references: list[Reference]
     ) -> tuple[list[Guide | None] | None, list[int] | None]:
         """Guides of a car, each from what is left of the last one of its class, and samples around each."""
         guidance = self.path_integral.guidance
         if guidance is None or not references:
             return None, None
+        classes = [self._from_start(reference) for reference in references]
         guides = [
             guidance.improve(
-                x, times, self.space.homology.key(r.winding), r.trajectory, self._guides.get(name), self._since
+                x, times, self.space.homology.key(r.winding), r.trajectory, self._guides.get(whole), self._since
             )
-            for r, name in zip(references, ids, strict=True)
+            for r, whole in zip(references, classes, strict=True)
         ]
-        self._guides = {name: guide for name, guide in zip(ids, guides, strict=True) if guide is not None}
-        return guides, guidance.counts(guides, self.path_integral.sampling.samples)
+        counts = guidance.counts(guides, self.path_integral.sampling.samples)
+        self._guides = {
+            whole: guide for whole, guide in zip(classes, guides, strict=True) if guide is not None and guide.valid
+        }
+        self._strong = {whole for whole, count in zip(classes, counts, strict=True) if count > FEW}
+        return guides, counts
 
     def _corners(self, trajectories: list[Trajectory]) -> list[Array] | None:
         """What samples head for: the corners of each reference, and the goal point as the last."""

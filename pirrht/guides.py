@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pirrht.curves import Curves
 from pirrht.dynamics import Unicycle
 from pirrht.problem import Problem
 from pirrht.riccati import Car, optimise
@@ -45,6 +46,32 @@ class Guide:
     priced: float  # the same with clearance priced: it differs from the value by about the same in every class
     valid: bool  # whether it touches nothing and is of its class
 
+    def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
+        """What is left of it after some time [s], as arcs into the goal around the centre (2,); None if nothing."""
+        passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
+        if passed >= self.length:
+            return None
+        part = slice(passed, self.length)
+        steps = np.diff(self.times)[part]
+        ahead = self.states[self.length]
+        start = np.vstack([self.states[part], ahead])
+        travel = np.hypot(*np.diff(start[:, :2], axis=0).T)
+        turn = np.append(np.diff(start[:, 2]), 0.0)
+        left = float(np.hypot(*(goal - ahead[:2])))
+        length = np.append(travel, left)
+        speed = float(travel.sum() / steps.sum())
+        whole = float(length.sum())
+        return Trajectory(
+            controls=np.append(self.control[part], 0.0)[:, None],
+            durations=np.append(steps, left / speed),
+            path=Curves(
+                start=start, curvature=(turn / length)[:, None], length=length[:, None], cost=length,
+                tails=start, heads=np.vstack([start[1:], ahead]),
+            ),
+            cost=whole / speed,
+            length=whole,
+        )  # fmt: skip
+
 
 class Guidance:
     """Makes guides for the references of one problem."""
@@ -70,6 +97,10 @@ class Guidance:
     def suits(problem: Problem) -> bool:
         """Whether guides can be made: the car's dynamics and constant costs."""
         return isinstance(problem.dynamics, Unicycle) and not callable(problem.q) and not callable(problem.R)
+
+    def warm_up(self, x: Array) -> None:
+        """Compile the optimisation."""
+        self._from(x, np.arange(3.0), 0, (np.zeros((3, 3)), np.zeros(2), np.zeros((2, 3)), 1), 1)
 
     def improve(
         self, x: Array, times: Array, key: int, trajectory: Trajectory, last: Guide | None = None, elapsed: float = 0.0

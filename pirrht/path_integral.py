@@ -126,6 +126,8 @@ class PathIntegral:
         """Compile what sampling, weighing and tracing need, so that the first plan takes no longer than the others."""
         d = self.problem.dynamics
         x = self.problem.scene.start[: d.n]
+        if self.guidance is not None:
+            self.guidance.warm_up(x)
         rollouts = self.rollout(x, np.arange(3.0), np.zeros((1, 2, d.m)), 0, counts=[1])
         self.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.trace(rollouts, np.zeros(1, dtype=np.int64))

@@ -1,8 +1,8 @@
 """Compiled local optimisation of a car's trajectory, and the linear feedback that holds noisy paths near it.
 
-Differential dynamic programming (Mayne, Int. J. Control 1966) on the very steps that the rollouts take: theta' = theta +
-g u dt, and the position moves by V dt along the heading in between. The running cost is q + R u^2 / 2 and a price on
-clearances that noise would use up. The quadratic model of the cost-to-go yields u = u_ref + K (x - x_ref).
+Differential dynamic programming (Mayne, Int. J. Control 1966) on the very steps that the rollouts take: theta' =
+theta + g u dt, and the position moves by V dt along the heading in between. The running cost is q + R u^2 / 2 and a
+price on clearances that noise would use up. The quadratic model of the cost-to-go yields u = u_ref + K (x - x_ref).
 """
 
 from __future__ import annotations

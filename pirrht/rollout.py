@@ -176,7 +176,7 @@ def _build(
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
     def one_path(world, guides, h, x0, seed, sample, ratio, states, applied, pushes):  # type: ignore[no-untyped-def]
-        """Simulate one sample and fill `ratio` (H,), `states` (T+1, n), `applied` and `pushes` (up to T, m) if not empty.
+        """Simulate one sample; fill `ratio` (H,), `states` (T+1, n), `applied` and `pushes` (up to T, m) if not empty.
 
         `applied` is the control carried, `pushes` the part of it that the nearest wall accounts for.
         """
@@ -293,9 +293,13 @@ def _build(
                             u += inverse[j, k] * y[k]
                     applied[i, j] = u / dt
             if i < pushes.shape[0]:
+                if varying and near:
+                    for j in range(m):
+                        column[j, 0] = pushed[j]
+                    solve(D, column, carried)
                 for j in range(m):
-                    pushes[i, j] = 0.0
-                    for k in range(m if near else 0):
+                    pushes[i, j] = carried[j, 0] if varying and near else 0.0
+                    for k in range(m if near and not varying else 0):
                         pushes[i, j] += inverse[j, k] * pushed[k]
             # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
             for k in range(M):
