@@ -181,7 +181,7 @@ def test_a_killed_run_leaves_all_but_its_last_moments(tmp_path):
     rows = columns(file)["/steps"]["step"]
     assert rows == list(range(len(rows)))
     due = [step for step, when in written if when < killed - 1.0]  # 0.2 s on an idle machine
-    assert len(rows) > max(due, default=60)
+    assert len(rows) > max(due, default=0)
 
 
 def test_a_viewer_that_is_not_there_is_refused_quickly(tmp_path):

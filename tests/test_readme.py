@@ -1,0 +1,52 @@
+"""What the README shows is run as it stands."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sim import cli
+
+README = (Path(__file__).parent.parent / "README.md").read_text()
+PYTHON = re.findall(r"```python\n(.*?)```", README, re.S)
+SCENES = {
+    name: text for text in re.findall(r"```xml\n(.*?)```", README, re.S) for name in re.findall('model="(.*?)"', text)
+}
+
+
+def run(code: str, folder: Path) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=240, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_the_first_snippet_drives_and_names_the_favourite_class(tmp_path):
+    lines = run(PYTHON[0], tmp_path).splitlines()
+    assert len(lines) > 100
+    assert lines[-1].split()[-1] in ("-1,0", "0,1", "0,0")
+
+
+def test_a_system_of_ones_own_reaches_the_goal(tmp_path):
+    (tmp_path / "boat.xml").write_text(SCENES["boat"])
+    assert run(PYTHON[1], tmp_path).strip() == "GOAL"
+
+
+def test_a_scene_of_ones_own_has_a_class_for_each_way_around(tmp_path, capsys):
+    scene = tmp_path / "gate.xml"
+    scene.write_text(SCENES["gate"])
+    assert cli.main(["plan", str(scene), "--vertices", "300"]) == 0
+    assert len(re.findall(r"^-?\d+,-?\d+ ", capsys.readouterr().out, re.M)) >= 2
+
+
+@pytest.mark.parametrize("command", ["scenes", "plan", "run", "estimate", "sweep", "import"])
+def test_every_command_explains_itself(command, capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main([command, "--help"])
+    assert end.value.code == 0
+    assert command in capsys.readouterr().out
