@@ -1,0 +1,233 @@
+"""Guides of the car: cheap, free, of their class, stabilising; and the weights of samples drawn around them are exact.
+
+Statistical tests compare a mean over independent samples or seeds with the exact value in units of its standard error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pirrht.controller import running_cost
+from pirrht.dubins import Dubins
+from pirrht.dynamics import Unicycle
+from pirrht.freespace import FreeSpace
+from pirrht.guides import FEW, Guide
+from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.problem import Problem
+from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
+from pirrht.steering import Trajectory
+from pirrht.tree import HomologyTree
+
+POST = np.array([2.2, 0.1])  # left of the straight way to the goal, so that passing it on the right is cheaper
+
+
+def scene(*, post: bool, goal: float = 4.5, radius: float = 0.4) -> Scene:
+    size = np.array([0.5, 0.2, 0.0])
+    position = np.append(POST, 0.1)
+    thing = Obstacle(name="post", kind=Kind.CYLINDER, size=size, position=position, rotation=np.eye(3))
+    return Scene(
+        name="post", lower=np.array([-1.0, -3.0]), upper=np.array([6.0, 3.0]), obstacles=(thing,) if post else (),
+        goal=Goal(center=np.array([goal, 0.0]), radius=radius), start=np.zeros(3), robot_radius=0.15,
+    )  # fmt: skip
+
+
+@cache
+def case(
+    post: bool, b: float, goal: float
+) -> tuple[Problem, FreeSpace, tuple[tuple[Trajectory, tuple[int, ...]], ...]]:
+    """Problem, free space and the polished references at the start."""
+    problem = Problem(dynamics=Unicycle(b=b), scene=scene(post=post, goal=goal), R=np.eye(1), phi=1000.0)
+    space = FreeSpace.of(problem.scene)
+    tree = HomologyTree(space, Dubins.of(problem), limit=0.8, rng=np.random.default_rng(0))
+    tree.grow(300)
+    references = tree.references(problem.scene.start)
+    return problem, space, tuple((r.trajectory, r.winding) for r in references)
+
+
+def setting(
+    post: bool = True, b: float = 0.03, goal: float = 4.5, **options
+) -> tuple[PathIntegral, Array, list[Guide]]:
+    """Sampler, grid, and the guide of each class."""
+    problem, space, references = case(post, b, goal)
+    integral = PathIntegral(problem, space, Sampling(**options))
+    x = problem.scene.start
+    times = integral.grid(max(running_cost(problem, x, t) for t, _ in references))
+    guidance = PathIntegral(problem, space, Sampling()).guidance
+    assert guidance is not None
+    guides = [guidance.improve(x, times, space.homology.key(w), t) for t, w in references]
+    assert all(guide is not None for guide in guides)
+    return integral, times, [guide for guide in guides if guide is not None]
+
+
+def tapes(times: Array, post: bool = True, b: float = 0.03, goal: float = 4.5) -> Array:
+    return np.array([trajectory.tape(times) for trajectory, _ in case(post, b, goal)[2]])
+
+
+def polyline(guide: Guide) -> Array:
+    return guide.states[: guide.length + 1, :2]
+
+
+def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_class():
+    integral, _, guides = setting()
+    assert len(guides) == 2
+    for guide, (trajectory, winding) in zip(guides, case(True, 0.03, 4.5)[2], strict=True):
+        assert guide.valid
+        assert guide.cost < running_cost(integral.problem, np.zeros(3), trajectory)
+        line = polyline(guide)
+        middle = 0.5 * (line[1:] + line[:-1])
+        assert integral.space.collision.clearance(np.vstack([line, middle])).min() > 0.0
+        assert integral.space.homology.winding(line) == winding
+
+
+def test_a_guide_is_a_minimum_of_what_it_minimises():
+    integral, _, guides = setting()
+    guide = guides[0]
+    rng = np.random.default_rng(0)
+
+    def cost(control: Array) -> float:
+        x = np.zeros(3)
+        total = 0.0
+        for i in range(guide.length):
+            middle = x[2] + 0.05 * control[i]
+            total += 0.1 * (1.0 + 0.5 * control[i] ** 2)
+            for k in range(1, 5):
+                point = x[:2] + 0.025 * k * np.array([np.cos(middle), np.sin(middle)])
+                total += 0.025 * barrier(float(integral.space.collision.clearance(point[None])[0]))
+            x = x + 0.1 * np.array([np.cos(middle), np.sin(middle), control[i]])
+        gap = integral.problem.scene.goal.center - x[:2]
+        along = gap @ [np.cos(x[2]), np.sin(x[2])]
+        return total + along - np.sqrt(0.16 - gap @ gap + along**2)
+
+    def barrier(c: float) -> float:
+        assert integral.guidance is not None
+        car = integral.guidance.car
+        if c >= car.margin:
+            return 0.0
+        if c <= 0.0:
+            return np.inf
+        edge = car.margin ** (-2 / 3)
+        return car.price * (c ** (-2 / 3) - edge + 2 / 3 * edge / car.margin * (c - car.margin))
+
+    best = cost(guide.control)
+    assert best == pytest.approx(guide.priced, abs=2e-3)  # the field errs by up to a millimetre
+    t = np.linspace(0.0, 1.0, len(guide.control))
+    for _ in range(10):
+        bump = sum(rng.normal() * np.sin(k * np.pi * t) for k in range(1, 6))
+        assert cost(guide.control + 0.02 * bump) > best
+
+
+def test_feedback_holds_noisy_paths_together():
+    spread = {}
+    for guide_by in ("feedback", "open-loop"):
+        integral, times, guides = setting(guide=guide_by)
+        leaders = guides[:1] if guide_by == "feedback" else None
+        rollouts = integral.rollout(
+            np.zeros(3), times, guides[0].control[None, :, None], 1, counts=[300], guides=leaders
+        )
+        states, steps = integral.trace(rollouts, np.arange(300))
+        at = 22  # beside the post
+        under_way = states[steps > at, at]
+        off = under_way[:, :2] - guides[0].states[at, :2]
+        spread[guide_by] = float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+    assert spread["feedback"] < 0.02
+    assert spread["feedback"] < 0.4 * spread["open-loop"]
+
+
+def test_likelihood_ratios_of_feedback_guides_average_to_one():
+    """E_Q[dQ_g / dQ] = 1 for each law Q and passive paths, wherever the ratio has a variance that samples can see.
+
+    The noise of a guide is narrower than the passive one, so dP/dQ itself has tails; that of a weak law has not.
+    """
+    problem, space, references = case(False, 0.3, 2.0)
+    integral = PathIntegral(problem, space, Sampling())
+    times = np.arange(9) * 0.1  # the goal is out of reach: nothing ends a path early
+    guidance = integral.guidance
+    assert guidance is not None
+    far = np.arange(100) * 0.1
+    x = np.array([0.0, 0.0, 0.35])
+    steering = Dubins.of(problem)
+    curve = steering.trajectory(steering.connect(x[None], np.array([[2.0, 0.0, -0.4]])))
+    guide = guidance.improve(x, far, space.homology.key(references[0][1]), curve)
+    assert guide is not None
+    cut = replace(guide, times=times, states=guide.states[:9], control=guide.control[:8], gains=guide.gains[:8],
+                  spread=guide.spread[:8], length=8)  # fmt: skip
+    wide = replace(cut, control=0.4 * cut.control, gains=0.3 * cut.gains, spread=np.full(8, 0.97))
+    other = replace(cut, control=cut.control + 0.2, spread=np.minimum(1.0, 1.1 * cut.spread))
+    laws = {"passive": None, "cut": cut, "wide": wide, "other": other}
+    names = list(laws)
+    assert np.any(cut.gains != 0.0)
+    assert cut.spread.min() < 0.95
+    for source, target in [("passive", "cut"), ("passive", "other"), ("wide", "passive"), ("cut", "other")]:
+        counts = [40000 * (name == source) for name in names]
+        rollouts = integral.rollout(x, times, np.zeros((4, 8, 1)), 3, counts=counts, guides=list(laws.values()))
+        ratio = rollouts.paths.log_ratio
+        weight = np.exp(ratio[:, names.index(target)] - ratio[:, names.index(source)])
+        error = weight.std() / np.sqrt(len(weight))
+        assert 0.0 < error < 0.1
+        assert abs(weight.mean() - 1.0) < 3.0 * error, (source, target)
+
+
+def test_both_ways_of_guiding_estimate_the_same_value():
+    values = {}
+    for guide_by, samples in (("feedback", 2000), ("open-loop", 60000)):
+        integral, times, guides = setting(False, 0.3, 2.0, guide=guide_by)
+        found = [
+            integral.estimate(
+                integral.rollout(
+                    np.zeros(3), times, tapes(times, False, 0.3, 2.0), seed, counts=[samples] * len(guides),
+                    guides=guides if guide_by == "feedback" else None,
+                )
+            ).value
+            for seed in range(8)
+        ]  # fmt: skip
+        values[guide_by] = np.mean(found), np.std(found, ddof=1) / np.sqrt(len(found))
+    (one, error_one), (two, error_two) = values["feedback"], values["open-loop"]
+    assert abs(one - two) < 3.0 * np.hypot(error_one, error_two)
+
+
+def test_effective_samples_and_scatter_beside_an_obstacle():
+    found: dict[str, list[tuple[float, float]]] = {}
+    for guide_by in ("feedback", "open-loop"):
+        integral, times, guides = setting(samples=300, guide=guide_by)
+        leaders = guides if guide_by == "feedback" else None
+        estimates = [
+            integral.estimate(integral.rollout(np.zeros(3), times, tapes(times), seed, guides=leaders))
+            for seed in range(10)
+        ]
+        found[guide_by] = [(e.ess, e.value) for e in estimates]
+    ess = {name: np.mean([e for e, _ in rows]) for name, rows in found.items()}
+    scatter = {name: np.std([v for _, v in rows]) for name, rows in found.items()}
+    assert ess["feedback"] > 10.0 * ess["open-loop"]
+    assert scatter["feedback"] < 0.001
+    assert scatter["feedback"] < 0.1 * scatter["open-loop"]
+
+
+def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
+    problem, space, references = case(True, 0.03, 4.5)
+    integral, times, guides = setting()
+    assert integral.guidance is not None
+    last = guides[0]
+    x = last.states[1] + np.array([0.0, 0.002, 0.01])
+    key = space.homology.key(references[0][1])
+    warm = integral.guidance.improve(x, times, key, references[0][0], last, 0.1)
+    rest = last.rest(0.1, problem.scene.goal.center)
+    assert rest is not None
+    fresh = integral.guidance.improve(x, times, key, rest)
+    assert warm is not None
+    assert fresh is not None
+    assert warm.valid
+    assert warm.priced == pytest.approx(fresh.priced, abs=1e-4)
+    assert rest.length == pytest.approx(references[0][0].length, abs=0.5)
+    assert last.rest(100.0, problem.scene.goal.center) is None
+
+
+def test_hopeless_classes_get_few_samples():
+    integral, _, guides = setting()
+    assert integral.guidance is not None
+    cheap, dear = guides[0], replace(guides[0], priced=2.0 * guides[0].priced)
+    assert integral.guidance.counts([cheap, dear, None], 300) == [300, FEW, FEW]
+    assert integral.guidance.counts([None, None], 300) == [300, 300]
