@@ -13,6 +13,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
+from weakref import WeakSet
 
 import numba
 from numba import njit
@@ -22,6 +23,7 @@ from numba.extending import register_jitable
 F = TypeVar("F", bound=Callable[..., Any])
 
 _inlined: set[str] = set()
+_named: WeakSet[Any] = WeakSet()  # kernels that have the same name in every process
 _HERE = Path(__file__).resolve().parent
 
 
@@ -54,14 +56,40 @@ def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
     return compiled
 
 
-def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+def _compiled(function: F, **options: Any) -> F:
+    identity = _identity(function)
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_FOLDER)  # read when a function is decorated, and only then
     try:
-        compiled = njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+        compiled = njit(cache=identity is not None, nogil=True, error_model="numpy", **options)(function)
     finally:
         numba.config.CACHE_DIR = before
-    return compiled
+    if identity is not None:
+        # Numba names a dispatcher by chance, and looks up what closes over one by that name: it would never be found.
+        compiled._set_uuid(identity)
+        _named.add(compiled)
+    kernel: F = compiled
+    return kernel
+
+
+def _identity(function: Callable[..., Any]) -> str | None:
+    """A name that a kernel has in every process; None if it closes over code that is not of this package."""
+    parts = [_name(function)]
+    for cell in getattr(function, "__closure__", None) or ():
+        value = cell.cell_contents
+        if isinstance(value, Dispatcher):
+            if value not in _named:
+                return None
+            parts.append(str(value._uuid))  # type: ignore[attr-defined]
+        elif callable(value):
+            if not _name(value).startswith("pirrht."):
+                return None
+            parts.append(_name(value))
+        elif value is None or isinstance(value, (bool, int, float, str)):
+            parts.append(repr(value))
+        else:
+            return None
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def _cache_folder() -> Path:

@@ -23,6 +23,7 @@ def _loader(element: Any, machine: ir.Type) -> Any:
 
         return element(types.intp, types.intp), generate
 
+    load._set_uuid(f"pirrht.memory.load {element}")  # not by chance: kernels that use it are looked up by it (`jit`)
     return load
 
 
