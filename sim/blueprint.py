@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import rerun.blueprint as rrb
 
 from pirrht.scene import Scene
@@ -28,7 +30,8 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
 
 
 def _drive(scene: Scene) -> rrb.Container:
-    begin, now = rrb.TimeRangeBoundary.infinite(), {"sim_time": {"seconds": 0.0}, "step": {"seq": 0}}
+    begin = rrb.TimeRangeBoundary.infinite()
+    now: dict[str, dict[str, Any]] = {"sim_time": {"seconds": 0.0}, "step": {"seq": 0}}
     so_far = rrb.VisibleTimeRanges(
         [
             rrb.VisibleTimeRange(line, start=begin, end=rrb.TimeRangeBoundary.cursor_relative(**cursor))

@@ -14,9 +14,10 @@ from tqdm import tqdm
 
 from pirrht.errors import OptionError, SceneError
 from pirrht.outcome import Outcome
-from pirrht.path_integral import Estimate
+from pirrht.path_integral import OTHER, Estimate
 from pirrht.tree import HomologyTree, Reference
 from sim import episode, present
+from sim.colors import title
 from sim.mjcf import load, scene_names
 from sim.scenarios import Scenario, prepare
 
@@ -36,13 +37,17 @@ def scenes(_: argparse.Namespace) -> int:
                 str(loaded.path),
             ]
         )
-    print(present.table(["scene", "size", "obstacles", "robot", "file"], rows))
+    print(present.table(["scene", "size", "solids", "robot", "file"], rows))
     return 0
 
 
 def plan(arguments: argparse.Namespace) -> int:
     """Grow the tree and print one row per class."""
     _check_outputs(arguments, "json", "png")
+    if arguments.png:
+        from sim import figures
+
+        figures.pyplot()
     began = time.perf_counter()
     scenario = _scenario(arguments)
     tree, references = _planned(scenario)
@@ -82,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
             if news:
                 bar.write(news)
             bar.update(round(frame.end_time - bar.n, 6))
-            bar.set_postfix_str(f"class {tally.favourite}, cost {frame.cost:.2f}", refresh=False)
+            bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
     result = tally.result()
     _print_summary(result)
     if arguments.record:
@@ -235,13 +240,16 @@ def _bar(what: str, total: float, unit: str) -> Any:
 
 def _print_summary(result: dict[str, Any]) -> None:
     ms = result["step_ms"]
+    executed = "none" if result["executed_class"] is None else title(result["executed_class"])
     print(
         f"{result['outcome']} after {result['time']:.2f} s: cost {result['cost']:.3f}, "
-        f"path {result['path_length']:.2f} m, "
-        f"class {result['executed_class'] or 'none'}, {result['class_switches']} class switches, "
+        f"noisy path of {result['path_length']:.2f} m"
+    )
+    print(
+        f"class {executed}, {result['class_switches']} class switches, {result['fallbacks']} fallbacks, "
         f"least clearance {result['min_clearance']:.3f} m"
     )
     print(
-        f"{result['steps']} control steps of median {ms['median']:.1f} ms (p95 {ms['p95']:.1f}, max {ms['max']:.1f}), "
-        f"{result['fallbacks']} fallbacks"
+        f"{result['steps']} control steps: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, max {ms['max']:.1f}, "
+        f"{result['deadline_misses']} longer than the period"
     )

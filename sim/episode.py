@@ -113,10 +113,12 @@ class Tally:
 
     def _news(self, frame: Frame) -> str | None:
         news = []
-        if frame.plan.fallback is not None:
-            news.append(f"{frame.plan.fallback} at {frame.time:.2f} s: following what is known")
-        elif self.favourite is not None and frame.plan.favourite != self.favourite:
-            news.append(f"class {self.favourite} -> {frame.plan.favourite} at {frame.time:.2f} s")
+        before = None if self.last is None else self.last.plan.fallback
+        favourite = frame.plan.favourite
+        if frame.plan.fallback not in (None, before):
+            news.append(f"{frame.plan.fallback} at {frame.time:.2f} s: following what is known; try more --samples")
+        if frame.plan.fallback is None and self.favourite not in (None, favourite):
+            news.append(f"class {title(self.favourite or OTHER)} -> {title(favourite or OTHER)} at {frame.time:.2f} s")
         if frame.outcome is not None:
             news.append(f"{frame.outcome.name.lower()} at {frame.end_time:.2f} s")
         return "; ".join(news) or None

@@ -17,10 +17,10 @@ from sim.scenarios import Scenario
 
 def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Sequence[Reference]) -> None:
     """Write a map with obstacles, tree and the reference of every class."""
-    pyplot = _pyplot()
+    plt = pyplot()
     scene = scenario.loaded.scene
     size = scene.upper - scene.lower
-    figure, axes = pyplot.subplots(figsize=(8.0, 8.0 * float(size[1] / size[0]) + 0.8), layout="constrained")
+    figure, axes = plt.subplots(figsize=(8.0, 8.0 * float(size[1] / size[0]) + 0.8), layout="constrained")
     draw_scene(axes, scenario)
     draw_tree(axes, tree)
     colors = ClassColors()
@@ -36,7 +36,7 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     except (OSError, ValueError) as error:
         raise OptionError(f"--png {path}: {error}; give a file that ends in .png, .pdf or .svg") from None
     finally:
-        pyplot.close(figure)
+        plt.close(figure)
 
 
 def draw_scene(axes: Any, scenario: Scenario) -> None:
@@ -122,12 +122,13 @@ def _rgb(color: Any) -> tuple[float, ...]:
     return tuple(float(v) / 255.0 for v in color[:3])
 
 
-def _pyplot() -> Any:
+def pyplot() -> Any:
+    """matplotlib.pyplot without a display; OptionError if matplotlib is not installed."""
     try:
         import matplotlib
     except ImportError:
-        raise OptionError("--png needs matplotlib; install it with: pip install 'pirrht[figures]'") from None
+        raise OptionError("--png needs matplotlib; install it with: pip install matplotlib") from None
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot as plt
 
-    return pyplot
+    return plt

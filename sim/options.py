@@ -83,6 +83,9 @@ def settle(
     if preset is not None and preset not in PRESETS:
         raise OptionError(f"--preset is {preset!r}; it must be one of {', '.join(PRESETS)}")
     base = ROBOT_DEFAULTS[dynamics_name]
+    for name in ("speed", "rho"):
+        if dynamics_name != "unicycle" and given.get(name) is not None:
+            raise OptionError(f"--{name} is for cars and this robot is none; leave it out or choose --robot unicycle")
     known = {f.name for f in fields(Settings)}
     asked = {_field(name): value for name, value in scene_defaults.items() if _field(name) in known}
     layers: list[Mapping[str, Any]] = [asked]

@@ -17,6 +17,7 @@ from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.path_integral import Estimate
 from pirrht.tree import HomologyTree, Reference
+from sim.colors import title
 from sim.scenarios import Scenario
 
 
@@ -35,13 +36,16 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def class_table(references: Sequence[Reference]) -> str:
     """One row per homology class, cheapest first."""
+    if references and len(references[0].winding) > 4:  # too wide for a terminal; JSON has it all
+        rows = [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}"] for r in references]
+        return table(["class", "cost", "length [m]"], rows)
     rows = [[r.id, f"{r.cost:.4f}", f"{r.length:.3f}", " ".join(f"{h:+.2f}" for h in r.signature)] for r in references]
     return table(["class", "cost", "length [m]", "H"], rows)
 
 
 def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str]) -> str:
     """One row per repeat: value, control, effective sample size and class weights."""
-    header = ["repeat", "value", "control", "ESS", *ids, "other"]
+    header = ["repeat", "value", "control", "ESS", *map(title, ids), "other"]
     rows = []
     for i, e in enumerate(estimates):
         if e is None:

@@ -18,6 +18,7 @@ from pirrht.controller import METHODS
 from pirrht.errors import OptionError
 from pirrht.tree import HomologyTree
 from sim import episode, present
+from sim.colors import title
 from sim.scenarios import Scenario, prepare
 
 
@@ -118,7 +119,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
         "cost",
         "time [s]",
         "ms/step",
-        "classes of those that arrived",
+        "classes",
     ]
     lines = []
     for (scene, noise, method), group in points.items():
@@ -201,4 +202,4 @@ def _shares(ids: Sequence[str]) -> str:
         return "-"
     names, counts = np.unique(ids, return_counts=True)
     order = np.argsort(-counts, kind="stable")
-    return " ".join(f"{names[i]}:{counts[i] / len(ids):.0%}" for i in order[:4])
+    return ", ".join(f"{title(str(names[i]))}: {counts[i] / len(ids):.0%}" for i in order[:4])
