@@ -67,10 +67,11 @@ def test_an_installed_copy_finds_its_own_scenes(installed, tmp_path):
     assert str(installed / "sim" / "models" / "scenes" / "slit.xml") in listed.stdout
 
 
-def test_an_installed_copy_drives(installed, tmp_path):
-    """Its kernels are compiled anew, which takes most of the time."""
+def test_an_installed_copy_drives_and_compiles_only_once(installed, tmp_path):
     words = ("run", "slit", "--max-time", "0.05", "--vertices", "60", "--samples", "20", "--json", "run.json")
-    ran = call("-m", "sim.cli", *words, cwd=tmp_path, PYTHONPATH=str(installed))
-    assert ran.returncode == 1, ran.stderr
-    assert "timeout after 0.05 s" in ran.stdout
+    for saved in (True, False):
+        ran = call("-m", "sim.cli", *words, cwd=tmp_path, PYTHONPATH=str(installed), NUMBA_DEBUG_CACHE="1")
+        assert ran.returncode == 1, ran.stderr
+        assert "timeout after 0.05 s" in ran.stdout
+        assert ("data saved" in ran.stdout) == saved
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
