@@ -12,7 +12,9 @@ import numpy as np
 from pirrht.controller import Controller, Plan
 from pirrht.homology import class_id
 from pirrht.outcome import Outcome
+from pirrht.path_integral import OTHER
 from pirrht.scene import Array
+from sim.colors import title
 from sim.executor import Advance, Plant
 
 
