@@ -56,6 +56,11 @@ def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
     return compiled
 
 
+def cached(module: str) -> bool:
+    """Whether kernels of a module of this package lie compiled on disk."""
+    return any(_FOLDER.rglob(f"{module}.*.nbi"))
+
+
 def _compiled(function: F, **options: Any) -> F:
     identity = _identity(function)
     before = numba.config.CACHE_DIR

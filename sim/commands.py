@@ -16,7 +16,7 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER, Estimate
 from pirrht.tree import HomologyTree, Reference
-from sim import episode, present
+from sim import episode, present, warm
 from sim.colors import title
 from sim.mjcf import load, scene_names
 from sim.scenarios import Scenario, prepare
@@ -70,9 +70,12 @@ def run(arguments: argparse.Namespace) -> int:
         raise OptionError(f"--record-hz is {arguments.record_hz:g}; it must be a positive number")
     scenario = _scenario(arguments)
     settings = scenario.settings
+    compiling = warm.start(scenario.loaded.dynamics_name)
     tree, references = (None, []) if settings.method == "passive" else _planned(scenario)
     if references:
         print(present.class_table(references))
+    if compiling is not None:
+        compiling.wait()
     controller = scenario.controller(tree)
     controller.path_integral.warm_up()
     tally = episode.Tally(settings.period)
