@@ -155,7 +155,9 @@ class Controller:
             )
             estimate = estimator.estimate(rollouts, names)
         except NoSurvivingSample:
-            instead, fallback = _instead(tapes, guides), "no survivor"
+            pass
+        if estimate is None or (guides is not None and estimate.survivors == 0):
+            estimate, instead, fallback = None, self._instead(tapes, guides, ids), "no survivor"
         return self._keep(
             Plan(
                 state=x,
@@ -213,6 +215,15 @@ class Controller:
         self._strong = {whole for whole, count in zip(classes, counts, strict=True) if count > FEW}
         return guides, counts
 
+    def _instead(self, tapes: Array, guides: list[Guide | None] | None, ids: tuple[str, ...]) -> Array:
+        """What to follow without an estimate, (T, m): the guide of the last favourite or the cheapest, or a tape."""
+        led = {name: guide for name, guide in zip(ids, guides or (), strict=False) if guide is not None}
+        if not led:
+            return np.asarray(tapes[0])
+        last = None if self._previous is None else self._previous.favourite
+        guide = led[last] if last in led else min(led.values(), key=lambda guide: guide.priced)
+        return guide.control[:, None]
+
     def _corners(self, trajectories: list[Trajectory]) -> list[Array] | None:
         """What samples head for: the corners of each reference, and the goal point as the last."""
         goal = self.space.scene.goal.center[None, :]
@@ -240,12 +251,6 @@ class Controller:
         if plan.fallback != "no reference":
             self._previous, self._since = plan, 0.0
         return plan
-
-
-def _instead(tapes: Array, guides: list[Guide | None] | None) -> Array:
-    """What to follow without an estimate, (T, m): the cheapest guide, or the first tape."""
-    led = [guide for guide in guides or () if guide is not None]
-    return min(led, key=lambda guide: guide.priced).control[:, None] if led else np.asarray(tapes[0])
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pirrht.clearance import clearance
 from pirrht.curves import Curves
 from pirrht.dynamics import Unicycle
 from pirrht.problem import Problem
@@ -27,6 +28,7 @@ TOLERANCE = 0.01  # a round that is expected to gain less than this many lambda 
 BARRIER = 3.0  # lambda / (time in which noise carries a car over its clearance) costs so much; tuned for even weights
 MARGIN = 20.0  # boundary layers beyond which a wall costs nothing
 PARABOLA = 0.5  # boundary layers below which the barrier rises no steeper than a parabola
+WILD = 1e4  # a guide with larger gains is none: its cost-to-go has no minimum there
 FEW = 30  # samples around references that can hardly carry weight
 HOPELESS = 60.0  # those whose guide costs so many lambda, and this share of the least cost, more than the cheapest
 SHARE = 0.01
@@ -112,17 +114,25 @@ class Guidance:
             trajectory: the reference.
             last: the guide of the same class made `elapsed` [s] ago.
 
-        If the improvement leaves the class or touches something, samples follow the curve itself, with feedback.
+        If the improvement leaves the class or touches something, samples follow the curve itself, with feedback; but
+        where noise has carried the robot into a wall's zone the last guide is the way out of it.
         """
+        guide = None
         if last is not None:
             guide = self._from(x, times, key, _shifted(last, times, elapsed), ROUNDS_WARM)
             if guide is not None and guide.valid:
                 return guide
+        if guide is not None and not self.free(x):
+            return guide
         for stiffer in (1.0, 4.0):
             guide = self._from(x, times, key, _along(trajectory, times), ROUNDS_COLD, stiffer)
             if guide is None or guide.valid:
                 return guide
         return self._from(x, times, key, _along(trajectory, times), 0)
+
+    def free(self, x: Array) -> bool:
+        """Whether the clearance field leaves room at x (3,); if not, no guide from there is valid."""
+        return bool(clearance(self.world.field, x[0], x[1]) > 0.0)
 
     def counts(self, guides: Sequence[Guide | None], samples: int) -> list[int]:
         """Samples around each reference: N, or FEW where a class can hardly carry any weight.
@@ -155,7 +165,8 @@ class Guidance:
         length, cost, priced, _, right, free = optimise(
             self.world, car, times, key, rounds, states, control, gains, spread, length
         )
-        if length < 0:
+        gains[max(length, 0) :] = 0.0
+        if length < 0 or not np.abs(gains).max() < WILD:
             return None
         return Guide(
             times=times, states=states, control=control, gains=gains, spread=spread, length=length, cost=cost,
