@@ -11,6 +11,7 @@ from typing import Any
 
 _HOME = {
     "Controller": "controller",
+    "Desirability": "desirability",
     "Dubins": "dubins",
     "Dynamics": "dynamics",
     "Estimate": "path_integral",

@@ -86,7 +86,9 @@ def test_errors_import_nothing_of_the_package():
 
 
 @pytest.mark.parametrize(
-    ("library", "doors"), [("fcl", {"collision"}), ("scipy", set())], ids=["FCL", "no SciPy in the planner"]
+    ("library", "doors"),
+    [("fcl", {"collision"}), ("scipy", {"desirability_planar"})],
+    ids=["FCL", "SciPy only for the grid"],
 )
 def test_a_foreign_library_has_one_door(library, doors):
     assert {module for module in MODULES if library in {name.partition(".")[0] for name in imports(module)}} == doors

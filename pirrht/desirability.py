@@ -1,0 +1,143 @@
+"""The exact answer on a grid: log psi, v = -lambda log psi and u* = lambda R^-1 G' grad log psi as functions of x.
+
+Samples are judged against it. Two problems can be asked for:
+
+* in continuous time, `q psi/lambda = f.grad psi + tr(BB' Hess psi)/2` with psi = 1 on the goal's disc and
+  exp(-phi/lambda) at obstacles and border: what drives and the exit rule "bridge" tend to;
+* with a step dt, `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a path ends only where a step ends: what
+  the paper's procedure samples ("endpoint").
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pirrht import desirability_planar as planar
+from pirrht.clearance import clearance
+from pirrht.dynamics import SingleIntegrator
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.jit import kernel
+from pirrht.problem import Problem
+from pirrht.scene import Array
+
+FINEST = 1.0  # default spacing in decay lengths 1/k of psi ...
+COARSEST = 0.2  # ... but at most this share of the robot's radius
+MOST = 1_000_000  # grid points that are solved for in about half a minute
+BAND = 0.03  # FCL itself is asked where the clearance field claims less room than this [m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Desirability:
+    """log psi of one problem as a function of the state."""
+
+    problem: Problem
+    space: FreeSpace
+    spacing: float  # of the grid [m]
+    dt: float | None  # step of the problem in discrete time [s]; None: continuous time
+    grid: Any  # what `look` reads
+    look: Any  # compiled: (grid, x, slope) -> log psi at x (n,); its gradient goes to slope (n,)
+    gain: Array  # lambda R^-1 G_c', (m, m)
+
+    @classmethod
+    def of(
+        cls, problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None
+    ) -> Desirability:
+        """Solve for psi.
+
+        Args:
+            problem: of constant q, with the dynamics `SingleIntegrator` or `Unicycle`.
+            space: of the same scene.
+            spacing: of the grid [m]; None: fine enough for v to 0.5 % and u to 2 %.
+            dt: step of the discrete-time problem [s]; None: continuous time.
+
+        Raises:
+            OptionError: a problem that no grid of this package solves, or one that needs too fine a grid.
+        """
+        d = problem.dynamics
+        if callable(problem.q) or not d.constant or not isinstance(d, SingleIntegrator):
+            raise OptionError(
+                f"no grid solves the dynamics {type(d).__name__}; it takes SingleIntegrator or Unicycle with constant q"
+            )
+        if spacing is not None and not (math.isfinite(spacing) and spacing > 0):
+            raise OptionError(f"spacing is {spacing:g}; it must be a positive number of meters")
+        x = np.zeros(d.n)
+        gain: Array = problem.temperature * np.linalg.solve(problem.control_cost(x), d.G_c(x).T).astype(float)
+        spacing, grid, look = _planar(problem, space, spacing)
+        return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, look=look, gain=gain)
+
+    def log_psi(self, x: Array) -> Array | float:
+        """log psi at one state (n,) or many (k, n), (k,) [nats]; 0 in the goal, -phi/lambda at walls."""
+        states = np.atleast_2d(np.asarray(x, dtype=float))
+        value, _ = self._at(states)
+        center, radius = self.space.scene.goal.center, self.space.scene.goal.radius
+        blocked = self.space.collision.clearance(states[:, :2]) <= 0.0
+        blocked &= np.hypot(*(states[:, :2] - center).T) > radius
+        value[blocked] = -self.problem.phi / self.problem.temperature
+        return value if np.ndim(x) == 2 else float(value[0])
+
+    def value(self, x: Array) -> Array | float:
+        """v = -lambda log psi at one state (n,) or many (k, n), (k,) [cost]."""
+        return -self.problem.temperature * self.log_psi(x)
+
+    def control(self, x: Array) -> Array:
+        """u* = lambda R^-1 G' grad log psi at one state (n,) or many (k, n), (k, m); 0 in the goal and in walls."""
+        if np.ndim(x) == 2:
+            states = np.ascontiguousarray(x, dtype=float)
+            controls: Array = self._at(states)[1][:, -len(self.gain) :] @ self.gain.T
+            return controls
+        slope = np.zeros(len(x))
+        self.look(self.grid, x, slope)
+        control: Array = self.gain.dot(slope[-len(self.gain) :])
+        return control
+
+    def _at(self, states: Array) -> tuple[Array, Array]:
+        value, slope = np.empty(len(states)), np.zeros_like(states)
+        for k in range(len(states)):
+            value[k] = self.look(self.grid, states[k], slope[k])
+        return value, slope
+
+
+def _planar(problem: Problem, space: FreeSpace, spacing: float | None) -> tuple[float, Any, Any]:
+    """Spacing, solution and its reader for a point in the plane."""
+    scene, d = space.scene, problem.dynamics
+    assert not callable(problem.q)
+    temperature, b = problem.temperature, float(d.B_c(np.zeros(2))[0, 0])
+    wavenumber = math.sqrt(2.0 * problem.q / temperature) / b
+    h = min(FINEST / wavenumber, COARSEST * scene.robot_radius) if spacing is None else spacing
+    size = (scene.upper - scene.lower) / h
+    if np.prod(size) > MOST:
+        raise OptionError(
+            f"psi falls by a factor e in {1.0 / wavenumber:.2g} m, so its grid needs {size[0]:.0f} x {size[1]:.0f} "
+            f"points and can have {MOST:.0e}; choose more --noise or a smaller workspace"
+        )
+    grid = planar.solve(
+        lambda points: room(space, points),
+        scene.lower.astype(float),
+        scene.upper.astype(float),
+        scene.goal.center,
+        scene.goal.radius,
+        wavenumber=wavenumber,
+        wall=problem.phi / temperature,
+        spacing=h,
+    )
+    return h, grid, planar.look
+
+
+def room(space: FreeSpace, points: Array) -> Array:
+    """Clearance at positions (k, 2), border included, (k,) [m]: the field's, and FCL's close to obstacles."""
+    out = np.empty(len(points))
+    _sample(space.field, np.ascontiguousarray(points), out)
+    close = np.flatnonzero(out < BAND)
+    out[close] = space.collision.clearance(points[close])
+    return out
+
+
+@kernel
+def _sample(field, points, out):  # type: ignore[no-untyped-def]
+    for k in range(len(points)):
+        out[k] = clearance(field, points[k, 0], points[k, 1])
