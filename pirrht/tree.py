@@ -137,10 +137,7 @@ class HomologyTree:
         Raises:
             NoReference: no allowed class reaches the goal from x.
         """
-        near = self._near(x, forward=True)
-        edges = self._inspect(x, near, forward=True)
-        heads = near[edges.free]
-        count, found = self._classes_over(x, heads, edges)
+        heads, count, found = self._search(x)
         if count == 0:
             raise NoReference(x.tolist(), vertices=self.size, limit=None if self._predicate else self.limit)
         best = np.argsort(found.cost[:count], kind="stable")
@@ -148,6 +145,14 @@ class HomologyTree:
             self._reference(x, int(heads[found.edge[i]]), int(found.slot[i]), found.turns[i], polished) for i in best
         ]
         return sorted(references, key=lambda reference: reference.cost)
+
+    def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
+        """Length [m] of the tree's own best path of every allowed class from x (n,), by winding; empty if none."""
+        _, count, found = self._search(x)
+        return {
+            tuple(int(k) for k in found.turns[i]): float(found.cost[i]) / self.steering.cost_per_meter
+            for i in range(count)
+        }
 
     def path_of(self, vertex: int, slot: int) -> list[int]:
         """Vertices from a node to its root, first to last."""
@@ -257,6 +262,13 @@ class HomologyTree:
             return self.inspector.inspect(curves, h_here, h_near, self.in_goal[near])
         curves = self.steering.connect(self.states[near], here)
         return self.inspector.inspect(curves, h_near, h_here, np.full(len(near), root))
+
+    def _search(self, x: Array) -> tuple[NDArray[np.int64], int, _Found]:
+        """Heads of the free edges from x (n,), and the best classes over them."""
+        near = self._near(x, forward=True)
+        edges = self._inspect(x, near, forward=True)
+        heads = near[edges.free]
+        return heads, *self._classes_over(x, heads, edges)
 
     def _classes_over(self, x: Array, heads: NDArray[np.int64], edges: Edges) -> tuple[int, _Found]:
         straight = self.space.homology.straight(x[None, :2])[0]

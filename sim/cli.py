@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from pirrht.errors import OptionError, PirrhtError
 
-METHOD_NAMES = ("pi-rrht", "single", "passive")
+METHOD_NAMES = ("pi-rrht", "single", "passive", "optimal")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -48,11 +48,15 @@ def _parser() -> argparse.ArgumentParser:
     commands.add_parser("scenes", help="list the built-in scenes")
     plan = commands.add_parser("plan", help="grow the tree and print one row per homology class")
     plan.add_argument("--png", type=Path, metavar="FILE", help="draw tree and references (extra `figures`)")
+    plan.add_argument(
+        "--convergence", type=Path, metavar="FILE", help="draw the length of each class's best path per iteration"
+    )
     run = commands.add_parser("run", help="plan, then drive; exit status 0 goal, 1 collision or time-out, 2 bad input")
     _run_options(run)
     estimate = commands.add_parser("estimate", help="what the controller would do at one state")
     estimate.add_argument("--at", type=float, nargs="+", required=True, metavar="X", help="state: X Y [TH]")
     estimate.add_argument("--repeat", type=int, default=1, metavar="N", help="independent repeats (1)")
+    estimate.add_argument("--truth", action="store_true", help="add the exact value and control, solved for on a grid")
     for command in (plan, run, estimate):
         command.add_argument("scene", metavar="SCENE", help="built-in name or MJCF file")
         _common_options(command)

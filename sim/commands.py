@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from pirrht.controller import TREELESS
+from pirrht.convergence import Convergence
 from pirrht.errors import OptionError, SceneError
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER, Estimate
+from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
 from sim import episode, present, warm
 from sim.colors import title
@@ -43,23 +46,29 @@ def scenes(_: argparse.Namespace) -> int:
 
 def plan(arguments: argparse.Namespace) -> int:
     """Grow the tree and print one row per class."""
-    _check_outputs(arguments, "json", "png")
-    if arguments.png:
+    _check_outputs(arguments, "json", "png", "convergence")
+    drawings = {option: getattr(arguments, option) for option in ("png", "convergence") if getattr(arguments, option)}
+    for option in drawings:
         from sim import figures
 
-        figures.pyplot()
+        figures.pyplot(f"--{option}")
     began = time.perf_counter()
     scenario = _scenario(arguments)
-    tree, references = _planned(scenario)
+    convergence = None
+    if arguments.convergence:
+        tree, convergence = _watched(scenario)
+        references = tree.references(scenario.start, polished=scenario.settings.polish)
+    else:
+        tree, references = _planned(scenario)
     seconds = time.perf_counter() - began
     print(present.class_table(references))
     print(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
     if arguments.json:
-        present.write_json(arguments.json, present.plan_json(scenario, tree, references, seconds))
+        present.write_json(arguments.json, present.plan_json(scenario, tree, references, seconds, convergence))
     if arguments.png:
-        from sim.figures import draw_plan
-
-        draw_plan(arguments.png, scenario, tree, references)
+        figures.draw_plan(arguments.png, scenario, tree, references)
+    if convergence is not None:
+        figures.draw_convergence(arguments.convergence, scenario.loaded.scene.name, convergence)
     return 0
 
 
@@ -70,14 +79,16 @@ def run(arguments: argparse.Namespace) -> int:
         raise OptionError(f"--record-hz is {arguments.record_hz:g}; it must be a positive number")
     scenario = _scenario(arguments)
     settings = scenario.settings
-    compiling = warm.start(scenario.loaded.dynamics_name)
-    tree, references = (None, []) if settings.method == "passive" else _planned(scenario)
+    optimal = settings.method == "optimal"
+    compiling = None if optimal else warm.start(scenario.loaded.dynamics_name)
+    tree, references = (None, []) if settings.method in TREELESS else _planned(scenario)
     if references:
         print(present.class_table(references))
     if compiling is not None:
         compiling.wait()
-    controller = scenario.controller(tree)
-    controller.path_integral.warm_up()
+    controller = scenario.optimal() if optimal else scenario.controller(tree)
+    if not optimal:
+        controller.path_integral.warm_up()
     tally = episode.Tally(settings.period)
     plant = scenario.plant()
     frames = episode.run(plant, controller, scenario.start, scenario.plant_rng(), max_time=settings.max_time)
@@ -106,8 +117,11 @@ def estimate(arguments: argparse.Namespace) -> int:
     if arguments.repeat < 1:
         raise OptionError(f"--repeat is {arguments.repeat}; it must be at least 1")
     scenario = _scenario(arguments)
+    if scenario.settings.method == "optimal":
+        raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
     x = _state(arguments.at, scenario)
-    tree, _ = (None, []) if scenario.settings.method == "passive" else _planned(scenario)
+    truth = _truth(scenario, x) if arguments.truth else None
+    tree, _ = (None, []) if scenario.settings.method in TREELESS else _planned(scenario)
     controller = scenario.controller(tree)
     controller.begin(x)
     estimates: list[Estimate | None] = []
@@ -116,12 +130,12 @@ def estimate(arguments: argparse.Namespace) -> int:
         decision = controller.plan(x)
         references = decision.references
         estimates.append(decision.estimate)
-    print(present.estimate_table(estimates, [r.id for r in references]))
+    print(present.estimate_table(estimates, [r.id for r in references], truth))
     if any(e is None for e in estimates):
         dead = sum(e is None for e in estimates)
         print(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples")
     if arguments.json:
-        present.write_json(arguments.json, present.estimate_json(scenario, references, estimates))
+        present.write_json(arguments.json, present.estimate_json(scenario, references, estimates, truth))
     return 0
 
 
@@ -161,7 +175,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
 
 def given(arguments: argparse.Namespace) -> dict[str, Any]:
     """What the user said, by setting."""
-    skip = {"command", "scene", "scenes", "robot", "radius", "start", "goal", "preset", "json", "png"}
+    skip = {"command", "scene", "scenes", "robot", "radius", "start", "goal", "preset", "json", "png", "convergence"}
     return {name: value for name, value in vars(arguments).items() if name not in skip}
 
 
@@ -186,7 +200,29 @@ def _planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
     return tree, tree.references(scenario.start, polished=scenario.settings.polish)
 
 
-def _state(at: list[float], scenario: Scenario) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
+    """The grown tree, and the lengths of the best path per class from the start while it grew."""
+    from pirrht.convergence import grow
+
+    tree, vertices = scenario.empty_tree(), scenario.settings.vertices
+    with _bar("plan", vertices, " vertices") as bar:
+        convergence = grow(
+            tree,
+            scenario.start,
+            vertices,
+            every=max(1, vertices // 200),
+            progress=lambda size: bar.update(size - bar.n),
+        )
+    return tree, convergence
+
+
+def _truth(scenario: Scenario, x: Array) -> present.Truth:
+    """The grid's value and control at x (n,)."""
+    exact = scenario.truth()
+    return present.Truth(value=float(exact.value(x)), control=exact.control(x))
+
+
+def _state(at: list[float], scenario: Scenario) -> Array:
     n = scenario.problem.dynamics.n
     if len(at) not in (2, 3) or not np.all(np.isfinite(at)):
         raise OptionError(f"--at has {len(at)} numbers; it must be X Y or X Y TH, all finite")

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.convergence import Convergence
 from pirrht.errors import OptionError
 from pirrht.scene import Array, Obstacle
 from pirrht.tree import HomologyTree, Reference
-from sim.colors import ClassColors
+from sim.colors import ClassColors, title
 from sim.scenarios import Scenario
 
 
@@ -20,23 +21,47 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     plt = pyplot()
     scene = scenario.loaded.scene
     size = scene.upper - scene.lower
-    figure, axes = plt.subplots(figsize=(8.0, 8.0 * float(size[1] / size[0]) + 0.8), layout="constrained")
+    figure, axes = plt.subplots(figsize=(8.0, 6.2 * float(size[1] / size[0]) + 0.8), layout="constrained")
     draw_scene(axes, scenario)
     draw_tree(axes, tree)
     colors = ClassColors()
+    colors.meet(reference.id for reference in references)
     for reference in reversed(references):
         line = reference.trajectory.points
-        label = f"class {reference.id}: {reference.cost:.2f}"
+        label = f"{title(reference.id)}: {reference.cost:.2f}"
         axes.plot(line[:, 0], line[:, 1], color=_rgb(colors[reference.id]), lw=2.2, label=label)
     handles, labels = axes.get_legend_handles_labels()
-    axes.legend(handles[::-1], labels[::-1], fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+    axes.legend(
+        handles[::-1], labels[::-1], fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False,
+        title="class: cost", title_fontsize=8,
+    )  # fmt: skip
     axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first", fontsize=10)
-    try:
-        figure.savefig(path, dpi=150)
-    except (OSError, ValueError) as error:
-        raise OptionError(f"--png {path}: {error}; give a file that ends in .png, .pdf or .svg") from None
-    finally:
-        plt.close(figure)
+    _save(plt, figure, path, "--png")
+
+
+def draw_convergence(path: Path, scene: str, convergence: Convergence, *, at_most: int = 16) -> None:
+    """Write the lengths of the best path per class against the iteration, like the paper's Fig. 3a."""
+    plt = pyplot("--convergence")
+    figure, axes = plt.subplots(figsize=(8.0, 4.8), layout="constrained")
+    colors = ClassColors()
+    for c, name in enumerate(convergence.ids[:at_most]):
+        lengths = np.where(np.isfinite(convergence.lengths[:, c]), convergence.lengths[:, c], np.nan)
+        label = f"{title(name)}: {convergence.lengths[-1, c]:.2f} m"
+        axes.step(convergence.iterations, lengths, where="post", color=_rgb(colors[name]), lw=1.6, label=label)
+    axes.set_xlabel("iteration")
+    axes.set_ylabel("length of the best path per class [m]")
+    axes.set_title(f"{scene}: {convergence.vertices[-1]} vertices, {len(convergence.ids)} classes seen", fontsize=10)
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(
+        fontsize=8,
+        loc="upper left",
+        bbox_to_anchor=(1.01, 1.0),
+        frameon=False,
+        title="class: shortest path",
+        title_fontsize=8,
+    )
+    _save(plt, figure, path, "--convergence")
 
 
 def draw_scene(axes: Any, scenario: Scenario) -> None:
@@ -118,16 +143,25 @@ def _surface(kind: str, size: Array) -> Array:
     return np.asarray(ball * (size if kind == "ellipsoid" else size[0]))
 
 
+def _save(plt: Any, figure: Any, path: Path, option: str) -> None:
+    try:
+        figure.savefig(path, dpi=150)
+    except (OSError, ValueError) as error:
+        raise OptionError(f"{option} {path}: {error}; give a file that ends in .png, .pdf or .svg") from None
+    finally:
+        plt.close(figure)
+
+
 def _rgb(color: Any) -> tuple[float, ...]:
     return tuple(float(v) / 255.0 for v in color[:3])
 
 
-def pyplot() -> Any:
-    """matplotlib.pyplot without a display; OptionError if matplotlib is not installed."""
+def pyplot(option: str = "--png") -> Any:
+    """matplotlib.pyplot without a display; OptionError, naming the option, if matplotlib is not installed."""
     try:
         import matplotlib
     except ImportError:
-        raise OptionError("--png needs matplotlib; install it with: pip install matplotlib") from None
+        raise OptionError(f"{option} needs matplotlib; install it with: pip install matplotlib") from None
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 

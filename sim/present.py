@@ -8,14 +8,17 @@ import os
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pirrht.convergence import Convergence
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.path_integral import Estimate
+from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
 from sim.colors import title
 from sim.scenarios import Scenario
@@ -43,18 +46,37 @@ def class_table(references: Sequence[Reference]) -> str:
     return table(["class", "cost", "length [m]", "H"], rows)
 
 
-def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str]) -> str:
-    """One row per repeat: value, control, effective sample size and class weights."""
-    header = ["repeat", "value", "control", "ESS", *map(title, ids), "other"]
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Truth:
+    """What a grid knows about one state."""
+
+    value: float  # v
+    control: Array  # u*, (m,)
+
+    def errors(self, e: Estimate) -> tuple[float, float]:
+        """How far an estimate's value and control are off."""
+        return e.value - self.value, float(np.linalg.norm(e.control - self.control))
+
+
+def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None) -> str:
+    """One row per repeat: value, control, effective sample size and class weights; with a truth also the errors."""
+    off = [] if truth is None else ["v error", "u error"]
+    header = ["repeat", "value", "control", *off, "ESS", *map(title, ids), "other"]
     rows = []
     for i, e in enumerate(estimates):
         if e is None:
-            rows.append([str(i), "none", "none", "0", *["-"] * (len(ids) + 1)])
+            rows.append([str(i), "none", "none", *["-"] * len(off), "0", *["-"] * (len(ids) + 1)])
             continue
-        control = "(" + ", ".join(f"{u:+.3f}" for u in e.control) + ")"
         weights = [f"{e.class_weights.get(name, 0.0):.3f}" for name in [*ids, "other"]]
-        rows.append([str(i), f"{e.value:.4f}", control, f"{e.ess:.1f}", *weights])
+        errors = [] if truth is None else [f"{error:+.4f}" for error in truth.errors(e)]
+        rows.append([str(i), f"{e.value:.4f}", _vector(e.control), *errors, f"{e.ess:.1f}", *weights])
+    if truth is not None:
+        rows.append(["truth", f"{truth.value:.4f}", _vector(truth.control), *["-"] * (len(ids) + 4)])
     return table(header, rows)
+
+
+def _vector(values: Array) -> str:
+    return "(" + ", ".join(f"{v:+.3f}" for v in values) + ")"
 
 
 def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
@@ -81,9 +103,14 @@ def classes_json(references: Sequence[Reference], ids: Sequence[str] | None = No
 
 
 def plan_json(
-    scenario: Scenario, tree: HomologyTree, references: Sequence[Reference], seconds: float
+    scenario: Scenario,
+    tree: HomologyTree,
+    references: Sequence[Reference],
+    seconds: float,
+    convergence: Convergence | None = None,
 ) -> dict[str, Any]:
-    """The public JSON of `plan`."""
+    """The public JSON of `plan`; with a convergence also the lengths [m] per class while the tree grew."""
+    watched = {} if convergence is None else {"convergence": convergence_json(convergence)}
     return {
         "scene": scenario.loaded.scene.name,
         "robot": scenario.loaded.robot,
@@ -94,6 +121,16 @@ def plan_json(
         "fcl_calls": scenario.space.collision.calls,
         "obstacles": obstacles_json(scenario.space),
         "classes": classes_json(references),
+        **watched,
+    }
+
+
+def convergence_json(convergence: Convergence) -> dict[str, Any]:
+    """Iterations, vertices and, by class id, the length [m] of the best path; null where there is none."""
+    return {
+        "iterations": convergence.iterations.tolist(),
+        "vertices": convergence.vertices.tolist(),
+        "lengths": {name: convergence.lengths[:, c].tolist() for c, name in enumerate(convergence.ids)},
     }
 
 
@@ -117,10 +154,14 @@ def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[s
 
 
 def estimate_json(
-    scenario: Scenario, references: Sequence[Reference], estimates: Sequence[Estimate | None]
+    scenario: Scenario,
+    references: Sequence[Reference],
+    estimates: Sequence[Estimate | None],
+    truth: Truth | None = None,
 ) -> dict[str, Any]:
-    """The public JSON of `estimate`; null where every sample died."""
+    """The public JSON of `estimate`; null where every sample died. With a truth also that and the errors."""
     return {
+        **({} if truth is None else _truth_json(truth, estimates)),
         "control": [None if e is None else e.control.tolist() for e in estimates],
         "value": [None if e is None else e.value for e in estimates],
         "ess": [None if e is None else e.ess for e in estimates],
@@ -129,6 +170,15 @@ def estimate_json(
         "proposal_weights": [None if e is None else e.proposal_weights for e in estimates],
         "classes": classes_json(references),
         "obstacles": obstacles_json(scenario.space),
+    }
+
+
+def _truth_json(truth: Truth, estimates: Sequence[Estimate | None]) -> dict[str, Any]:
+    errors = [None if e is None else truth.errors(e) for e in estimates]
+    return {
+        "truth": {"value": truth.value, "control": truth.control.tolist()},
+        "value_error": [None if error is None else error[0] for error in errors],
+        "control_error": [None if error is None else error[1] for error in errors],
     }
 
 

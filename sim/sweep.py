@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import os
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -14,7 +15,8 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from pirrht.controller import METHODS
+from pirrht.controller import METHODS, TREELESS
+from pirrht.desirability import Desirability
 from pirrht.errors import OptionError
 from pirrht.tree import HomologyTree
 from sim import episode, present
@@ -76,7 +78,9 @@ def sweep(jobs: Sequence[Job], *, jobs_at_once: int | None = None) -> list[dict[
         PirrhtError: a scene or a setting is wrong; all are checked before the first drive.
     """
     for first in {job.point: job for job in jobs}.values():
-        _settled(first)
+        scenario = _settled(first)
+        if first.method == "optimal":
+            Desirability.spacing_for(scenario.problem, scenario.space)
     workers = jobs_at_once or len(os.sched_getaffinity(0))
     with tqdm(total=len(jobs), desc="sweep", unit=" runs", disable=None) as bar:
         return [_ticked(bar, row) for row in _results(jobs, min(workers, len(jobs)))]
@@ -84,10 +88,13 @@ def sweep(jobs: Sequence[Job], *, jobs_at_once: int | None = None) -> list[dict[
 
 def drive(job: Job) -> dict[str, Any]:
     """One run as a record: what it was, and what came of it."""
-    scenario, tree = _settled(job), None
-    if job.method != "passive":
-        tree = _tree(job.scene, job.task, job.given)
-    controller = scenario.controller(tree)
+    scenario = _settled(job)
+    planned = _planned(job.scene, job.task, job.given) if job.method not in TREELESS else None
+    controller: episode.Driver
+    if job.method == "optimal":
+        controller = scenario.optimal(_solved(job.scene, job.task, job.given, scenario.settings.noise))
+    else:
+        controller = scenario.controller(planned.tree if planned else None)
     tally = episode.Tally(scenario.settings.period)
     plant = scenario.plant()
     for frame in episode.run(
@@ -100,11 +107,13 @@ def drive(job: Job) -> dict[str, Any]:
         "noise": scenario.settings.noise,
         "seed": job.seed,
         **tally.result(),
+        "shortest_length": planned.shortest if planned else None,
+        "plan_seconds": planned.seconds if planned else None,
     }
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> str:
-    """A table with one line per scene, noise and method."""
+    """A table with one line per scene, noise and method; `length` is the driven over the shortest reference's."""
     points: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for row in rows:
         points.setdefault((row["scene"], row["noise"], row["method"]), []).append(row)
@@ -118,7 +127,10 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
         "timeout",
         "cost",
         "time [s]",
+        "length",
+        "switches",
         "ms/step",
+        "plan [s]",
         "classes",
     ]
     lines = []
@@ -134,7 +146,10 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
                 *(str(n) for n in count.values()),
                 _mean([r["cost"] for r in arrived]),
                 _mean([r["time"] for r in arrived]),
+                _mean([r["path_length"] / r["shortest_length"] for r in arrived if r["shortest_length"]]),
+                f"{np.mean([r['class_switches'] for r in group]):.2f}",
                 f"{np.median([r['step_ms']['median'] for r in group]):.1f}",
+                _mean([r["plan_seconds"] for r in group if r["plan_seconds"] is not None]),
                 _shares([r["executed_class"] for r in arrived]),
             ]
         )
@@ -161,10 +176,28 @@ def _prepared(scene: str, task: tuple[tuple[str, Any], ...], given: tuple[tuple[
     return prepare(scene, **dict(task), given=dict(given))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Planned:
+    tree: HomologyTree
+    shortest: float  # length of the shortest reference at the start [m]
+    seconds: float  # wall time of tree and references
+
+
 @cache
-def _tree(scene: str, task: tuple[tuple[str, Any], ...], given: tuple[tuple[str, Any], ...]) -> HomologyTree:
+def _planned(scene: str, task: tuple[tuple[str, Any], ...], given: tuple[tuple[str, Any], ...]) -> _Planned:
     """One tree per scene: it depends neither on noise nor on the method."""
-    return _prepared(scene, task, given).grown_tree()
+    scenario = _prepared(scene, task, given)
+    began = time.perf_counter()
+    tree = scenario.grown_tree()
+    references = tree.references(scenario.start, polished=scenario.settings.polish)
+    seconds = time.perf_counter() - began
+    return _Planned(tree=tree, shortest=min(r.length for r in references), seconds=seconds)
+
+
+@cache
+def _solved(scene: str, task: tuple[tuple[str, Any], ...], given: tuple[tuple[str, Any], ...], noise: float) -> Any:
+    """One grid per scene and noise."""
+    return _prepared(scene, task, given).with_settings(noise=noise).optimal().desirability
 
 
 def _settled(job: Job) -> Scenario:

@@ -1,0 +1,71 @@
+"""Planning and a control step against the number of obstacles, cylinders on a jittered lattice."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from sim import episode
+from sim.scenarios import prepare
+
+NUMBERS = (10, 100, 1000)
+SIDE = 24.0  # [m]
+RADIUS, ROBOT = 0.02, 0.15  # of cylinders and robot [m]; a thousand leave room to pass
+CLASSES = 8
+REPEATS = 3
+
+
+def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
+    """Header, table and JSON of the figures."""
+    values = {M: _times(M, options.drive) for M in NUMBERS}
+    first = values[NUMBERS[0]]
+    table = [
+        [str(M), f"{plan:.2f}", f"{plan / first[0]:.2f}", f"{step:.2f}", f"{step / first[1]:.2f}", str(references)]
+        for M, (plan, step, references) in values.items()
+    ]
+    header = ["cylinders", "planning [s]", "ratio", "control step [ms]", "ratio", "references"]
+    return header, table, {str(M): {"plan_seconds": v[0], "step_ms": v[1]} for M, v in values.items()}
+
+
+def _times(M: int, drive: float) -> tuple[float, float, int]:
+    """Medians of the seconds of planning and the milliseconds of a control step, and the number of references."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "field.xml"
+        path.write_text(field(M, np.random.default_rng(M)))
+        planning = []
+        for seed in range(REPEATS + 1):
+            given = {"seed": seed, "classes": CLASSES, "vertices": 2000, "rho": 0.3}
+            scenario = prepare(path, robot="unicycle", radius=ROBOT, given=given)
+            began = time.perf_counter()
+            tree = scenario.grown_tree()
+            references = tree.references(scenario.start)
+            planning.append(time.perf_counter() - began)
+        controller = scenario.controller(tree)
+        controller.path_integral.warm_up()
+        frames = list(episode.run(scenario.plant(), controller, scenario.start, scenario.plant_rng(), max_time=drive))
+    return float(np.median(planning[1:])), 1e3 * float(np.median([f.plan_seconds for f in frames])), len(references)
+
+
+def field(M: int, rng: np.random.Generator) -> str:
+    """MJCF of M separate cylinders in a square."""
+    per_side = int(np.ceil(np.sqrt(M)))
+    pitch = SIDE / per_side
+    cells = rng.permutation(per_side**2)[:M]
+    slack = 0.5 * pitch - RADIUS - ROBOT - 0.01
+    geoms = []
+    for i, cell in enumerate(cells):
+        x, y = (np.array(divmod(int(cell), per_side)) + 0.5) * pitch + rng.uniform(-slack, slack, 2)
+        ends = [np.hypot(x - near, y - SIDE / 2) for near in (0.5, SIDE - 0.5)]
+        if min(ends) < 0.6:
+            y = -1.0  # out of the workspace: the number of geoms stays
+        geoms.append(f'<geom name="c{i}" type="cylinder" pos="{x:.4f} {y:.4f} 0.2" size="{RADIUS} 0.2"/>')
+    return f"""<mujoco model="field"><worldbody>
+    {"".join(geoms)}
+    <site name="start" pos="0.5 {SIDE / 2} 0"/>
+    <site name="goal" type="cylinder" pos="{SIDE - 0.5} {SIDE / 2} 0" size="0.4 0.01"/>
+    <site name="workspace" type="box" pos="{SIDE / 2} {SIDE / 2} 0.5" size="{SIDE / 2} {SIDE / 2} 0.5"/>
+    </worldbody></mujoco>"""
