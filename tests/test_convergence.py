@@ -43,7 +43,8 @@ def test_watching_does_not_change_the_tree(watched, slit):
     unwatched = slit.empty_tree()
     unwatched.grow(600)
     assert np.array_equal(unwatched.states[:600], tree.states[:600])
-    assert convergence.vertices[-1] == 600 and convergence.iterations[-1] == tree.draws
+    assert convergence.vertices[-1] == 600
+    assert convergence.iterations[-1] == tree.draws
 
 
 def test_every_note_needs_at_least_one_vertex_in_between(slit):
