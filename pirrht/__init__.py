@@ -24,6 +24,7 @@ _HOME = {
     "NoSurvivingSample": "errors",
     "NotLinearlySolvable": "errors",
     "Obstacle": "scene",
+    "Optimal": "optimal",
     "OptionError": "errors",
     "Outcome": "outcome",
     "PathIntegral": "path_integral",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,9 @@ METHODS = {
     "pi-rrht": "sample around one reference per homology class and let the weights decide (PI-RRHT*)",
     "single": "importance sampling around the cheapest reference only",
     "passive": "no reference: sample the passive dynamics",
+    "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
 }
+TREELESS = ("passive", "optimal")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,6 +37,8 @@ class Plan:
     estimate: Estimate | None  # None in a fallback
     fallback: str | None  # why the estimate is missing: "no reference", "no survivor"
     instead: Array | None = None  # (T, m) the tape that is followed in a fallback
+    law: Callable[[Array], Array] | None = None  # a feedback law, (n,) -> (m,), that is followed instead of a tape
+    exact: float | None = None  # v at the state, where it is known without samples
 
     @property
     def tape(self) -> Array:
@@ -53,6 +58,8 @@ class Plan:
 
         Under feedback guidance the part that the nearest wall accounts for follows the state; the rest is held.
         """
+        if self.law is not None:
+            return self.law(x)
         if s + 1e-9 < self.times[1]:
             return self.control + self._since_planned(x)
         i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
@@ -93,7 +100,7 @@ class Controller:
         polished: bool = True,
         rng: np.random.Generator,
     ) -> None:
-        if method not in METHODS:
+        if method not in METHODS or method == "optimal":
             raise OptionError(f"unknown method {method!r}; known are {', '.join(METHODS)}")
         if tree is None and method != "passive":
             raise OptionError(f"the method {method!r} needs a tree")

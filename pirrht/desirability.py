@@ -58,6 +58,19 @@ class Desirability:
         Raises:
             OptionError: a problem that no grid of this package solves, or one that needs too fine a grid.
         """
+        d, x = problem.dynamics, np.zeros(problem.dynamics.n)
+        spacing = cls.spacing_for(problem, space, spacing)
+        gain: Array = problem.temperature * np.linalg.solve(problem.control_cost(x), d.G_c(x).T).astype(float)
+        grid, look = _planar(problem, space, spacing), planar.look
+        return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, look=look, gain=gain)
+
+    @staticmethod
+    def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None = None) -> float:
+        """The spacing [m] of the grid that `of` solves on; quick, so that what it refuses can be refused early.
+
+        Raises:
+            OptionError: as `of`.
+        """
         d = problem.dynamics
         if callable(problem.q) or not d.constant or not isinstance(d, SingleIntegrator):
             raise OptionError(
@@ -65,10 +78,15 @@ class Desirability:
             )
         if spacing is not None and not (math.isfinite(spacing) and spacing > 0):
             raise OptionError(f"spacing is {spacing:g}; it must be a positive number of meters")
-        x = np.zeros(d.n)
-        gain: Array = problem.temperature * np.linalg.solve(problem.control_cost(x), d.G_c(x).T).astype(float)
-        spacing, grid, look = _planar(problem, space, spacing)
-        return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, look=look, gain=gain)
+        length = 1.0 / _wavenumber(problem)
+        h = min(FINEST * length, COARSEST * space.scene.robot_radius) if spacing is None else spacing
+        size = (space.scene.upper - space.scene.lower) / h
+        if np.prod(size) > MOST:
+            raise OptionError(
+                f"psi falls by a factor e in {length:.2g} m, so its grid needs {size[0]:.0f} x {size[1]:.0f} points "
+                f"and can have {MOST:.0e}; choose more --noise or a smaller workspace"
+            )
+        return h
 
     def log_psi(self, x: Array) -> Array | float:
         """log psi at one state (n,) or many (k, n), (k,) [nats]; 0 in the goal, -phi/lambda at walls."""
@@ -102,30 +120,25 @@ class Desirability:
         return value, slope
 
 
-def _planar(problem: Problem, space: FreeSpace, spacing: float | None) -> tuple[float, Any, Any]:
-    """Spacing, solution and its reader for a point in the plane."""
-    scene, d = space.scene, problem.dynamics
+def _wavenumber(problem: Problem) -> float:
+    """k of `Laplace psi = k^2 psi` for a point in the plane [1/m]."""
     assert not callable(problem.q)
-    temperature, b = problem.temperature, float(d.B_c(np.zeros(2))[0, 0])
-    wavenumber = math.sqrt(2.0 * problem.q / temperature) / b
-    h = min(FINEST / wavenumber, COARSEST * scene.robot_radius) if spacing is None else spacing
-    size = (scene.upper - scene.lower) / h
-    if np.prod(size) > MOST:
-        raise OptionError(
-            f"psi falls by a factor e in {1.0 / wavenumber:.2g} m, so its grid needs {size[0]:.0f} x {size[1]:.0f} "
-            f"points and can have {MOST:.0e}; choose more --noise or a smaller workspace"
-        )
-    grid = planar.solve(
+    b = float(problem.dynamics.B_c(np.zeros(2))[0, 0])
+    return math.sqrt(2.0 * problem.q / problem.temperature) / b
+
+
+def _planar(problem: Problem, space: FreeSpace, spacing: float) -> planar.Expansion:
+    scene = space.scene
+    return planar.solve(
         lambda points: room(space, points),
         scene.lower.astype(float),
         scene.upper.astype(float),
         scene.goal.center,
         scene.goal.radius,
-        wavenumber=wavenumber,
-        wall=problem.phi / temperature,
-        spacing=h,
+        wavenumber=_wavenumber(problem),
+        wall=problem.phi / problem.temperature,
+        spacing=spacing,
     )
-    return h, grid, planar.look
 
 
 def room(space: FreeSpace, points: Array) -> Array:

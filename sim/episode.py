@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from pirrht.controller import Controller, Plan
+from pirrht.controller import Plan
+from pirrht.freespace import FreeSpace
 from pirrht.homology import class_id
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER
@@ -44,8 +45,26 @@ class Frame:
         return self.advance.states[-1] if len(self.advance.states) else self.plan.state
 
 
+class Driver(Protocol):
+    """Who decides during a drive: `pirrht.Controller` or `pirrht.Optimal`."""
+
+    space: FreeSpace
+
+    def begin(self, x: Array) -> None:
+        """Forget the drive so far; a new one starts at x (n,)."""
+
+    def plan(self, x: Array) -> Plan:
+        """Decide at state x (n,)."""
+
+    def observe(self, states: Array, duration: float) -> None:
+        """Take note of the states (k, n) just driven through and the time it took [s]."""
+
+    def driven_class(self) -> tuple[int, ...]:
+        """Class of the driven path, completed by the straight line to the goal point."""
+
+
 def run(
-    plant: Plant, controller: Controller, start: Array, rng: np.random.Generator, *, max_time: float
+    plant: Plant, controller: Driver, start: Array, rng: np.random.Generator, *, max_time: float
 ) -> Iterator[Frame]:
     """Drive from start until the goal, a collision or max_time [s] of simulated time (Algorithm 4).
 
@@ -144,7 +163,7 @@ class Tally:
             "path_length": self.last.length,
             "steps": self.last.step + 1,
             "min_clearance": self.min_clearance,
-            "value_estimate": None if estimate is None else estimate.value,
+            "value_estimate": self.first.exact if estimate is None else estimate.value,
             "executed_class": class_id(self.last.driven_class) if reached else None,
             "class_switches": self.switches,
             "fallbacks": self.fallbacks,

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from pirrht.controller import Controller
+from pirrht.desirability import Desirability
 from pirrht.dynamics import Dynamics, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.optimal import Optimal
 from pirrht.path_integral import Sampling
 from pirrht.problem import Problem
 from pirrht.scene import Array, Scene
@@ -73,6 +75,19 @@ class Scenario:
         tree = self.empty_tree()
         tree.grow(self.settings.vertices, progress=progress)
         return tree
+
+    def truth(self) -> Desirability:
+        """The exact solution: in continuous time, or for steps of dt if exit is judged at their ends.
+
+        Raises:
+            OptionError: no grid solves this problem.
+        """
+        dt = self.settings.dt if self.settings.exit == "endpoint" else None
+        return Desirability.of(self.problem, self.space, dt=dt)
+
+    def optimal(self, truth: Desirability | None = None) -> Optimal:
+        """The grid's feedback law, in continuous time; `truth` if it has been solved for before."""
+        return Optimal(truth or Desirability.of(self.problem, self.space), self.sampling)
 
     def controller(self, tree: HomologyTree | None) -> Controller:
         """The receding-horizon controller over a grown tree."""

@@ -1,0 +1,72 @@
+"""The best that any controller can do: the grid's feedback law, asked at every physics step.
+
+It stands where `Controller` stands in a drive, so that the share of runs that a sampler brings to the goal can be
+held against that of the optimal control under the same noise. It needs neither tree nor samples.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from pirrht.controller import Plan
+from pirrht.desirability import Desirability
+from pirrht.freespace import FreeSpace
+from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.problem import Problem
+from pirrht.scene import Array
+
+
+class Optimal:
+    """Feedback control by a solved grid.
+
+    Args:
+        desirability: of the problem in continuous time.
+        sampling: of the sampler that a recording draws with; drives do not use it.
+    """
+
+    def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
+        self.desirability, self._sampling = desirability, sampling
+        self.problem: Problem = desirability.problem
+        self.space: FreeSpace = desirability.space
+        start = self.problem.scene.start[: self.problem.dynamics.n]
+        desirability.control(start)  # compiles, so that the first plan takes no longer than the others
+        self.begin(start)
+
+    @cached_property
+    def path_integral(self) -> PathIntegral:
+        """What a recording reads problem and temperature from."""
+        return PathIntegral(self.problem, self.space, self._sampling)
+
+    def begin(self, x: Array) -> None:
+        """Forget the drive so far; a new one starts at x (n,)."""
+        self._start = self.space.homology.straight(x[None, :2])[0]
+        self._driven = np.zeros(self.space.homology.M)
+        self._last = np.array(x[:2], dtype=float)
+
+    def observe(self, states: Array, duration: float) -> None:
+        """Take note of the states (k, n) just driven through; the time it took [s] does not matter."""
+        self._driven = self._driven + self.space.homology.turns(np.vstack([self._last, states[:, :2]]))
+        self._last = np.array(states[-1, :2])
+
+    def driven_class(self) -> tuple[int, ...]:
+        """Class of the driven path, completed by the straight line to the goal point."""
+        here = self.space.homology.straight(self._last[None, :])[0]
+        return tuple(int(k) for k in np.rint(self._driven + here - self._start))
+
+    def plan(self, x: Array) -> Plan:
+        """The law from state x (n,) on; it does not change."""
+        law = self.desirability.control
+        value = self.desirability.value(x)
+        return Plan(
+            state=x,
+            times=np.array([0.0, np.inf]),
+            references=(),
+            ids=(),
+            estimate=None,
+            fallback=None,
+            instead=law(x)[None, :],
+            law=law,
+            exact=float(value),
+        )
