@@ -17,16 +17,21 @@ from typing import Any
 import numpy as np
 
 from pirrht import desirability_planar as planar
+from pirrht import desirability_steps as steps
 from pirrht.clearance import clearance
 from pirrht.dynamics import SingleIntegrator
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.homology import class_id
 from pirrht.jit import kernel
+from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.scene import Array
 
 FINEST = 1.0  # default spacing in decay lengths 1/k of psi ...
 COARSEST = 0.2  # ... but at most this share of the robot's radius
+PER_STEP = 3.0  # default points per standard deviation of a step
+WALK = 0.01  # steps of paths that are drawn in continuous time [s]
 MOST = 1_000_000  # grid points that are solved for in about half a minute
 BAND = 0.03  # FCL itself is asked where the clearance field claims less room than this [m]
 
@@ -59,13 +64,16 @@ class Desirability:
             OptionError: a problem that no grid of this package solves, or one that needs too fine a grid.
         """
         d, x = problem.dynamics, np.zeros(problem.dynamics.n)
-        spacing = cls.spacing_for(problem, space, spacing)
+        spacing = cls.spacing_for(problem, space, spacing=spacing, dt=dt)
         gain: Array = problem.temperature * np.linalg.solve(problem.control_cost(x), d.G_c(x).T).astype(float)
-        grid, look = _planar(problem, space, spacing), planar.look
+        grid = _planar(problem, space, spacing) if dt is None else _stepwise(problem, space, spacing, dt)
+        look = planar.look if dt is None else steps.look
         return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, look=look, gain=gain)
 
     @staticmethod
-    def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None = None) -> float:
+    def spacing_for(
+        problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None
+    ) -> float:
         """The spacing [m] of the grid that `of` solves on; quick, so that what it refuses can be refused early.
 
         Raises:
@@ -78,13 +86,20 @@ class Desirability:
             )
         if spacing is not None and not (math.isfinite(spacing) and spacing > 0):
             raise OptionError(f"spacing is {spacing:g}; it must be a positive number of meters")
+        if dt is not None and not (math.isfinite(dt) and dt > 0):
+            raise OptionError(f"dt is {dt:g}; it must be a positive number of seconds")
         length = 1.0 / _wavenumber(problem)
-        h = min(FINEST * length, COARSEST * space.scene.robot_radius) if spacing is None else spacing
+        default = min(FINEST * length, COARSEST * space.scene.robot_radius)
+        reason = f"psi falls by a factor e in {length:.2g} m"
+        if dt is not None:
+            default = _deviation(problem, dt) / PER_STEP
+            reason = f"noise carries a step {_deviation(problem, dt):.2g} m"
+        h = default if spacing is None else spacing
         size = (space.scene.upper - space.scene.lower) / h
         if np.prod(size) > MOST:
             raise OptionError(
-                f"psi falls by a factor e in {length:.2g} m, so its grid needs {size[0]:.0f} x {size[1]:.0f} points "
-                f"and can have {MOST:.0e}; choose more --noise or a smaller workspace"
+                f"{reason}, so the grid needs {size[0]:.0f} x {size[1]:.0f} points and can have {MOST:,}; "
+                f"choose more --noise{'' if dt is None else ', a longer --dt'} or a smaller workspace"
             )
         return h
 
@@ -113,6 +128,26 @@ class Desirability:
         control: Array = self.gain.dot(slope[-len(self.gain) :])
         return control
 
+    def shares(self, x: Array, samples: int = 2000, seed: int = 0) -> dict[str, float]:
+        """How often optimally controlled paths from x (n,) take each class, most frequent first; drawn, not solved for.
+
+        The names are those of the straight line from x. Their standard error is sqrt(share (1 - share) / samples).
+        """
+        from pirrht.desirability_paths import walker
+
+        d, markers = self.problem.dynamics, self.space.homology.markers
+        x = np.array(x, dtype=float)
+        turns, outcome = np.zeros((samples, len(markers))), np.zeros(samples, dtype=np.int64)
+        walker(self.look, d.drift, self.dt is not None)(
+            self.grid, self.space.field, markers, np.asarray(d.parameters, dtype=float), self.gain, d.G_c(x), d.B_c(x),
+            self.problem.phi / self.problem.temperature, x, self.dt or WALK, seed, turns, outcome,
+        )  # fmt: skip
+        whole = np.rint(turns - self.space.homology.straight(x[None, :2])[0]).astype(int)
+        arrived = whole[outcome == Outcome.GOAL]
+        classes, counts = np.unique(arrived, axis=0, return_counts=True)
+        order = np.argsort(-counts, kind="stable")
+        return {class_id(classes[k]): float(counts[k] / len(arrived)) for k in order}
+
     def _at(self, states: Array) -> tuple[Array, Array]:
         value, slope = np.empty(len(states)), np.zeros_like(states)
         for k in range(len(states)):
@@ -136,6 +171,27 @@ def _planar(problem: Problem, space: FreeSpace, spacing: float) -> planar.Expans
         scene.goal.center,
         scene.goal.radius,
         wavenumber=_wavenumber(problem),
+        wall=problem.phi / problem.temperature,
+        spacing=spacing,
+    )
+
+
+def _deviation(problem: Problem, dt: float) -> float:
+    """Standard deviation of a step in the plane along each axis [m]."""
+    return float(problem.dynamics.B_c(np.zeros(2))[0, 0]) * math.sqrt(dt)
+
+
+def _stepwise(problem: Problem, space: FreeSpace, spacing: float, dt: float) -> steps.Lattice:
+    scene = space.scene
+    assert not callable(problem.q)
+    return steps.solve(
+        lambda points: room(space, points),
+        scene.lower.astype(float),
+        scene.upper.astype(float),
+        scene.goal.center,
+        scene.goal.radius,
+        deviation=_deviation(problem, dt),
+        loss=problem.q * dt / problem.temperature,
         wall=problem.phi / problem.temperature,
         spacing=spacing,
     )

@@ -46,6 +46,7 @@ class Expansion(NamedTuple):
     goal_x: float  # centre of the goal's disc [m]
     goal_y: float
     radius: float  # of the disc [m]
+    least: float  # a slope is never that of a place nearer to a wall [m]
     owner: IntArray  # (nx, ny) free point that speaks for a grid point; -1 where none is near
     place: IntArray  # (K, 2) grid indices of the free points
     coefficients: Array  # (K, 8) of 1, cos t, sin t, cos 2t, sin 2t, cos 3t, sin 3t, cos 4t
@@ -98,6 +99,7 @@ def solve(
         goal_x=float(goal[0]),
         goal_y=float(goal[1]),
         radius=float(radius),
+        least=LEAST,
         owner=_owners(number.reshape(nx, ny)),
         place=place,
         coefficients=coefficients,
@@ -256,6 +258,6 @@ def look(grid, x, slope):  # type: ignore[no-untyped-def]
     down = c1 * e0 + 2.0 * c2 * z * e1 + 3.0 * c3 * z2 * e2 + 4.0 * c[7] * z3 * e3
     up = 2.0 * c[0] * z * e1 + c1 * z2 * e2 / 2.0 + c2 * z3 * e3 / 3.0 + z2 * z2 * (c3 * e4 / 4.0 + c[7] * z * e5 / 5.0)
     gx, gy = (down.real + kh * up.real) / h, (kh * up.imag - down.imag) / h
-    total = max(total, LEAST * math.sqrt(gx * gx + gy * gy))
+    total = max(total, grid.least * math.sqrt(gx * gx + gy * gy))
     slope[0], slope[1] = gx / total, gy / total
     return grid.shift[o] + math.log(total)
