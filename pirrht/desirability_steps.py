@@ -1,6 +1,6 @@
 """The discrete-time problem in the plane: `psi(x) = exp(-q dt/lambda) E[psi(x + b dw)]`, exit judged where a step ends.
 
-What a step leads to is phi(x) = exp(-q dt/lambda) E[...], a smooth function of all x, on both sides of a wall; psi jumps
+What a step leads to is phi(x) = exp(-q dt/lambda) E[...], smooth in all x, on both sides of a wall; psi itself jumps
 from phi to exp(-phi/lambda) at a wall and to 1 at the goal's rim. The expectation is a sum over grid points, which for
 a Gaussian of more than a spacing's width is exact up to exp(-2 pi^2 width^2); close to a jump the points weigh what
 their cubic interpolation polynomials integrate to over the part of their cells on the right side of it.
@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.desirability_planar import Clearance
+from pirrht.desirability_tiles import TILE, logarithm, one_round
 from pirrht.errors import OptionError
 from pirrht.jit import inlined, kernel
 from pirrht.scene import Array
