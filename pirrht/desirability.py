@@ -16,10 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from pirrht import desirability_car as car
 from pirrht import desirability_planar as planar
 from pirrht import desirability_steps as steps
 from pirrht.clearance import clearance
-from pirrht.dynamics import SingleIntegrator
+from pirrht.dynamics import SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.homology import class_id
@@ -32,6 +33,10 @@ FINEST = 1.0  # default spacing in decay lengths 1/k of psi ...
 COARSEST = 0.2  # ... but at most this share of the robot's radius
 PER_STEP = 3.0  # default points per standard deviation of a step
 WALK = 0.01  # steps of paths that are drawn in continuous time [s]
+ACROSS = 2.0  # points across the deviation of a car after a second, at least
+COARSEST_OF_CAR = 1.0 / 6.0  # its default spacing is at most this share of its radius
+FEWEST = 120  # headings
+MOST_OF_CAR = 8_000_000  # grid points of positions and headings
 MOST = 1_000_000  # grid points that are solved for in about half a minute
 BAND = 0.03  # FCL itself is asked where the clearance field claims less room than this [m]
 
@@ -66,8 +71,13 @@ class Desirability:
         d, x = problem.dynamics, np.zeros(problem.dynamics.n)
         spacing = cls.spacing_for(problem, space, spacing=spacing, dt=dt)
         gain: Array = problem.temperature * np.linalg.solve(problem.control_cost(x), d.G_c(x).T).astype(float)
-        grid = _planar(problem, space, spacing) if dt is None else _stepwise(problem, space, spacing, dt)
-        look = planar.look if dt is None else steps.look
+        grid: Any
+        if isinstance(d, Unicycle):
+            grid, look = _headings(problem, space, d, spacing), car.look
+        elif dt is None:
+            grid, look = _planar(problem, space, spacing), planar.look
+        else:
+            grid, look = _stepwise(problem, space, spacing, dt), steps.look
         return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, look=look, gain=gain)
 
     @staticmethod
@@ -80,7 +90,7 @@ class Desirability:
             OptionError: as `of`.
         """
         d = problem.dynamics
-        if callable(problem.q) or not d.constant or not isinstance(d, SingleIntegrator):
+        if callable(problem.q) or not d.constant or not isinstance(d, (SingleIntegrator, Unicycle)):
             raise OptionError(
                 f"no grid solves the dynamics {type(d).__name__}; it takes SingleIntegrator or Unicycle with constant q"
             )
@@ -88,6 +98,8 @@ class Desirability:
             raise OptionError(f"spacing is {spacing:g}; it must be a positive number of meters")
         if dt is not None and not (math.isfinite(dt) and dt > 0):
             raise OptionError(f"dt is {dt:g}; it must be a positive number of seconds")
+        if isinstance(d, Unicycle):
+            return _spacing_of_car(d, space, spacing, dt)
         length = 1.0 / _wavenumber(problem)
         default = min(FINEST * length, COARSEST * space.scene.robot_radius)
         reason = f"psi falls by a factor e in {length:.2g} m"
@@ -194,6 +206,48 @@ def _stepwise(problem: Problem, space: FreeSpace, spacing: float, dt: float) -> 
         loss=problem.q * dt / problem.temperature,
         wall=problem.phi / problem.temperature,
         spacing=spacing,
+    )
+
+
+def _spacing_of_car(d: Unicycle, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
+    """Spacing for a car; refuses where the grid would smear paths more than the noise does."""
+    if dt is not None:
+        raise OptionError("no grid solves the discrete-time problem of a car; use the exit rule bridge")
+    sideways = d.b * d.V / math.sqrt(3.0)  # deviation from the straight line after a second
+    needed = sideways / ACROSS
+    h = min(needed, COARSEST_OF_CAR * space.scene.robot_radius) if spacing is None else spacing
+    finest = min(h, needed)
+    size = [*(math.ceil(s / finest) + 1 for s in space.scene.upper - space.scene.lower), _directions(d, finest)]
+    if h > needed * (1.0 + 1e-9) or math.prod(size) > MOST_OF_CAR:
+        raise OptionError(
+            f"noise b = {d.b:g} carries the car only {sideways:.2g} m sideways in a second, so the grid needs "
+            f"points {finest:.2g} m apart, {size[0]} x {size[1]} x {size[2]} points, and can have {MOST_OF_CAR:,}; "
+            "choose more --noise or a smaller workspace"
+        )
+    return h
+
+
+def _directions(d: Unicycle, spacing: float) -> int:
+    """Headings so close together that the noise of one ray spans one of them."""
+    return max(FEWEST, math.ceil(2.0 * math.pi / (d.b * math.sqrt(car.RAY * spacing / d.V))))
+
+
+def _headings(problem: Problem, space: FreeSpace, d: Unicycle, spacing: float) -> car.Headings:
+    scene = space.scene
+    assert not callable(problem.q)
+    return car.solve(
+        space.field,
+        scene.lower.astype(float),
+        scene.upper.astype(float),
+        scene.goal.center,
+        scene.goal.radius,
+        speed=d.V,
+        noise=d.b,
+        rate=problem.q,
+        temperature=problem.temperature,
+        phi=problem.phi,
+        spacing=spacing,
+        headings=_directions(d, spacing),
     )
 
 

@@ -87,7 +87,7 @@ def test_errors_import_nothing_of_the_package():
 
 @pytest.mark.parametrize(
     ("library", "doors"),
-    [("fcl", {"collision"}), ("scipy", {"desirability_planar"})],
+    [("fcl", {"collision"}), ("scipy", {"desirability_planar", "desirability_car", "desirability_check"})],
     ids=["FCL", "SciPy only for the grid"],
 )
 def test_a_foreign_library_has_one_door(library, doors):
