@@ -10,7 +10,7 @@ from pirrht.curves import along, entry_of_curve
 from pirrht.dubins import length_between, shortest
 from pirrht.edges import surely_free
 from pirrht.jit import kernel
-from pirrht.legs import add_turns, alike, append, approach
+from pirrht.legs import append, approach, key_of_leg
 
 GAIN = 1e-5  # a shortcut must save this share of the path
 APART = 0.4  # least distance of stations that shortcuts join, in mean distances
@@ -26,11 +26,10 @@ def chain(task, pose, curvature, length, count, stations):  # type: ignore[no-un
     at, kappa, ell = np.empty((room, 3)), np.zeros((room, 3)), np.zeros((room, 3))
     active = np.empty(room, np.bool_)
     n = _stations(pose, curvature, length, count, whole / stations, at, kappa, ell, active)
-    swept = np.zeros((n + 1, task.markers.shape[0]))
+    swept = np.zeros(n + 1, np.int64)
     for i in range(n):
-        for k in range(swept.shape[1]):
-            swept[i + 1, k] = swept[i, k]
-        add_turns(task, at[i], kappa[i], ell[i], i == n - 1, 1.0, swept[i + 1])
+        after = min(i + 1, n - 1)
+        swept[i + 1] = swept[i] + key_of_leg(task, at[i], kappa[i], ell[i], i == n - 1, at[after, 0], at[after, 1])
     best, total, source = np.zeros(n + 1), np.empty(2 * n), np.empty(n + 1, np.int64)
     link_kappa, link_ell = np.empty((n + 1, 3)), np.empty((n + 1, 3))
     for j in range(1, n + 1):
@@ -81,7 +80,7 @@ def _estimate(task, at, active, n, j, best, total):  # type: ignore[no-untyped-d
 @kernel
 def _link(task, at, n, j, swept, best, total, kappa, ell):  # type: ignore[no-untyped-def]
     """Station with the shortest admissible shortcut to j, -1 if none beats best[j]; writes the shortcut."""
-    turns, replaced = np.empty(task.markers.shape[0]), np.empty(task.markers.shape[0])
+    to = at[min(j, n - 1)]
     while True:
         c = 0
         for i in range(1, 2 * j):
@@ -97,10 +96,8 @@ def _link(task, at, n, j, swept, best, total, kappa, ell):  # type: ignore[no-un
             shortest(at[i, 0], at[i, 1], at[i, 2], at[j, 0], at[j, 1], at[j, 2], task.radius, kappa, ell)
             outside = entry_of_curve(at[i], kappa, ell, task.goal[0], task.goal[1], task.reach) == np.inf
         if outside:
-            for k in range(turns.shape[0]):
-                turns[k], replaced[k] = 0.0, swept[j, k] - swept[i, k]
-            add_turns(task, at[i], kappa, ell, j == n, 1.0, turns)
-            if alike(turns, replaced) and surely_free(task.field, at[i], kappa, ell):
+            key = key_of_leg(task, at[i], kappa, ell, j == n, to[0], to[1])
+            if key == swept[j] - swept[i] and surely_free(task.field, at[i], kappa, ell):
                 best[j] = total[c]
                 return i
         total[c] = np.inf

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from pirrht.clearance import BLOCKED, FREE, LEAST_STEP, UNSURE, Field, _surely_blocked, border, clearance
 from pirrht.collision import Collision
-from pirrht.curves import Curves, along, cut, entry_of_curve, turns_of_chord, turns_of_curve
+from pirrht.curves import Curves, along, cut, entry_of_curve
 from pirrht.homology import Homology
 from pirrht.jit import kernel
 from pirrht.scene import Array, Goal
+from pirrht.windings import Turns, pairs_of_curve, summed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,7 +23,7 @@ class Edges:
 
     free: NDArray[np.bool_]  # (k,) usable as an edge
     cost: Array  # (k,) steering cost up to the goal's disc
-    turns: NDArray[np.int32]  # (k, M) whole turns an edge adds to the class of its head
+    turns: Turns  # whole turns an edge adds to the class of its head
     length: Array  # (k, P) piece lengths, cut where a curve enters the goal's disc [m]
 
 
@@ -35,25 +36,30 @@ class Inspector:
     homology: Homology
     goal: Goal
 
-    def inspect(self, curves: Curves, h_tails: Array, h_heads: Array, into_goal: NDArray[np.bool_]) -> Edges:
-        """Judge curves whose tails and heads have straight-line signatures h (k, M).
+    def inspect(self, curves: Curves, into_goal: NDArray[np.bool_]) -> Edges:
+        """Judge curves.
 
         A curve that enters the goal is an edge only if its head is a root (`into_goal`); it ends, and is paid
         for, where it first enters the disc. From there its class counts along the straight line to the goal.
         """
-        k, M = len(curves.cost), self.homology.M
+        k = len(curves.cost)
         status = np.empty(k, dtype=np.int8)
-        turns = np.empty((k, M), dtype=np.int32)
+        first = np.empty(k + 1, dtype=np.int64)
         length = np.empty_like(curves.length)
-        _inspect(
-            self.field, curves.start, curves.curvature, curves.length, h_tails, h_heads, into_goal,
-            self.homology.markers, self.goal.center, self.goal.radius, status, turns, length,
+        marker, turn = _inspect(
+            self.field, curves.start, curves.curvature, curves.length, np.ascontiguousarray(curves.heads[:, :2]),
+            into_goal, self.homology.cuts, self.goal.center, self.goal.radius, status, first, length,
         )  # fmt: skip
         for i in np.flatnonzero(status == UNSURE):
             if self._ask(curves.start[i], curves.curvature[i], length[i]):
                 status[i] = FREE
         whole = np.maximum(curves.length.sum(axis=1), 1e-300)
-        return Edges(free=status == FREE, cost=curves.cost * (length.sum(axis=1) / whole), turns=turns, length=length)
+        return Edges(
+            free=status == FREE,
+            cost=curves.cost * (length.sum(axis=1) / whole),
+            turns=Turns(first, marker, turn),
+            length=length,
+        )
 
     def cut_at_goal(self, path: Curves) -> Curves:
         """A path whose last curve ends where it first enters the goal's disc."""
@@ -136,10 +142,13 @@ def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _inspect(field, start, curvature, length, h_tails, h_heads, into_goal, markers, goal, radius, status, turns, cut_length):  # type: ignore[no-untyped-def] # fmt: skip  # noqa: E501
-    M = markers.shape[0]
-    swept = np.empty(M)
+def _inspect(field, start, curvature, length, heads, into_goal, cuts, goal, radius, status, first, cut_length):  # type: ignore[no-untyped-def] # fmt: skip
+    room = length.shape[1] * cuts.M  # pairs that one curve can have
+    marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
+    total = np.zeros(cuts.M, np.int16)
+    used = 0
     for i in range(length.shape[0]):
+        first[i] = used
         s = entry_of_curve(start[i], curvature[i], length[i], goal[0], goal[1], radius)
         if s < np.inf and not into_goal[i]:
             status[i] = BLOCKED
@@ -148,8 +157,12 @@ def _inspect(field, start, curvature, length, h_tails, h_heads, into_goal, marke
         status[i] = certify_curve(field, start[i], curvature[i], cut_length[i])
         if status[i] == BLOCKED:
             continue
-        ex, ey = turns_of_curve(start[i], curvature[i], cut_length[i], markers, swept)
-        for k in range(M):
-            mx, my = markers[k, 0], markers[k, 1]
-            rest = h_heads[i, k] if s == np.inf else turns_of_chord(ex - mx, ey - my, goal[0] - mx, goal[1] - my)
-            turns[i, k] = math.floor(swept[k] + rest - h_tails[i, k] + 0.5)
+        if used + room > marker.shape[0]:
+            marker = np.concatenate((marker, np.empty_like(marker)))
+            turn = np.concatenate((turn, np.empty_like(turn)))
+        end = pairs_of_curve(
+            cuts, start[i], curvature[i], cut_length[i], s < np.inf, heads[i, 0], heads[i, 1], marker, turn, used
+        )
+        used = summed(total, marker, turn, used, end)
+    first[length.shape[0]] = used
+    return marker[:used].copy(), turn[:used].copy()

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pirrht.cuts import Cuts, straight_turns
 from pirrht.jit import kernel
 from pirrht.scene import Array
 
@@ -27,6 +28,10 @@ class Homology:
 
     markers: Array  # (M, 2) one point inside each topological obstacle [m]
     goal: Array  # (2,) goal representative point [m]
+    cuts: Cuts = field(init=False, repr=False)  # the markers sorted, for kernels that must not ask all of them
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cuts", Cuts.of(self.markers, self.goal, self.hash_weights))
 
     @property
     def M(self) -> int:
@@ -49,7 +54,7 @@ class Homology:
         """Class of a path (l, 2), completed by the straight line from its end to the goal point."""
         ends = self.straight(polyline[[0, -1], :2])
         whole = self.turns(polyline) + ends[1] - ends[0]
-        return tuple(int(k) for k in np.rint(whole))
+        return integers(whole)
 
     def signature(self, start: Array, winding: Sequence[int]) -> Array:
         """The paper's H = 1 + H(sigma) of a class seen from start (2,), (M,)."""
@@ -74,20 +79,22 @@ def _hash_weights(M: int) -> IntArray:
     return draws * 2 + 1
 
 
+def integers(whole: Array | IntArray) -> tuple[int, ...]:
+    """A class as plain integers, from numbers (M,) that are whole but for rounding."""
+    winding: tuple[int, ...] = tuple(np.rint(whole).astype(np.int64).tolist())
+    return winding
+
+
 def class_id(winding: Sequence[int]) -> str:
     """The public name of a class: its integers joined by commas; "-" where there is nothing to wind around."""
-    return ",".join(str(int(k)) for k in winding) or "-"
+    return ",".join(map(str, np.asarray(winding).tolist())) or "-"
 
 
 @kernel
 def _straight(points, markers, goal, out):  # type: ignore[no-untyped-def]
     for i in range(points.shape[0]):
         for k in range(markers.shape[0]):
-            ax, ay = points[i, 0] - markers[k, 0], points[i, 1] - markers[k, 1]
-            bx, by = goal[0] - markers[k, 0], goal[1] - markers[k, 1]
-            cross, dot = ax * by - ay * bx, ax * bx + ay * by
-            # On the cut itself the angle jumps; it counts as the right side, as `cross > 0` does in the rollouts.
-            out[i, k] = -0.5 if cross == 0.0 and dot < 0.0 else math.atan2(cross, dot) / (2.0 * np.pi)
+            out[i, k] = straight_turns(points[i, 0], points[i, 1], markers[k, 0], markers[k, 1], goal[0], goal[1])
 
 
 @kernel

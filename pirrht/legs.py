@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pirrht.clearance import Field
-from pirrht.curves import TWO_PI, along, cut, entry_of_curve, turns_of_chord, turns_of_piece
+from pirrht.curves import TWO_PI, along, cut, entry_of_curve
+from pirrht.cuts import Cuts
 from pirrht.jit import kernel
 from pirrht.scene import Array
+from pirrht.windings import key_of_pairs, pairs_of_curve
 
 SHORT = 1e-9  # pieces below this length [m] are rounding
 
@@ -17,7 +22,8 @@ class Task(NamedTuple):
     """What legs have to respect; plain values, so that kernels can take it."""
 
     field: Field
-    markers: Array  # (M, 2) [m]
+    cuts: Cuts
+    weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker
     goal: Array  # (2,) goal point [m]
     reach: float  # radius of the goal's disc [m]
     radius: float  # least turning radius [m]
@@ -46,28 +52,15 @@ def approach(task, start, side, curvature, length):  # type: ignore[no-untyped-d
 
 
 @kernel
-def add_turns(task, start, curvature, length, last, weight, out):  # type: ignore[no-untyped-def]
-    """Add `weight` times a leg's H (M,) to out; the last leg goes on straight to the goal point."""
-    x, y, theta = start[0], start[1], start[2]
-    for p in range(length.shape[0]):
-        if length[p] > 0.0:
-            for k in range(task.markers.shape[0]):
-                mx, my = task.markers[k, 0], task.markers[k, 1]
-                out[k] += weight * turns_of_piece(x, y, theta, curvature[p], length[p], mx, my)
-            x, y, theta = along(x, y, theta, curvature[p], length[p])
-    if last:
-        for k in range(task.markers.shape[0]):
-            mx, my = task.markers[k, 0], task.markers[k, 1]
-            out[k] += weight * turns_of_chord(x - mx, y - my, task.goal[0] - mx, task.goal[1] - my)
+def key_of_leg(task, start, curvature, length, last, x, y):  # type: ignore[no-untyped-def]
+    """Additive key of the whole turns of a leg to (x, y); the last leg goes on straight to the goal point.
 
-
-@kernel
-def alike(one, other):  # type: ignore[no-untyped-def]
-    """Whether signatures (M,) of paths with common ends are equal; they differ by whole turns."""
-    same = True
-    for k in range(one.shape[0]):
-        same = same and abs(one[k] - other[k]) < 0.5
-    return same
+    Paths with common ends are homologous exactly when the keys of their legs have the same sum.
+    """
+    room = length.shape[0] * task.weights.shape[0]
+    marker, turn = np.empty(room, np.int32), np.empty(room, np.int16)
+    count = pairs_of_curve(task.cuts, start, curvature, length, last, x, y, marker, turn, 0)
+    return key_of_pairs(marker, turn, 0, count, task.weights)
 
 
 @kernel

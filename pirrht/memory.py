@@ -29,3 +29,5 @@ def _loader(element: Any, machine: ir.Type) -> Any:
 
 load_float32 = _loader(types.float32, ir.FloatType())
 load_int32 = _loader(types.int32, ir.IntType(32))
+load_float64 = _loader(types.float64, ir.DoubleType())
+load_int64 = _loader(types.int64, ir.IntType(64))

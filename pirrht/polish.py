@@ -9,6 +9,7 @@ import numpy as np
 
 from pirrht.clearance import FREE, certify_segment
 from pirrht.curves import Curves, entry_of_piece
+from pirrht.cuts import key_of_segment
 from pirrht.dubins import Dubins
 from pirrht.edges import Inspector
 from pirrht.jit import kernel
@@ -55,7 +56,7 @@ def taut_polyline(points: Array, inspector: Inspector) -> Array:
     room = np.empty((max(64, 8 * len(points)), 2))
     count = _taut(
         inspector.field,
-        inspector.homology.markers,
+        inspector.homology.cuts,
         goal.center,
         goal.radius,
         np.ascontiguousarray(points),
@@ -77,21 +78,12 @@ def _length(points: Array) -> float:
 
 
 @kernel
-def _contractible(points, i, j, markers):  # type: ignore[no-untyped-def]
+def _contractible(points, i, j, cuts):  # type: ignore[no-untyped-def]
     """Whether the loop points[i..j] and straight back encircles no marker."""
-    for k in range(markers.shape[0]):
-        mx, my = markers[k, 0], markers[k, 1]
-        winding = 0
-        for a in range(i, j + 1):
-            b = a + 1 if a < j else i
-            ya, yb = points[a, 1] - my, points[b, 1] - my
-            if (ya <= 0.0) != (yb <= 0.0):
-                side = (points[a, 0] - mx) * yb - (points[b, 0] - mx) * ya
-                if (side > 0.0) == (yb > 0.0):
-                    winding += 1 if yb > 0.0 else -1
-        if winding != 0:
-            return False
-    return True
+    key = key_of_segment(cuts, points[j, 0], points[j, 1], points[i, 0], points[i, 1])
+    for a in range(i, j):
+        key += key_of_segment(cuts, points[a, 0], points[a, 1], points[a + 1, 0], points[a + 1, 1])
+    return key == 0
 
 
 @kernel
@@ -105,13 +97,13 @@ def _clear(field, goal, radius, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _shortcut(field, markers, goal, radius, points, count):  # type: ignore[no-untyped-def]
+def _shortcut(field, cuts, goal, radius, points, count):  # type: ignore[no-untyped-def]
     """Leave out every run of corners that a free straight piece of the same class can replace."""
     i = 0
     while i < count - 2:
         for j in range(count - 1, i + 1, -1):
             if _clear(field, goal, radius, points[i, 0], points[i, 1], points[j, 0], points[j, 1]) and _contractible(
-                points, i, j, markers
+                points, i, j, cuts
             ):
                 for k in range(j, count):
                     points[i + 1 + k - j, 0] = points[k, 0]
@@ -123,7 +115,7 @@ def _shortcut(field, markers, goal, radius, points, count):  # type: ignore[no-u
 
 
 @kernel
-def _cut_share(field, markers, goal, radius, corner):  # type: ignore[no-untyped-def]
+def _cut_share(field, cuts, goal, radius, corner):  # type: ignore[no-untyped-def]
     """Largest share of both legs by which a corner can be cut; corner is (before, corner, after), (3, 2).
 
     Rows 0 and 2 are replaced by the ends of that cut.
@@ -136,7 +128,7 @@ def _cut_share(field, markers, goal, radius, corner):  # type: ignore[no-untyped
         corner[0, 0], corner[0, 1] = x + t * ax, y + t * ay
         corner[2, 0], corner[2, 1] = x + t * bx, y + t * by
         clear = _clear(field, goal, radius, corner[0, 0], corner[0, 1], corner[2, 0], corner[2, 1])
-        if clear and _contractible(corner, 0, 2, markers):
+        if clear and _contractible(corner, 0, 2, cuts):
             low = t
         else:
             high = t
@@ -146,7 +138,7 @@ def _cut_share(field, markers, goal, radius, corner):  # type: ignore[no-untyped
 
 
 @kernel
-def _round_corners(field, markers, goal, radius, points, count, out):  # type: ignore[no-untyped-def]
+def _round_corners(field, cuts, goal, radius, points, count, out):  # type: ignore[no-untyped-def]
     """Cut every corner as far as the obstacles allow; number of points written to out."""
     out[0, 0], out[0, 1] = points[0, 0], points[0, 1]
     n = 1
@@ -158,7 +150,7 @@ def _round_corners(field, markers, goal, radius, points, count, out):  # type: i
         bx, by = corner[2, 0] - corner[1, 0], corner[2, 1] - corner[1, 1]
         t = 0.0
         if abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by)) > FLAT and n + 2 + count - i < out.shape[0]:
-            t = _cut_share(field, markers, goal, radius, corner)
+            t = _cut_share(field, cuts, goal, radius, corner)
         if t > 0.0:
             for c in range(2):
                 out[n, c], out[n + 1, c] = corner[0, c], corner[2, c]
@@ -171,7 +163,7 @@ def _round_corners(field, markers, goal, radius, points, count, out):  # type: i
 
 
 @kernel
-def _taut(field, markers, goal, radius, points, out):  # type: ignore[no-untyped-def]
+def _taut(field, cuts, goal, radius, points, out):  # type: ignore[no-untyped-def]
     """Shortcut and cut corners in turn until nothing is gained; number of points written to out."""
     count = points.shape[0]
     work = np.empty((out.shape[0], 2))
@@ -181,14 +173,14 @@ def _taut(field, markers, goal, radius, points, out):  # type: ignore[no-untyped
     count += 1
     before = np.inf
     for _ in range(ROUNDS):
-        count = _shortcut(field, markers, goal, radius, out, count)
+        count = _shortcut(field, cuts, goal, radius, out, count)
         length = 0.0
         for i in range(count - 1):
             length += math.sqrt((out[i + 1, 0] - out[i, 0]) ** 2 + (out[i + 1, 1] - out[i, 1]) ** 2)
         if before - length < GAIN * length:
             break
         before = length
-        count = _round_corners(field, markers, goal, radius, out, count, work)
+        count = _round_corners(field, cuts, goal, radius, out, count, work)
         for i in range(count):
             out[i, 0], out[i, 1] = work[i, 0], work[i, 1]
     for i in range(count - 1):

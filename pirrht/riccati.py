@@ -14,6 +14,7 @@ import numpy as np
 
 from pirrht.clearance import border
 from pirrht.curves import entry_of_piece
+from pirrht.cuts import key_of_segment
 from pirrht.exits import COLLISION, sweep_exit
 from pirrht.jit import inlined, kernel
 from pirrht.memory import load_float32
@@ -224,22 +225,9 @@ def sweep_back(world, car, times, states, control, length, damping, change, gain
 @kernel
 def class_of(world, states, length):  # type: ignore[no-untyped-def]
     """Additive class key of the first `length` steps, counted at the cuts as the rollouts do."""
-    gx, gy = world.goal
-    markers, weights = world.markers, world.weights
     key = np.int64(0)
-    for k in range(markers.shape[0]):
-        mx, my = markers[k, 0], markers[k, 1]
-        bx, by = gx - mx, gy - my
-        ax, ay = states[0, 0] - mx, states[0, 1] - my
-        side = ax * by - ay * bx
-        for i in range(length):
-            cx, cy = states[i + 1, 0] - mx, states[i + 1, 1] - my
-            other = cx * by - cy * bx
-            if (side > 0.0) != (other > 0.0):
-                share = side / (side - other)
-                if (ax + share * (cx - ax)) * bx + (ay + share * (cy - ay)) * by < 0.0:
-                    key += weights[k] if other > 0.0 else -weights[k]
-            ax, ay, side = cx, cy, other
+    for i in range(length):
+        key += key_of_segment(world.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
     return key
 
 

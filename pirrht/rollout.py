@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.clearance import Field
+from pirrht.cuts import Cuts, key_of_step
 from pirrht.dynamics import no_drift
 from pirrht.exits import GOAL as REACHED
 from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, survivors_slope, sweep_exit
@@ -33,8 +34,7 @@ class World(NamedTuple):
     field: Field
     goal: tuple[float, float]  # centre [m]
     goal_radius: float
-    markers: Array  # (M, 2) [m]
-    weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker
+    cuts: Cuts
     parameters: Array  # p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant
     inverse: Array  # (m, m) G_c^-1 B_c, if constant
@@ -181,11 +181,9 @@ def _build(
         `applied` is the control carried, `pushes` the part of it that the nearest wall accounts for.
         """
         field, goal, radius, p = world.field, world.goal, world.goal_radius, world.parameters
-        markers, weights, times, drifts, controls = (
-            world.markers, world.weights, guides.times, guides.drift, guides.control,
-        )  # fmt: skip
+        cuts, times, drifts, controls = world.cuts, guides.times, guides.drift, guides.control
         corners, beyond, count, active = guides.corners, guides.beyond, guides.count, guides.active
-        speed, reach, M = guides.speed, guides.reach, markers.shape[0]
+        speed, reach = guides.speed, guides.reach
         law, led = guides.law, guides.led
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, world.inverse
@@ -302,15 +300,7 @@ def _build(
                     for k in range(m if near and not varying else 0):
                         pushes[i, j] += inverse[j, k] * pushed[k]
             # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
-            for k in range(M):
-                bx, by = goal[0] - markers[k, 0], goal[1] - markers[k, 1]
-                ax, ay = x[0] - markers[k, 0], x[1] - markers[k, 1]
-                cx, cy = moved[0] - markers[k, 0], moved[1] - markers[k, 1]
-                side, other = ax * by - ay * bx, cx * by - cy * bx
-                if (side > 0.0) != (other > 0.0):
-                    share = side / (side - other)
-                    if (ax + share * (cx - ax)) * bx + (ay + share * (cy - ay)) * by < 0.0:
-                        key += weights[k] if other > 0.0 else -weights[k]
+            key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
             if not world.bridge:
                 exit, share = endpoint_exit(field, goal, radius, moved[0], moved[1])
                 if reach > 0.0:

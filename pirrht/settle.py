@@ -15,7 +15,7 @@ from pirrht.curves import along, entry_of_curve
 from pirrht.dubins import shortest
 from pirrht.edges import surely_free
 from pirrht.jit import kernel
-from pirrht.legs import add_turns, alike, append, approach
+from pirrht.legs import append, approach, key_of_leg
 
 LEVELS = 5  # step sizes, each half of the one before
 SWEEPS = 2  # passes over the path with one step size
@@ -103,12 +103,13 @@ def _move(task, way, kappa, ell, legs, i, to, new_kappa, new_ell):  # type: igno
         return False
     if not last and not _outside(task, to, new_kappa[1], new_ell[1]):
         return False
-    old, new = np.zeros(task.markers.shape[0]), np.zeros(task.markers.shape[0])
-    add_turns(task, a, kappa[i - 1], ell[i - 1], False, 1.0, old)
-    add_turns(task, way[i], kappa[i], ell[i], last, 1.0, old)
-    add_turns(task, a, new_kappa[0], new_ell[0], False, 1.0, new)
-    add_turns(task, to, new_kappa[1], new_ell[1], last, 1.0, new)
-    if not alike(old, new):
+    after = i if last else i + 1
+    bx, by = way[after, 0], way[after, 1]  # where the second leg ends, unless it is the last
+    old = key_of_leg(task, a, kappa[i - 1], ell[i - 1], False, way[i, 0], way[i, 1])
+    old += key_of_leg(task, way[i], kappa[i], ell[i], last, bx, by)
+    new = key_of_leg(task, a, new_kappa[0], new_ell[0], False, to[0], to[1])
+    new += key_of_leg(task, to, new_kappa[1], new_ell[1], last, bx, by)
+    if new != old:
         return False
     if not (
         surely_free(task.field, a, new_kappa[0], new_ell[0]) and surely_free(task.field, to, new_kappa[1], new_ell[1])

@@ -27,7 +27,8 @@ def shortcut(path: Curves, steering: Dubins, inspector: Inspector, rounds: tuple
     What is kept of the path is not judged again.
     """
     goal = inspector.goal
-    task = Task(inspector.field, inspector.homology.markers, goal.center, float(goal.radius), steering.radius)
+    homology = inspector.homology
+    task = Task(inspector.field, homology.cuts, homology.hash_weights, goal.center, float(goal.radius), steering.radius)
     room = 9 * (path.length.size + max(rounds) + 1)
     pose, curvature, length = np.empty((room, 3)), np.empty(room), np.empty(room)
     count = _pieces(path.start, path.curvature, path.length, pose, curvature, length)

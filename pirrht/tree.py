@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht import graph as g
+from pirrht import relaxation
 from pirrht.curves import Curves
 from pirrht.edges import Edges
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.homology import class_id
+from pirrht.homology import class_id, integers
 from pirrht.polish import polish
 from pirrht.scene import Array
 from pirrht.steering import Steering, Trajectory
@@ -80,7 +81,8 @@ class HomologyTree:
         self.space, self.steering, self.limit, self.classes = space, steering, limit, classes
         self.rng = rng
         self.inspector = space.inspector
-        self.kernels = g.kernels() if allowed is None else g.kernels(g.user_predicate(allowed))
+        predicate = () if allowed is None else (relaxation.user_predicate(allowed),)
+        self.kernels = relaxation.kernels(*predicate)
         self._predicate = allowed is not None
         self.states = np.zeros((256, steering.n))
         self.in_goal = np.zeros(256, dtype=np.bool_)
@@ -111,18 +113,19 @@ class HomologyTree:
         self.draws += 1
         if not self.space.collision.free(x[None, :2])[0]:
             return False
+        straight = self.space.homology.straight(x[None, :2])[0]
         if self.space.scene.goal.contains(x[:2]):
-            self._add_vertex(x, root=True)
+            self._add_vertex(x, straight, root=True)
             self._link_backward(self.size - 1)
         else:
             near = self._near(x, forward=True)
             edges = self._inspect(x, near, forward=True)
-            heads = near[edges.free]
-            if self._classes_over(x, heads, edges)[0] == 0:
+            rows = np.flatnonzero(edges.free)
+            if self._classes_over(straight, near, edges, rows)[0] == 0:
                 return False
-            self._add_vertex(x, root=False)
+            self._add_vertex(x, straight, root=False)
             v = self.size - 1
-            self._add_edges(np.full(len(heads), v), heads, edges.cost[edges.free], edges.turns[edges.free])
+            self._add_edges(np.full(len(rows), v), near[rows], edges, rows)
             self._refill(v)
             if self.steering.symmetric:
                 self._mirror(v, near, edges)
@@ -149,10 +152,7 @@ class HomologyTree:
     def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
         """Length [m] of the tree's own best path of every allowed class from x (n,), by winding; empty if none."""
         _, count, found = self._search(x)
-        return {
-            tuple(int(k) for k in found.turns[i]): float(found.cost[i]) / self.steering.cost_per_meter
-            for i in range(count)
-        }
+        return {integers(found.turns[i]): float(found.cost[i]) / self.steering.cost_per_meter for i in range(count)}
 
     def path_of(self, vertex: int, slot: int) -> list[int]:
         """Vertices from a node to its root, first to last."""
@@ -179,42 +179,43 @@ class HomologyTree:
 
     def _add_roots(self) -> None:
         for x in self.steering.roots(self.space.scene.goal.center):
-            self._add_vertex(x, root=True)
+            self._add_vertex(x, self.space.homology.straight(x[None, :2])[0], root=True)
 
-    def _add_vertex(self, x: Array, *, root: bool) -> None:
+    def _add_vertex(self, x: Array, straight: Array, *, root: bool) -> None:
         v = self.size
         if v >= len(self.states):
-            self._enlarge(vertices=2 * v)
+            self.graph = g.doubled(self.graph, g.VERTICES + g.NODES)
             self.states = np.vstack([self.states, np.zeros_like(self.states)])
             self.in_goal = np.concatenate([self.in_goal, np.zeros_like(self.in_goal)])
         self.states[v], self.in_goal[v] = x, root
-        self.graph.straight[v] = self.space.homology.straight(x[None, :2])[0]
+        self.graph.straight[v] = straight
         self.graph.size[0] = v + 1
         if root:
             self.graph.nodes[v] = 1
 
     def _add_edges(
-        self, tails: NDArray[np.int64], heads: NDArray[np.int64], cost: Array, turns: NDArray[np.int32]
+        self, tails: NDArray[np.int64], heads: NDArray[np.int64], edges: Edges, rows: NDArray[np.int64], sign: int = 1
     ) -> None:
-        while self.graph.size[1] + len(tails) > len(self.graph.tail):
-            self._enlarge(edges=2 * len(self.graph.tail))
-        g.add_edges(self.graph, tails, heads, cost, turns, self._weights)
+        while self.graph.size[1] + len(rows) > len(self.graph.tail):
+            self.graph = g.doubled(self.graph, g.EDGES)
+        while self.graph.size[4] + len(edges.turns.marker) > len(self.graph.edge_marker):
+            self.graph = g.doubled(self.graph, g.EDGE_PAIRS)
+        g.add_edges(self.graph, tails, heads, edges.cost[rows], edges.turns, rows, sign, self._weights)
 
     def _link_backward(self, v: int) -> None:
         """Rewire, lines 1-7: edges from the vertices near v to v."""
         near = self._near(self.states[v], forward=False)
         near = near[(near != v) & ~self.in_goal[near]]
         edges = self._inspect(self.states[v], near, forward=False, root=bool(self.in_goal[v]))
-        tails = near[edges.free]
-        self._add_edges(tails, np.full(len(tails), v), edges.cost[edges.free], edges.turns[edges.free])
-        for u in tails if self.in_goal[v] else ():
+        rows = np.flatnonzero(edges.free)
+        self._add_edges(near[rows], np.full(len(rows), v), edges, rows)
+        for u in near[rows] if self.in_goal[v] else ():
             self._refill(int(u))
 
     def _mirror(self, v: int, near: NDArray[np.int64], edges: Edges) -> None:
         """The same edges the other way round, where steering is symmetric and the head is not in the goal."""
-        both = edges.free & ~self.in_goal[near]
-        tails = near[both]
-        self._add_edges(tails, np.full(len(tails), v), edges.cost[both], -edges.turns[both])
+        rows = np.flatnonzero(edges.free & ~self.in_goal[near])
+        self._add_edges(near[rows], np.full(len(rows), v), edges, rows, -1)
 
     def _refill(self, v: int) -> None:
         if not self.graph.waiting[v]:
@@ -224,23 +225,15 @@ class HomologyTree:
 
     def _relax(self) -> None:
         while True:
-            status = self.kernels.relax(self.graph, self.limit, self.classes)
-            if status == g.DONE:
-                return
-            if status == g.NODES_FULL:
-                self._enlarge(nodes=2 * self.graph.cost.shape[1])
-            else:
-                self._enlarge(queue=2 * len(self.graph.queue_cost))
-
-    def _enlarge(self, *, vertices: int = 0, edges: int = 0, nodes: int = 0, queue: int = 0) -> None:
-        gr = self.graph
-        self.graph = g.enlarged(
-            gr,
-            vertices or len(gr.nodes),
-            edges or len(gr.tail),
-            nodes or gr.cost.shape[1],
-            queue or len(gr.queue_cost),
-        )
+            match self.kernels.relax(self.graph, self.limit, self.classes):
+                case relaxation.DONE:
+                    return
+                case relaxation.NODES_FULL:
+                    self.graph = g.doubled(self.graph, g.NODES, axis=1)
+                case relaxation.QUEUE_FULL:
+                    self.graph = g.doubled(self.graph, g.QUEUE)
+                case relaxation.PAIRS_FULL:
+                    self.graph = g.doubled(self.graph, g.NODE_PAIRS, axis=2)
 
     # -- asking ------------------------------------------------------------------------------------------------
 
@@ -255,43 +248,48 @@ class HomologyTree:
 
     def _inspect(self, x: Array, near: NDArray[np.int64], *, forward: bool, root: bool = False) -> Edges:
         here = np.broadcast_to(x, (len(near), len(x)))
-        h_here = np.repeat(self.space.homology.straight(x[None, :2]), len(near), axis=0)
-        h_near = self.graph.straight[near]
         if forward:
-            curves = self.steering.connect(here, self.states[near])
-            return self.inspector.inspect(curves, h_here, h_near, self.in_goal[near])
-        curves = self.steering.connect(self.states[near], here)
-        return self.inspector.inspect(curves, h_near, h_here, np.full(len(near), root))
+            return self.inspector.inspect(self.steering.connect(here, self.states[near]), self.in_goal[near])
+        return self.inspector.inspect(self.steering.connect(self.states[near], here), np.full(len(near), root))
 
     def _search(self, x: Array) -> tuple[NDArray[np.int64], int, _Found]:
         """Heads of the free edges from x (n,), and the best classes over them."""
         near = self._near(x, forward=True)
         edges = self._inspect(x, near, forward=True)
-        heads = near[edges.free]
-        return heads, *self._classes_over(x, heads, edges)
+        rows = np.flatnonzero(edges.free)
+        count, found = self._classes_over(self.space.homology.straight(x[None, :2])[0], near, edges, rows)
+        for i in range(count):
+            edge, slot = found.edge[i], found.slot[i]
+            found.turns[i] = g.class_at(self.graph, near[rows[edge]], slot) + edges.turns.dense(
+                rows[edge], self.space.homology.M
+            )
+        return near[rows], count, found
 
-    def _classes_over(self, x: Array, heads: NDArray[np.int64], edges: Edges) -> tuple[int, _Found]:
-        straight = self.space.homology.straight(x[None, :2])[0]
+    def _classes_over(
+        self, straight: Array, near: NDArray[np.int64], edges: Edges, rows: NDArray[np.int64]
+    ) -> tuple[int, _Found]:
+        """The best classes over the edges in `rows` to vertices near a state; the classes are not yet written out."""
+        heads = near[rows]
         room = self.classes or max(1, int(self.graph.nodes[heads].sum()))
         found = _Found(
             cost=np.full(room, np.inf),
             key=np.zeros(room, np.int64),
-            turns=np.zeros((room, self.space.homology.M), np.int32),
+            turns=np.zeros((room, self.space.homology.M), np.int64),
             edge=np.zeros(room, np.int64),
             slot=np.zeros(room, np.int64),
         )
         count = self.kernels.best_classes(
-            self.graph, straight, heads, edges.cost[edges.free], edges.turns[edges.free], self._weights,
-            self.limit, found.cost, found.key, found.turns, found.edge, found.slot,
+            self.graph, straight, heads, edges.cost[rows], edges.turns, rows, self._weights,
+            self.limit, found.cost, found.key, found.edge, found.slot,
         )  # fmt: skip
         return int(count), found
 
-    def _reference(self, x: Array, head: int, slot: int, turns: NDArray[np.int32], polished: bool) -> Reference:
+    def _reference(self, x: Array, head: int, slot: int, turns: NDArray[np.int64], polished: bool) -> Reference:
         states = np.vstack([x, self.states[self.path_of(head, slot)]])
         path = self.inspector.cut_at_goal(self.steering.connect(states[:-1], states[1:]))
         if polished:
             path = polish(path, self.steering, self.inspector)
-        winding = tuple(int(k) for k in turns)
+        winding = integers(turns)
         return Reference(
             winding=winding,
             signature=self.space.homology.signature(x, winding),
@@ -305,6 +303,6 @@ class _Found:
 
     cost: Array
     key: NDArray[np.int64]
-    turns: NDArray[np.int32]
+    turns: NDArray[np.int64]
     edge: NDArray[np.int64]
     slot: NDArray[np.int64]

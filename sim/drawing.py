@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.graph import ROOT
+from pirrht.graph import ROOT, edge_turns_around, node_turns_around
 from pirrht.homology import Homology
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER, Estimate, PathIntegral
@@ -138,9 +138,9 @@ def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> tuple[Array, Arr
     head = graph.head[edge]
     ends = np.empty((len(vertex), 2, 3))
     ends[:, 0, :2], ends[:, 1, :2] = tree.states[vertex, :2], tree.states[head, :2]
-    turns = graph.turns[vertex, slot, obstacle].astype(float)
+    turns = node_turns_around(graph, vertex, slot, obstacle).astype(float)
     ends[:, 0, 2] = 1.0 + graph.straight[vertex, obstacle] + turns
-    ends[:, 1, 2] = 1.0 + graph.straight[head, obstacle] + turns - graph.edge_turns[edge, obstacle]
+    ends[:, 1, 2] = 1.0 + graph.straight[head, obstacle] + turns - edge_turns_around(graph, obstacle)[edge]
     return ends, ends[:, :, 2].mean(axis=1)
 
 

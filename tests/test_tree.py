@@ -12,6 +12,7 @@ from pirrht.curves import Curves
 from pirrht.dubins import Dubins
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.graph import class_at
 from pirrht.homology import class_id
 from pirrht.polish import polish
 from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
@@ -91,7 +92,7 @@ def test_growing_more_never_raises_the_best_cost_of_a_class(slit: Scenario):
         tree.grow(vertices)
         # The k nearest change with growth; what a vertex has keeps getting better.
         gr = tree.graph
-        now = {(v, *gr.turns[v, s]): float(gr.cost[v, s]) for v in range(100) for s in range(gr.nodes[v])}
+        now = {(v, *class_at(gr, v, s)): float(gr.cost[v, s]) for v in range(100) for s in range(gr.nodes[v])}
         for node, cost in best.items():
             assert now[node] <= cost + 1e-9
         best = now
@@ -150,7 +151,8 @@ def test_a_limit_of_half_a_turn_and_a_little_allows_the_straight_line_everywhere
     tree = tree_in(slit.space, limit=0.501, vertices=400)
     gr = tree.graph
     for v in range(tree.size):
-        assert np.all(np.abs(gr.straight[v] + gr.turns[v, : gr.nodes[v]]) <= 0.501)
+        for slot in range(gr.nodes[v]):
+            assert np.all(np.abs(gr.straight[v] + class_at(gr, v, slot)) <= 0.501)
 
 
 RULE: list[Callable[[Array], bool]] = [lambda H: True]
@@ -176,7 +178,8 @@ def test_a_users_predicate_takes_the_place_of_the_limit(slit: Scenario):
     gr = tree.graph
     for v in range(tree.size):
         if not tree.in_goal[v]:
-            assert np.all(1.0 + gr.straight[v, 0] + gr.turns[v, : gr.nodes[v], 0] > 1.0)
+            for slot in range(gr.nodes[v]):
+                assert 1.0 + gr.straight[v, 0] + class_at(gr, v, slot)[0] > 1.0
 
 
 def test_a_predicate_that_says_the_limit_gives_the_same_tree(slit: Scenario):

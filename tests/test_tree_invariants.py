@@ -54,7 +54,7 @@ def grown(space: FreeSpace, steering: Steering, classes: int, vertices: int = 15
 def nodes(tree: HomologyTree, vertex: int) -> dict[Class, float]:
     """Classes and costs that the tree keeps at a vertex."""
     gr = tree.graph
-    return {tuple(gr.turns[vertex, s]): float(gr.cost[vertex, s]) for s in range(gr.nodes[vertex])}
+    return {tuple(g.class_at(gr, vertex, s)): float(gr.cost[vertex, s]) for s in range(gr.nodes[vertex])}
 
 
 def searched(tree: HomologyTree) -> list[dict[Class, float]]:
@@ -75,7 +75,7 @@ def searched(tree: HomologyTree) -> list[dict[Class, float]]:
         settled[v][turns] = cost
         for e in entering[v]:
             u = int(gr.tail[e])
-            longer = tuple(int(k) for k in np.array(turns) + gr.edge_turns[e])
+            longer = tuple(int(k) for k in np.array(turns) + g.edge_turns(gr, e))
             if not tree.in_goal[u] and np.all(np.abs(gr.straight[u] + longer) <= tree.limit):
                 heapq.heappush(queue, (cost + float(gr.edge_cost[e]), u, longer))
     return settled
@@ -104,7 +104,7 @@ def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: S
         assert count == len(nodes(tree, v)) == len(set(gr.key[v, :count]))
         assert count <= classes or not classes
         for slot in range(count):
-            turns = gr.turns[v, slot]
+            turns = g.class_at(gr, v, slot)
             assert gr.key[v, slot] == tree.space.homology.key(turns)
             e = gr.parent[v, slot]
             if e == g.ROOT:
@@ -113,7 +113,7 @@ def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: S
                 continue
             assert np.all(np.abs(gr.straight[v] + turns) <= tree.limit)
             assert gr.tail[e] == v
-            parent = nodes(tree, int(gr.head[e]))[tuple(turns - gr.edge_turns[e])]
+            parent = nodes(tree, int(gr.head[e]))[tuple(turns - g.edge_turns(gr, e))]
             assert gr.cost[v, slot] == pytest.approx(parent + gr.edge_cost[e], abs=1e-9)
 
 
@@ -125,7 +125,7 @@ def test_the_state_of_every_node_is_driven_to_the_goal_in_its_class(space: FreeS
             states = tree.states[tree.path_of(int(v), slot)]
             path = tree.inspector.cut_at_goal(steering.connect(states[:-1], states[1:]))
             assert path.cost.sum() == pytest.approx(tree.graph.cost[v, slot], abs=1e-9)
-            assert space.homology.winding(np.vstack(path.points(0.01))) == tuple(tree.graph.turns[v, slot])
+            assert space.homology.winding(np.vstack(path.points(0.01))) == tuple(g.class_at(tree.graph, int(v), slot))
             for i in range(len(path.cost)):
                 assert tree.inspector.curve_free(path.start[i], path.curvature[i], path.length[i])
 
