@@ -35,8 +35,9 @@ def annulus(r: Array, wavenumber: float, wall: float = np.inf) -> tuple[Array, A
 def convergence(noise: float, spacings: Sequence[float], *, points: int = 1000, seed: int = 0) -> list[dict[str, Any]]:
     """Errors of the continuous-time grid in the round room with R = 2 I and q = 1, one row per spacing [m].
 
-    A row has the spacing, its length in units of 1/k, the greatest relative errors of v and of u (|u - u*| / max(|u*|, 1/2)) at
-    random points a centimeter or more away from wall and rim, and the order of the fall of the error of u.
+    A row has the spacing, the same in units of 1/k, the greatest relative errors of v and of u, |u - u*| over the
+    greater of |u*| and 1/2, at random points a centimeter or more away from wall and rim, and the order in which the
+    latter falls.
     """
     k = 1.0 / noise**2
     rng = np.random.default_rng(seed)

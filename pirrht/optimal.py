@@ -17,6 +17,8 @@ from pirrht.path_integral import PathIntegral, Sampling
 from pirrht.problem import Problem
 from pirrht.scene import Array
 
+DRAWN = 0.5  # a recording draws where the control now would lead in this time [s]
+
 
 class Optimal:
     """Feedback control by a solved grid.
@@ -57,11 +59,14 @@ class Optimal:
 
     def plan(self, x: Array) -> Plan:
         """The law from state x (n,) on; it does not change."""
-        law = self.desirability.control
+
+        def law(state: Array, since: float = 0.0) -> Array:
+            return self.desirability.control(state)
+
         value = self.desirability.value(x)
         return Plan(
             state=x,
-            times=np.array([0.0, np.inf]),
+            times=np.array([0.0, DRAWN]),
             references=(),
             ids=(),
             estimate=None,
