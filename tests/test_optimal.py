@@ -18,7 +18,7 @@ def noisy(slit):
 
 
 def test_the_optimal_law_reaches_the_goal_in_nearly_all_runs_and_takes_the_detour(noisy):
-    """24 drives of the equation itself, seeds 0 to 23: 23.5 (0.7) are expected to arrive, 1.1 (1.0) through the slit."""
+    """24 drives of the equation itself, seeds 0 to 23: 23.5 (0.7) should arrive, 1.1 (1.0) of them through the slit."""
     truth = noisy.truth()
     goals, slits = 0, 0
     for seed in range(24):
