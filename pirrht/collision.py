@@ -8,6 +8,7 @@ millimetres too great. `collide` is right for every convex solid, so it has the 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import fcl
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.scene import Array, Kind, Obstacle, Scene
+from pirrht.solids import Solids, distance_from, nearest_two, tiles
 
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -22,7 +24,8 @@ BoolArray = NDArray[np.bool_]
 PROBE = 1e-6  # radius of the sphere that stands for the robot's centre [m]
 TOLERANCE = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]
 SHORTEST = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]
-_CHUNK = 1_000_000  # point-obstacle pairs bounded at once
+CONFIRMED = 1e-9  # a closed form is that of a solid if it differs from FCL by less than this [m]
+SPOTS = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0.1], [-1, -0.1], [0.1, 1], [-0.1, -1]])
 
 
 class Collision:
@@ -49,6 +52,7 @@ class Collision:
         self._slack = 2 * TOLERANCE if self._doubtful else 1e-9
         boxes = np.array([_rectangle(o) for o in scene.obstacles]).reshape(-1, 2, 2)
         self._lowest, self._highest = boxes[:, 0], boxes[:, 1]
+        self._forms = Solids.of(scene.obstacles, self._lowest, self._highest)
 
     def extents(self) -> tuple[Array, Array]:
         """Rectangles around the obstacles seen from above: lower and upper corners, 2 x (M, 2) [m]."""
@@ -75,38 +79,70 @@ class Collision:
             groups: disjoint lists of obstacle indices; obstacles in none of them are ignored.
             reach: distances are cut off here [m].
 
+        FCL is asked about solids for which no closed form is known.
+
         Returns:
             Two distances (k,) [m], at most `reach`, and the index of the nearest group (k,), -1 beyond reach.
         """
-        count = len(points)
-        first, second = np.full(count, reach), np.full(count, reach)
-        which = np.full(count, -1, dtype=np.int64)
-        group_of = {member: g for g, members in enumerate(groups) for member in members}
-        members = np.array(sorted(group_of), dtype=np.int64)
-        lifted = self._lift(points)
-        step = max(1, _CHUNK // max(1, len(members)))
-        for start in range(0, count if len(members) else 0, step):
-            bounds = self._lower_bounds(lifted[start : start + step], members)
-            rows, columns = np.nonzero(bounds < reach)
-            values = bounds[rows, columns]
-            order = np.lexsort((values, rows))  # nearest first, so that most pairs are settled by their bound
-            for row, member, bound in zip(
-                (rows[order] + start).tolist(),
-                members[columns[order]].tolist(),
-                values[order].tolist(),
-                strict=True,
-            ):
-                group = group_of[member]
-                if bound >= second[row] or (group == which[row] and bound >= first[row]):
-                    continue
-                d = self._from_one(member, lifted[row])
-                if group == which[row]:
-                    first[row] = min(d, first[row])
-                elif d < first[row]:
-                    first[row], second[row], which[row] = d, first[row], group
-                else:
-                    second[row] = min(d, second[row])
+        first, second = np.full(len(points), reach), np.full(len(points), reach)
+        which = np.full(len(points), -1, dtype=np.int64)
+        found = (first, second, which)
+        group = np.full(len(self._solids), -1, dtype=np.int64)
+        for g, members in enumerate(groups):
+            group[list(members)] = g
+        closed, asked = (group >= 0) & self._confirmed, (group >= 0) & ~self._confirmed
+        for rows, low, high in tiles(points, reach):
+            gap = np.maximum(np.maximum(self._lowest - high, low - self._highest), 0.0)
+            near = (gap * gap).sum(axis=1) < reach * reach
+            plain, others = np.flatnonzero(near & closed), np.flatnonzero(near & asked)
+            nearest_two(self._forms, plain, group, points, rows, self.scene.robot_height, PROBE, *found)
+            if len(others):
+                self._ask_nearest(points, rows, others, group, reach, *found)
         return first, second, which
+
+    def _ask_nearest(
+        self,
+        points: Array,
+        rows: IntArray,
+        members: IntArray,
+        group: IntArray,
+        reach: float,
+        first: Array,
+        second: Array,
+        which: IntArray,
+    ) -> None:
+        """Improve distances to the nearest and second-nearest group, in place, by those that FCL finds."""
+        lifted = self._lift(points[rows])
+        bounds = self._lower_bounds(lifted, members)
+        at, columns = np.nonzero(bounds < reach)
+        values = bounds[at, columns]
+        order = np.lexsort((values, at))  # nearest first, so that most pairs are settled by their bound
+        for i, member, bound in zip(
+            at[order].tolist(), members[columns[order]].tolist(), values[order].tolist(), strict=True
+        ):
+            row, g = rows[i], group[member]
+            if bound >= second[row] or (g == which[row] and bound >= first[row]):
+                continue
+            d = self._from_one(member, lifted[i])
+            if g == which[row]:
+                first[row] = min(d, first[row])
+            elif d < first[row]:
+                first[row], second[row], which[row] = d, first[row], g
+            else:
+                second[row] = min(d, second[row])
+
+    @cached_property
+    def _confirmed(self) -> BoolArray:
+        """Of which solids FCL confirms the closed form, at corners and sides of rectangles around them, (M,)."""
+        confirmed = self._forms.form >= 0
+        r, height = self.scene.robot_radius, self.scene.robot_height
+        for m in np.flatnonzero(confirmed):
+            middle, half = 0.5 * (self._lowest[m] + self._highest[m]), 0.5 * (self._highest[m] - self._lowest[m])
+            around = np.vstack([middle + share * (half + r) * SPOTS for share in (0.4, 1.0)])
+            exact = self.obstacle_distance(int(m), around)
+            found = np.array([distance_from(self._forms, m, *spot, height) for spot in around])
+            confirmed[m] = np.all(np.abs(np.where(found > PROBE, found, 0.0) - exact) < CONFIRMED)
+        return confirmed
 
     def clearance(self, points: Array) -> Array:
         """Room to move any way, (k, 2) -> (k,) [m]; 1-Lipschitz, at most 0 where the robot may not be."""

@@ -10,7 +10,7 @@ import numpy as np
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.guides import FEW, Guide
-from pirrht.homology import class_id
+from pirrht.homology import class_id, integers
 from pirrht.path_integral import Estimate, PathIntegral, Sampling
 from pirrht.problem import Problem
 from pirrht.scene import Array
@@ -128,7 +128,7 @@ class Controller:
     def driven_class(self) -> tuple[int, ...]:
         """Class of the driven path, completed by the straight line to the goal point."""
         here = self.space.homology.straight(self._last[None, :])[0]
-        return tuple(int(k) for k in np.rint(self._driven + here - self._start))
+        return integers(self._driven + here - self._start)
 
     def plan(self, x: Array) -> Plan:
         """Decide at state x (n,).
@@ -145,7 +145,7 @@ class Controller:
                 raise
             if not references:
                 return self._keep(self._go_on(x, self._previous))
-        ids = tuple(class_id(self._from_start(reference)) for reference in references)
+        ids = tuple(class_id(whole) for whole in self._from_start(references))
         trajectories = [reference.trajectory for reference in references]
         seed = int(self.rng.integers(2**63))
         estimator = self.path_integral
@@ -183,19 +183,21 @@ class Controller:
         references = self.tree.references(x, polished=self.polished)
         if self.method == "single":
             return references[:1]
-        kept = self._kept(x, {self._from_start(reference) for reference in references})
+        kept = self._kept(x, set(self._from_start(references)))
         return sorted(references + kept, key=lambda reference: reference.cost) if kept else references
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
         """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""
         homology = self.space.homology
-        driven = np.rint(self._driven + homology.straight(self._last[None, :])[0] - self._start)
+        driven = np.array(self.driven_class())
         references = []
         for whole, guide in self._guides.items():
-            rest = guide.rest(self._since, self.space.scene.goal.center)
-            if whole in known or whole not in self._strong or rest is None:
+            if whole in known or whole not in self._strong:
                 continue
-            winding = tuple(int(k) for k in np.asarray(whole) - driven)
+            rest = guide.rest(self._since, self.space.scene.goal.center)
+            if rest is None:
+                continue
+            winding = integers(np.asarray(whole) - driven)
             signature = homology.signature(x, winding)
             if self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit):
                 references.append(Reference(winding=winding, signature=signature, trajectory=rest))
@@ -208,7 +210,7 @@ class Controller:
         guidance = self.path_integral.guidance
         if guidance is None or not references:
             return None, None
-        classes = [self._from_start(reference) for reference in references]
+        classes = self._from_start(references)
         guides = [
             guidance.improve(
                 x, times, self.space.homology.key(r.winding), r.trajectory, self._guides.get(whole), self._since
@@ -236,10 +238,10 @@ class Controller:
         goal = self.space.scene.goal.center[None, :]
         return [np.vstack([t.path.start[1:, :2], goal]) for t in trajectories] or None
 
-    def _from_start(self, reference: Reference) -> tuple[int, ...]:
-        here = self.space.homology.straight(self._last[None, :])[0]
-        whole = self._driven + here + np.asarray(reference.winding, dtype=float) - self._start
-        return tuple(int(k) for k in np.rint(whole))
+    def _from_start(self, references: list[Reference]) -> list[tuple[int, ...]]:
+        """Classes of the driven path and each reference together."""
+        driven = np.array(self.driven_class())
+        return [integers(driven + np.asarray(reference.winding)) for reference in references]
 
     def _least_cost(self, x: Array, trajectories: list[Trajectory]) -> float:
         """Least cost of the references under q + u'Ru/2; without references that of the straight line."""

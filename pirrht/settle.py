@@ -91,24 +91,26 @@ def _move(task, way, kappa, ell, legs, i, to, new_kappa, new_ell):  # type: igno
     limit = 0.0
     for k in range(3):
         limit += (1.0 - GAIN) * (ell[i - 1, k] + ell[i, k])
+    b = way[i if last else i + 1]
+    ahead = (task.goal[0], task.goal[1]) if last else (b[0], b[1])
+    rest = math.hypot(ahead[0] - to[0], ahead[1] - to[1]) - (task.reach if last else 0.0)
+    if math.hypot(to[0] - a[0], to[1] - a[1]) + rest >= limit:  # no curves are shorter than straight lines
+        return False
     first = shortest(a[0], a[1], a[2], to[0], to[1], to[2], task.radius, new_kappa[0], new_ell[0])
-    if first >= limit:
+    if first + rest >= limit:
         return False
     if last:
         second = _last_leg(task, to, new_kappa[1], new_ell[1])
     else:
-        b = way[i + 1]
         second = shortest(to[0], to[1], to[2], b[0], b[1], b[2], task.radius, new_kappa[1], new_ell[1])
     if first + second >= limit or not _outside(task, a, new_kappa[0], new_ell[0]):
         return False
     if not last and not _outside(task, to, new_kappa[1], new_ell[1]):
         return False
-    after = i if last else i + 1
-    bx, by = way[after, 0], way[after, 1]  # where the second leg ends, unless it is the last
     old = key_of_leg(task, a, kappa[i - 1], ell[i - 1], False, way[i, 0], way[i, 1])
-    old += key_of_leg(task, way[i], kappa[i], ell[i], last, bx, by)
+    old += key_of_leg(task, way[i], kappa[i], ell[i], last, b[0], b[1])
     new = key_of_leg(task, a, new_kappa[0], new_ell[0], False, to[0], to[1])
-    new += key_of_leg(task, to, new_kappa[1], new_ell[1], last, bx, by)
+    new += key_of_leg(task, to, new_kappa[1], new_ell[1], last, b[0], b[1])
     if new != old:
         return False
     if not (

@@ -24,22 +24,28 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     values = {M: _times(M, options.drive) for M in NUMBERS}
     first = values[NUMBERS[0]]
     table = [
-        [str(M), f"{plan:.2f}", f"{plan / first[0]:.2f}", f"{step:.2f}", f"{step / first[1]:.2f}", str(references)]
-        for M, (plan, step, references) in values.items()
-    ]
-    header = ["cylinders", "planning [s]", "ratio", "control step [ms]", "ratio", "references"]
-    return header, table, {str(M): {"plan_seconds": v[0], "step_ms": v[1]} for M, v in values.items()}
+        [
+            str(M), f"{look:.2f}", f"{plan:.2f}", f"{plan / first[1]:.2f}", f"{step:.2f}", f"{step / first[2]:.2f}",
+            str(references),
+        ]
+        for M, (look, plan, step, references) in values.items()
+    ]  # fmt: skip
+    header = ["cylinders", "prepare [s]", "planning [s]", "ratio", "control step [ms]", "ratio", "references"]
+    names = ("prepare_seconds", "plan_seconds", "step_ms")
+    return header, table, {str(M): dict(zip(names, v[:3], strict=True)) for M, v in values.items()}
 
 
-def _times(M: int, drive: float) -> tuple[float, float, int]:
-    """Medians of the seconds of planning and the milliseconds of a control step, and the number of references."""
+def _times(M: int, drive: float) -> tuple[float, float, float, int]:
+    """Medians of the seconds of examining a scene and of planning, milliseconds of a control step, and references."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "field.xml"
         path.write_text(field(M, np.random.default_rng(M)))
-        planning = []
+        preparing, planning = [], []
         for seed in range(REPEATS + 1):
             given = {"seed": seed, "classes": CLASSES, "vertices": 2000, "rho": 0.3}
+            began = time.perf_counter()
             scenario = prepare(path, robot="unicycle", radius=ROBOT, given=given)
+            preparing.append(time.perf_counter() - began)
             began = time.perf_counter()
             tree = scenario.grown_tree()
             references = tree.references(scenario.start)
@@ -47,7 +53,8 @@ def _times(M: int, drive: float) -> tuple[float, float, int]:
         controller = scenario.controller(tree)
         controller.path_integral.warm_up()
         frames = list(episode.run(scenario.plant(), controller, scenario.start, scenario.plant_rng(), max_time=drive))
-    return float(np.median(planning[1:])), 1e3 * float(np.median([f.plan_seconds for f in frames])), len(references)
+    step = 1e3 * float(np.median([frame.plan_seconds for frame in frames]))
+    return float(np.median(preparing[1:])), float(np.median(planning[1:])), step, len(references)
 
 
 def field(M: int, rng: np.random.Generator) -> str:

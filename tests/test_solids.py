@@ -1,0 +1,102 @@
+"""Closed forms agree with FCL, and what they spare FCL changes no distance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pirrht.collision import PROBE, Collision
+from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
+from pirrht.solids import FORMS, Solids, distance_from, tiles
+
+HEIGHT = 0.12
+
+
+def scene(kinds: list[Kind], seed: int) -> Scene:
+    """Solids of the given kinds, tilted, some upright."""
+    rng = np.random.default_rng(seed)
+    obstacles = tuple(
+        Obstacle(
+            name=f"{kind.value}{i}", kind=kind, size=np.exp(rng.uniform(np.log(0.08), np.log(0.6), 3)),
+            position=np.array([*rng.uniform(0.8, 3.2, 2), 0.1 + rng.uniform(-0.2, 0.2)]),
+            rotation=np.eye(3) if i % 3 == 0 else Rotation.random(random_state=int(rng.integers(2**31))).as_matrix(),
+        )
+        for i, kind in enumerate(kinds)
+    )  # fmt: skip
+    return Scene(
+        name="solids", lower=np.zeros(2), upper=np.full(2, 4.0), obstacles=obstacles, start=np.full(3, 0.05),
+        goal=Goal(center=np.full(2, 3.9), radius=0.1), robot_radius=HEIGHT,
+    )  # fmt: skip
+
+
+def forms(of: Scene, collision: Collision) -> Solids:
+    return Solids.of(of.obstacles, *collision.extents())
+
+
+@pytest.mark.parametrize("kind", FORMS, ids=lambda kind: kind.value)
+def test_closed_forms_are_the_distances_that_fcl_finds(kind: Kind) -> None:
+    where = scene([kind] * 12, 1)
+    collision, points = Collision(where), np.random.default_rng(2).uniform(-1, 5, (300, 2))
+    solids = forms(where, collision)
+    inside = 0
+    for m in range(12):
+        found = np.array([distance_from(solids, m, *point, where.robot_height) for point in points])
+        exact = collision.obstacle_distance(m, points)
+        np.testing.assert_allclose(np.where(found > PROBE, found, 0.0), exact, atol=1e-12)
+        inside += int(np.sum(exact == 0.0))
+    assert inside > 10
+
+
+def dense(collision: Collision, points: Array, groups: list[list[int]], reach: float) -> tuple[Array, Array, Array]:
+    """The two nearest groups by asking FCL for every pair."""
+    each = np.array([np.min([collision.obstacle_distance(m, points) for m in group], axis=0) for group in groups])
+    order = np.sort(each, axis=0)
+    which = np.where(order[0] < reach, np.argmin(each, axis=0), -1)
+    return np.minimum(order[0], reach), np.minimum(order[1], reach), which
+
+
+@pytest.mark.parametrize("reach", [0.3, 1.2])
+def test_the_two_nearest_groups_are_those_that_fcl_finds_pair_by_pair(reach: float) -> None:
+    where = scene([*FORMS, Kind.ELLIPSOID, Kind.ELLIPSOID, *FORMS], 3)
+    collision, points = Collision(where), np.random.default_rng(4).uniform(0, 4, (400, 2))
+    groups = [[0, 7], [1], [2, 4], [3, 5], [6], [8]]
+    first, second, which = collision.nearest_groups(points, groups, reach)
+    expected = dense(collision, points, groups, reach)
+    np.testing.assert_allclose(first, expected[0], atol=1e-5)
+    np.testing.assert_allclose(second, expected[1], atol=1e-5)
+    apart = expected[1] - expected[0] > 1e-4
+    np.testing.assert_array_equal(which[apart], expected[2][apart])
+    assert len(set(which)) == 7
+
+
+def test_fcl_is_asked_little_about_solids_with_a_closed_form_and_always_about_others() -> None:
+    points = np.random.default_rng(5).uniform(0, 4, (2000, 2))
+    asked = []
+    for kind in (Kind.CYLINDER, Kind.ELLIPSOID):
+        collision = Collision(scene([kind] * 5, 6))
+        collision.nearest_groups(points, [[i] for i in range(5)], 1.0)
+        asked.append(collision.calls)
+    assert asked[0] <= 5 * 16
+    assert asked[1] > 1000
+
+
+def test_a_closed_form_that_fcl_contradicts_is_not_used() -> None:
+    collision = Collision(scene([Kind.BOX, Kind.SPHERE], 7))
+    collision._forms.size[0] *= 1.01
+    points = np.random.default_rng(8).uniform(0, 4, (200, 2))
+    first, _, _ = collision.nearest_groups(points, [[0], [1]], 1.0)
+    expected = dense(collision, points, [[0], [1]], 1.0)[0]
+    np.testing.assert_allclose(first, expected, atol=1e-9)
+    assert list(collision._confirmed) == [False, True]
+
+
+def test_tiles_hold_every_point_once() -> None:
+    points = np.random.default_rng(9).uniform(-3, 7, (500, 2))
+    rows = []
+    for part, low, high in tiles(points, 0.7):
+        assert np.all((points[part] >= low) & (points[part] <= high))
+        assert np.all(high - low <= 0.7 + 1e-12)
+        rows += part.tolist()
+    assert sorted(rows) == list(range(500))
+    assert not list(tiles(np.zeros((0, 2)), 1.0))
