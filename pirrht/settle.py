@@ -28,26 +28,34 @@ def settle(task, pose, curvature, length, count):  # type: ignore[no-untyped-def
     """Settle `count` pieces, in place; number of pieces. There is room for 3 (count + 1)."""
     way, kappa, ell = np.empty((count + 1, 3)), np.zeros((count + 1, 3)), np.zeros((count + 1, 3))
     legs = _legs(pose, curvature, length, count, way, kappa, ell)
-    to, trial = np.empty(3), np.empty((2, 2, 3))
+    to, trial, stale = np.empty(3), np.empty((2, 2, 3)), np.empty(legs + 1, np.bool_)
     for level in range(LEVELS):
-        step = FIRST_STEP * 0.5**level
+        stale[:] = True  # where a move may succeed, since a neighbour was moved after the last try with this step
         for _ in range(SWEEPS):
-            moved = False
             for i in range(1, legs):
-                for move in range(9):
-                    if move == 4:
-                        continue
-                    side, turn = (move // 3 - 1) * step, (move % 3 - 1) * step
-                    to[0] = way[i, 0] - side * task.radius * math.sin(way[i, 2])
-                    to[1] = way[i, 1] + side * task.radius * math.cos(way[i, 2])
-                    to[2] = way[i, 2] + turn
-                    moved = _move(task, way, kappa, ell, legs, i, to, trial[0], trial[1]) or moved
-            if not moved:
-                break
+                if stale[i]:
+                    stale[i] = False
+                    if _moves(task, way, kappa, ell, legs, i, FIRST_STEP * 0.5**level, to, trial):
+                        stale[i - 1 : i + 2] = True
     count = 0
     for i in range(legs):
         count = append(pose, curvature, length, count, way[i], kappa[i], ell[i])
     return count
+
+
+@kernel
+def _moves(task, way, kappa, ell, legs, i, step, to, trial):  # type: ignore[no-untyped-def]
+    """Try the eight moves of way i by one step sideways and in heading; whether one succeeded."""
+    moved = False
+    for move in range(9):
+        if move == 4:
+            continue
+        side, turn = (move // 3 - 1) * step, (move % 3 - 1) * step
+        to[0] = way[i, 0] - side * task.radius * math.sin(way[i, 2])
+        to[1] = way[i, 1] + side * task.radius * math.cos(way[i, 2])
+        to[2] = way[i, 2] + turn
+        moved = _move(task, way, kappa, ell, legs, i, to, trial[0], trial[1]) or moved
+    return moved
 
 
 @kernel
