@@ -15,6 +15,7 @@ from pirrht.path_integral import Estimate, PathIntegral, Sampling
 from pirrht.problem import Problem
 from pirrht.scene import Array
 from pirrht.steering import Trajectory
+from pirrht.threads import mapped
 from pirrht.tree import HomologyTree, Reference
 
 METHODS = {
@@ -211,12 +212,13 @@ class Controller:
         if guidance is None or not references:
             return None, None
         classes = self._from_start(references)
-        guides = [
-            guidance.improve(
-                x, times, self.space.homology.key(r.winding), r.trajectory, self._guides.get(whole), self._since
-            )
-            for r, whole in zip(references, classes, strict=True)
-        ]
+
+        def improve(which: tuple[Reference, tuple[int, ...]]) -> Guide | None:
+            reference, whole = which
+            key, last = self.space.homology.key(reference.winding), self._guides.get(whole)
+            return guidance.improve(x, times, key, reference.trajectory, last, self._since)
+
+        guides = mapped(improve, zip(references, classes, strict=True), self.path_integral.threads)
         counts = guidance.counts(guides, self.path_integral.sampling.samples)
         self._guides = {
             whole: guide for whole, guide in zip(classes, guides, strict=True) if guide is not None and guide.valid

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +87,12 @@ def integers(whole: Array | IntArray) -> tuple[int, ...]:
 
 def class_id(winding: Sequence[int]) -> str:
     """The public name of a class: its integers joined by commas; "-" where there is nothing to wind around."""
-    return ",".join(map(str, np.asarray(winding).tolist())) or "-"
+    return _name(tuple(winding))
+
+
+@lru_cache(maxsize=1024)  # every plan asks for the same few again
+def _name(winding: tuple[int, ...]) -> str:
+    return ",".join(map(str, winding)) or "-"
 
 
 @kernel
