@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pirrht.between import Law, Lead, Memory, along_guide, towards_gates
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.guides import FEW, Guide
@@ -24,6 +25,7 @@ METHODS = {
     "passive": "no reference: sample the passive dynamics",
     "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
 }
+BETWEEN = ("classes", "hold")
 TREELESS = ("passive", "optimal")
 
 
@@ -38,7 +40,9 @@ class Plan:
     estimate: Estimate | None  # None in a fallback
     fallback: str | None  # why the estimate is missing: "no reference", "no survivor"
     instead: Array | None = None  # (T, m) the tape that is followed in a fallback
-    law: Callable[[Array], Array] | None = None  # a feedback law, (n,) -> (m,), that is followed instead of a tape
+    law: Callable[[Array, float], Array] | None = None  # control (m,) at state (n,), s after the plan [s]
+    span: float = np.inf  # how long the law is followed [s]; then the tape
+    shares: dict[str, float] | None = None  # weight of every class under the law
     exact: float | None = None  # v at the state, where it is known without samples
 
     @property
@@ -52,15 +56,18 @@ class Plan:
     @property
     def control(self) -> Array:
         """The control now, (m,)."""
+        if self.law is not None:
+            return self.law(self.state, 0.0)
         return self.tape[0] if self.estimate is None else self.estimate.control
 
     def at(self, x: Array, s: float) -> Array:
         """Control (m,) at time s [s] after the plan was made, at state x (n,).
 
-        Under feedback guidance the part that the nearest wall accounts for follows the state; the rest is held.
+        With feedback between plans the control follows the state for a while. Where it is held, under feedback
+        guidance the part that the nearest wall accounts for still follows the state.
         """
-        if self.law is not None:
-            return self.law(x)
+        if self.law is not None and s + 1e-9 < self.span:
+            return self.law(x, s)
         if s + 1e-9 < self.times[1]:
             return self.control + self._since_planned(x)
         i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
@@ -77,7 +84,7 @@ class Plan:
         """Class of greatest weight; without an estimate that of the reference followed."""
         if self.estimate is None:
             return self.ids[0] if self.ids else None
-        weights = self.estimate.class_weights
+        weights = self.shares or self.estimate.class_weights
         return max(weights, key=lambda name: weights[name]) if weights else None
 
 
@@ -88,6 +95,7 @@ class Controller:
         tree: grown beforehand; None only for the method "passive".
         rng: source of one seed per plan.
         polished: shorten references inside their class.
+        between: what the control does until the next plan: follow the state by "classes", or "hold" (the paper).
     """
 
     def __init__(
@@ -99,8 +107,11 @@ class Controller:
         *,
         method: str = "pi-rrht",
         polished: bool = True,
+        between: str = "classes",
         rng: np.random.Generator,
     ) -> None:
+        if between not in BETWEEN:
+            raise OptionError(f"unknown feedback {between!r} between plans; known are {', '.join(BETWEEN)}")
         if method not in METHODS or method == "optimal":
             raise OptionError(f"unknown method {method!r}; known are {', '.join(METHODS)}")
         if tree is None and method != "passive":
@@ -108,6 +119,7 @@ class Controller:
         self.problem, self.space, self.tree, self.method = problem, space, tree, method
         self.path_integral = PathIntegral(problem, space, sampling)
         self.polished, self.rng = polished, rng
+        self.memory = Memory(problem) if between == "classes" else None
         self.begin(problem.scene.start[: problem.dynamics.n])
 
     def begin(self, x: Array) -> None:
@@ -116,7 +128,9 @@ class Controller:
         self._driven = np.zeros(self.space.homology.M)
         self._last = np.array(x[:2], dtype=float)
         self._previous: Plan | None = None
-        self._since = 0.0
+        self._since = self._unpooled = 0.0  # since the last plan, and since the last one with an estimate [s]
+        if self.memory is not None:
+            self.memory.forget()
         self._guides: dict[tuple[int, ...], Guide] = {}  # by class of driven path and guide together
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
 
@@ -125,6 +139,7 @@ class Controller:
         self._driven = self._driven + self.space.homology.turns(np.vstack([self._last, states[:, :2]]))
         self._last = np.array(states[-1, :2])
         self._since += duration
+        self._unpooled += duration
 
     def driven_class(self) -> tuple[int, ...]:
         """Class of the driven path, completed by the straight line to the goal point."""
@@ -166,6 +181,7 @@ class Controller:
             pass
         if estimate is None or (guides is not None and estimate.survivors == 0):
             estimate, instead, fallback = None, self._instead(tapes, guides, ids), "no survivor"
+        law = None if estimate is None else self._law(estimate, ids, guides)
         return self._keep(
             Plan(
                 state=x,
@@ -175,8 +191,30 @@ class Controller:
                 estimate=estimate,
                 fallback=fallback,
                 instead=instead,
+                law=law,
+                span=estimator.sampling.dt,
+                shares=None if law is None else law.weights(x, 0.0),
             )
         )
+
+    def _law(
+        self,
+        estimate: Estimate,
+        ids: tuple[str, ...],
+        guides: list[Guide | None] | None,
+    ) -> Law | None:
+        """Feedback until the next plan; None if the control is held."""
+        if self.memory is None:
+            return None
+        steered = estimate.rollouts.guides
+        leads: dict[str, Lead] = {}
+        if guides is not None:
+            leads = {name: along_guide(guide) for name, guide in zip(ids, guides, strict=True) if guide is not None}
+        elif steered.gates.count.any():
+            leads = dict(zip(ids, towards_gates(steered.gates, steered.speed), strict=True))
+        source = estimate.source
+        elapsed, self._unpooled = self._unpooled, 0.0
+        return self.memory.law(estimate, leads, lambda x, s: source.push(x, steered), elapsed)
 
     def _references(self, x: Array) -> list[Reference]:
         if self.method == "passive" or self.tree is None:

@@ -69,14 +69,30 @@ def slope_of(field, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def survivors_slope(field, reach, widest, x, y, c):  # type: ignore[no-untyped-def]
-    """Gradient of log erf(c / reach) at clearance c: along it, times BB', surviving paths lean away from a wall [1/m].
+    """Gradient of log erf(c / reach) summed over the two nearest walls, the nearest at clearance c [1/m], and the
+    width of the channel between the two [m], infinite if the second is far.
 
-    Nearer than half of `widest`, the deviation of a step, it grows no more.
+    Along it, times BB', surviving paths lean away from walls. Nearer than half of `widest`, the deviation of a step,
+    it grows no more.
     """
-    c = max(c, 0.5 * widest) / reach
-    slope = 2.0 / (math.sqrt(math.pi) * reach) * math.exp(-c * c) / math.erf(c)
     gx, gy = slope_of(field, x, y)
-    return slope * gx, slope * gy
+    slope = _log_slope(max(c, 0.5 * widest) / reach) / reach
+    second = interpolate(field, field.second, x, y)
+    if second >= 3.0 * reach:
+        return slope * gx, slope * gy, np.inf
+    h = 0.5 * field.spacing
+    hx = interpolate(field, field.second, x + h, y) - interpolate(field, field.second, x - h, y)
+    hy = interpolate(field, field.second, x, y + h) - interpolate(field, field.second, x, y - h)
+    size = max(math.sqrt(hx * hx + hy * hy), 1e-12)
+    other = _log_slope(max(second, 0.5 * widest) / reach) / reach
+    other /= size
+    return slope * gx + other * hx, slope * gy + other * hy, c + second
+
+
+@inlined
+def _log_slope(c):  # type: ignore[no-untyped-def]
+    """Derivative of log erf."""
+    return 2.0 / math.sqrt(math.pi) * math.exp(-c * c) / math.erf(c)
 
 
 @kernel

@@ -22,6 +22,7 @@ from pirrht.clearance import clearance
 from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.exits import survivors_slope
 from pirrht.freespace import FreeSpace
+from pirrht.gates import gates_of
 from pirrht.guides import Guidance, Guide
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -33,7 +34,9 @@ WEIGHTS = ("balance", "average")
 GUIDES = ("feedback", "open-loop")
 ANTICIPATION = 0.25  # walls push as far as noise carries a path in this time [s]; much longer makes weights uneven
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
-AVERAGED = 0.05  # the control now is averaged over steps of at most this length together [s]
+AVERAGED = 0.02  # near walls and goal the control now is averaged over leading steps of this length together [s]
+SHARE = 0.25  # of the time in which noise carries a path to the nearest of them
+SHARPER = 0.2  # of a rollout step's noise: nearer than half of that a wall pushes the robot no harder
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to the tape
 OTHER = "other"
 
@@ -48,6 +51,7 @@ class Sampling:
     exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
     guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
+    window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
     threads: int | None = None  # None: all cores this process may use; results do not depend on it
 
     def __post_init__(self) -> None:
@@ -55,6 +59,8 @@ class Sampling:
             raise OptionError(f"dt is {self.dt:g}; it must be a positive number of seconds")
         if self.first is not None and not self.first > 0:
             raise OptionError(f"first is {self.first:g}; it must be a positive number of seconds")
+        if not (np.isfinite(self.window) and self.window >= 0):
+            raise OptionError(f"window is {self.window:g}; it must be a number of seconds")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
         for name, known in (("exit", EXITS), ("weights", WEIGHTS), ("guide", GUIDES)):
@@ -89,6 +95,7 @@ class Estimate:
     weight: Array  # (S,) normalised weights
     class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
     class_ess: dict[str, float]  # effective sample size within each class
+    class_controls: dict[str, Array]  # (m,) u* now within each class, without what the nearest wall adds
     proposal_weights: list[float]  # weight by the reference a sample was drawn around
     survivors: int  # samples that reached the goal
     rollouts: Rollouts
@@ -207,13 +214,14 @@ class PathIntegral:
         groups = _groups(rollouts.paths.key, names)
         first = rollouts.guides.first
         return Estimate(
-            control=weight @ rollouts.paths.now + self.push(rollouts.x0, rollouts.guides),
+            control=_mean(weight, rollouts.paths) + self.push(rollouts.x0, rollouts.guides),
             log_psi=log_psi,
             value=-self.temperature * log_psi,
             ess=float(1.0 / np.sum(weight**2)),
             weight=weight,
             class_weights={name: float(weight[mask].sum()) for name, mask in groups.items()},
             class_ess={name: _ess(weight[mask]) for name, mask in groups.items()},
+            class_controls={name: _mean(np.where(mask, weight, 0.0), rollouts.paths) for name, mask in groups.items()},
             proposal_weights=[float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)],
             survivors=int(np.sum(outcome == Outcome.GOAL)),
             rollouts=rollouts,
@@ -249,15 +257,7 @@ class PathIntegral:
         H, T = control.shape[:2]
         feedback = self.sampling.guide == "feedback" and self.problem.dynamics.n == self.problem.dynamics.m == 2
         lines = [np.asarray(line) for line in corners] if feedback and corners is not None else []
-        room = max((len(line) for line in lines), default=1)
-        ahead, beyond, count = np.zeros((H, room, 2)), np.zeros((H, room, 2)), np.zeros(H, np.int64)
-        for h, line in enumerate(lines):
-            count[h] = len(line)
-            ahead[h, : len(line)] = line
-            legs = np.diff(np.vstack([x[None, :2], line]), axis=0)
-            units = legs / np.maximum(np.hypot(legs[:, 0], legs[:, 1]), 1e-12)[:, None]
-            bisector = units[:-1] + units[1:]
-            beyond[h, : len(line) - 1] = bisector / np.maximum(np.hypot(*bisector.T), 1e-12)[:, None]
+        gates = gates_of(lines or [np.zeros((0, 2))] * H, x, self._decay(x))
         law, led = np.zeros((H, T, 9)), np.zeros(H, np.int64)
         for h, leader in enumerate(leaders or ()):
             if leader is not None:
@@ -271,19 +271,27 @@ class PathIntegral:
             times=np.ascontiguousarray(times, dtype=float),
             active=active.astype(np.int64),
             first=first,
-            corners=ahead,
-            beyond=beyond,
-            count=count,
+            gates=gates,
             speed=self._speed(x),
             reach=self._reach(x) if feedback else 0.0,
-            window=self._window(times) if feedback else 1,
+            window=self._window(x, times) if feedback else 1,
             law=law,
             led=led,
         )
 
-    def _window(self, times: Array) -> int:
-        """Leading steps that together last no longer than AVERAGED, at least one."""
-        return max(1, int(np.searchsorted(times, AVERAGED + 1e-9, side="right")) - 1)
+    def _window(self, x: Array, times: Array) -> int:
+        """Leading steps over which the control now is averaged, at least one.
+
+        Besides the guide, which is followed exactly, the optimal control changes near walls and goal: about as fast as
+        noise carries a path there.
+        """
+        B = self.problem.dynamics.B_c(x)
+        goal = self.space.scene.goal
+        near = min(
+            float(clearance(self.space.field, x[0], x[1])), float(np.hypot(*(x[:2] - goal.center))) - goal.radius
+        )
+        longest = min(max(SHARE * near**2 * len(B) / float(np.trace(B @ B.T)), AVERAGED), self.sampling.window)
+        return max(1, int(np.searchsorted(times, longest + 1e-9, side="right")) - 1)
 
     def push(self, x: Array, guides: Guides) -> Array:
         """The part of the control at x (n,) that the nearest wall accounts for, (m,); none without feedback guidance.
@@ -296,17 +304,24 @@ class PathIntegral:
             return np.zeros(d.m)
         field = self.space.field
         c = float(clearance(field, x[0], x[1]))
-        if not 0.0 < c < 3.0 * guides.reach:
+        if c >= 3.0 * guides.reach:
             return np.zeros(d.m)
         B = d.B_c(x)
-        widest = float(np.sqrt((B @ B.T).diagonal().max() * guides.times[1]))
-        slope = np.array(survivors_slope(field, guides.reach, widest, x[0], x[1], c))
+        # A robot that reacts between plans may come closer than a rollout's step would let it.
+        widest = SHARPER * float(np.sqrt((B @ B.T).diagonal().max() * guides.times[1]))
+        slope = np.array(survivors_slope(field, guides.reach, widest, x[0], x[1], c)[:2])
         return np.asarray(np.linalg.solve(d.G_c(x), B @ B.T @ slope))
 
     def _speed(self, x: Array) -> float:
         """Speed that balances q against u'Ru/2."""
         R = self.problem.control_cost(x)
         return float(np.sqrt(2.0 * self.problem.least_rate / (np.trace(R) / len(R))))
+
+    def _decay(self, x: Array) -> float:
+        """k of psi in free space, exp(-k r) [1/m]; 1 for what moves otherwise than by noise."""
+        B = self.problem.dynamics.B_c(x)
+        noise = float(np.trace(B @ B.T)) / len(B)
+        return float(np.sqrt(2.0 * self.problem.least_rate / (self.temperature * noise)))
 
     def _reach(self, x: Array) -> float:
         """How far noise carries a path in the time over which walls are anticipated [m]."""
@@ -379,6 +394,12 @@ def _log_mean(log_ratio: Array, share: Array) -> Array:
 def _ess(weight: Array) -> float:
     square = float(np.sum(weight**2))
     return float(weight.sum()) ** 2 / square if square > 0 else 0.0
+
+
+def _mean(weight: Array, paths: Paths) -> Array:
+    """Control now (m,) of weighted samples, as a mean over the time in which they are on their way."""
+    mean: Array = weight @ paths.now / max(float(weight @ paths.span), 1e-300)
+    return mean
 
 
 def _groups(key: NDArray[np.int64], names: Mapping[int, str]) -> dict[str, NDArray[np.bool_]]:

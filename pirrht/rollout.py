@@ -19,13 +19,12 @@ from pirrht.cuts import Cuts, key_of_step
 from pirrht.dynamics import no_drift
 from pirrht.exits import GOAL as REACHED
 from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, survivors_slope, sweep_exit
+from pirrht.gates import PASSED, Gates, aim
 from pirrht.jit import as_jitable, kernel
 from pirrht.noise import normal, stream
 from pirrht.problem import Problem, unit_rate
 from pirrht.riccati import STEEP, homing, wrapped
 from pirrht.scene import Array
-
-AHEAD = 0.03  # a corner counts as passed this far before it [m]
 
 
 class World(NamedTuple):
@@ -51,10 +50,8 @@ class Guides(NamedTuple):
     times: Array  # (T+1,) ends of the steps, from 0 [s]
     active: NDArray[np.int64]  # (H,) number of steps before a tape is zero for good
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
-    corners: Array  # (H, C, 2) what to head for, one after the other, instead of the tape [m]
-    beyond: Array  # (H, C, 2) normal of the line past which a corner is behind
-    count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) number of corners; 0: follow the tape
-    speed: float  # towards a corner [m/s]
+    gates: Gates  # what to head for, one after the other, instead of the tape
+    speed: float  # towards a gate [m/s]
     reach: float  # walls push within about this distance [m]; 0: they do not
     window: int  # leading steps over which the control now is averaged
     law: Array  # (H, T, 9) of a car: a, its slopes in x, y, theta, the state they are for, spread and its log
@@ -69,7 +66,8 @@ class Paths(NamedTuple):
     key: NDArray[np.int64]  # (S,) class of the path itself, as an additive key
     outcome: NDArray[np.int8]  # (S,) Outcome
     steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
-    now: Array  # (S, m) mean control carried in the first `window` steps, without what the nearest wall accounts for
+    now: Array  # (S, m) control now, integrated over the first `window` steps: noise, and the guide at the start
+    span: Array  # (S,) time of these steps until the exit [s]
 
 
 class Kernels(NamedTuple):
@@ -89,6 +87,7 @@ def empty_paths(S: int, H: int, m: int) -> Paths:
         outcome=np.zeros(S, np.int8),
         steps=np.zeros(S, np.int32),
         now=np.zeros((S, m)),
+        span=np.zeros(S),
     )
 
 
@@ -175,21 +174,26 @@ def _build(
 
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
-    def one_path(world, guides, h, x0, seed, sample, ratio, states, applied, pushes):  # type: ignore[no-untyped-def]
-        """Simulate one sample; fill `ratio` (H,), `states` (T+1, n), `applied` and `pushes` (up to T, m) if not empty.
+    def one_path(world, guides, h, x0, seed, sample, ratio, states, applied, led_by):  # type: ignore[no-untyped-def]
+        """Simulate one sample; fill `ratio` (H,), `states` (T+1, n), `applied` and `led_by` (up to T, m) if not empty.
 
-        `applied` is the control carried, `pushes` the part of it that the nearest wall accounts for.
+        `applied` is the control carried up to the exit, as a mean over each step, `led_by` what the guide
+        did beyond its control at the start without the nearest wall.
+        Returns work, class key, outcome, steps taken, time until the exit in the last of them.
         """
         field, goal, radius, p = world.field, world.goal, world.goal_radius, world.parameters
         cuts, times, drifts, controls = world.cuts, guides.times, guides.drift, guides.control
-        corners, beyond, count, active = guides.corners, guides.beyond, guides.count, guides.active
+        corner, forth, outward, target = (
+            guides.gates.corner, guides.gates.ahead, guides.gates.outward, guides.gates.target,
+        )  # fmt: skip
+        count, decay, table, active = guides.gates.count, guides.gates.decay, guides.gates.mean, guides.active
         speed, reach = guides.speed, guides.reach
         law, led = guides.law, guides.led
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, world.inverse
         x, moved, f, y = x0.copy(), x0.copy(), np.zeros(n), np.empty(m)
         G, D, B = np.zeros((m, m)), world.gain.copy(), world.diffusion.copy()
-        a, pushed, stage = np.zeros((H, m)), np.zeros(m), np.zeros(H, np.int64)
+        a, pushed, base, stage = np.zeros((H, m)), np.zeros(m), np.zeros(m), np.zeros(H, np.int64)
         column, carried = np.empty((m, 1)), np.empty((m, 1))
         xx, xy, yy = covariance(B)
         steep = STEEP * D[0, 0]
@@ -210,9 +214,13 @@ def _build(
             cov = (xx * dt, xy * dt, yy * dt)
             # The push B' grad log h away from the nearest wall, h = erf(c / reach): survivors lean that way anyway.
             near = noisy_position and (0.0 < before[0] < 3.0 * reach or 0.0 < before[1] < 3.0 * reach)
+            hurry = 1.0
             if near:
                 widest, c = math.sqrt(max(cov[0], cov[2])), min(before[0], before[1])
-                gx, gy = survivors_slope(field, reach, widest, x[0], x[1], c)
+                gx, gy, width = survivors_slope(field, reach, widest, x[0], x[1], c)
+                hurry = math.sqrt(
+                    1.0 + (math.pi / (decay * width)) ** 2
+                )  # exp(-sqrt(k^2 + (pi/width)^2) r) in a channel
                 for j in range(m):
                     bx = B[0 - fixed, j] if fixed <= 0 else 0.0
                     by = B[1 - fixed, j] if fixed <= 1 else 0.0
@@ -223,12 +231,19 @@ def _build(
                 ends = count[g]
                 if ends > 0:
                     s = stage[g]
-                    dx, dy = corners[g, s, 0] - x[0], corners[g, s, 1] - x[1]
-                    while s < ends - 1 and dx * beyond[g, s, 0] + dy * beyond[g, s, 1] < AHEAD:
+                    dx, dy = corner[g, s, 0] - x[0], corner[g, s, 1] - x[1]
+                    along = dx * forth[g, s, 0] + dy * forth[g, s, 1]
+                    while s < ends - 1 and along < PASSED:
                         s += 1
-                        dx, dy = corners[g, s, 0] - x[0], corners[g, s, 1] - x[1]
+                        dx, dy = corner[g, s, 0] - x[0], corner[g, s, 1] - x[1]
+                        along = dx * forth[g, s, 0] + dy * forth[g, s, 1]
                     stage[g] = s
-                    scale = speed / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+                    if s < ends - 1:
+                        nx, ny = outward[g, s, 0], outward[g, s, 1]
+                        far, beside = target[g, s, 0], target[g, s, 1]
+                        shift = aim(along, -(dx * nx + dy * ny), far, beside, decay, table)
+                        dx, dy = dx + shift * nx, dy + shift * ny
+                    scale = hurry * speed / max(math.sqrt(dx * dx + dy * dy), 1e-9)
                     for j in range(m):
                         a[g, j] = scale * (D[j, 0] * dx + (D[j, 1] * dy if m > 1 else 0.0))
                 elif car and led[g] > i:
@@ -279,26 +294,6 @@ def _build(
             for j in range(m):
                 for k in range(m):
                     moved[fixed + j] += B[j, k] * y[k]
-            if i < applied.shape[0]:
-                if varying:
-                    for j in range(m):
-                        column[j, 0] = y[j]
-                    solve(D, column, carried)
-                for j in range(m):
-                    u = carried[j, 0] if varying else 0.0
-                    if not varying:
-                        for k in range(m):
-                            u += inverse[j, k] * y[k]
-                    applied[i, j] = u / dt
-            if i < pushes.shape[0]:
-                if varying and near:
-                    for j in range(m):
-                        column[j, 0] = pushed[j]
-                    solve(D, column, carried)
-                for j in range(m):
-                    pushes[i, j] = carried[j, 0] if varying and near else 0.0
-                    for k in range(m if near and not varying else 0):
-                        pushes[i, j] += inverse[j, k] * pushed[k]
             # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
             key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
             if not world.bridge:
@@ -334,31 +329,60 @@ def _build(
                     else:
                         for j in range(m):
                             ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
+            if i < applied.shape[0]:
+                for j in range(m):
+                    column[j, 0] = y[j]
+                if varying:
+                    solve(D, column, carried)
+                for j in range(m):
+                    u = carried[j, 0] if varying else 0.0
+                    for k in range(0 if varying else m):
+                        u += inverse[j, k] * y[k]
+                    applied[i, j] = u / dt
+            if i < led_by.shape[0]:
+                for part in range(2 if i == 0 else 1):
+                    for j in range(m):
+                        column[j, 0] = a[h, j] - (pushed[j] if part == 1 and near else 0.0)
+                    if varying:
+                        solve(D, column, carried)
+                    for j in range(m):
+                        u = carried[j, 0] if varying else 0.0
+                        for k in range(0 if varying else m):
+                            u += inverse[j, k] * column[k, 0]
+                        if part == 1:
+                            base[j] = u
+                        else:
+                            led_by[i, j] = u
+                for j in range(m):
+                    led_by[i, j] = (led_by[i, j] - base[j]) * until / dt
             work += (q(x, p) if varying_rate else world.rate) * dt * share
             for j in range(n):
                 x[j] = moved[j]
             for j in range(n if draw else 0):
                 states[i + 1, j] = x[j]
             if exit != INSIDE:
-                return work, key, exit, i + 1
-        return work, key, 0, T
+                return work, key, exit, i + 1, until
+        return work, key, 0, T, times[T] - times[T - 1]
 
     @kernel
     def sample(world, guides, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
         nothing = np.empty((0, 1))
-        now, pushes = np.empty((guides.window, m)), np.empty((guides.window, m))
+        window, times = guides.window, guides.times
+        applied, led_by = np.empty((window, m)), np.empty((window, m))
         h = 0
         for s in range(start, stop):
             while s >= guides.first[h + 1]:
                 h += 1
-            work, key, outcome, steps = one_path(
-                world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, now, pushes
+            work, key, outcome, steps, last = one_path(
+                world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, applied, led_by
             )
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
-            for j in range(m):
-                for i in range(min(steps, guides.window)):
-                    share = (guides.times[i + 1] - guides.times[i]) / guides.times[guides.window]
-                    paths.now[s, j] += share * (now[i, j] - pushes[i, j])
+            for i in range(min(steps, window)):
+                dt = times[i + 1] - times[i]
+                alive = last if i == steps - 1 else dt
+                paths.span[s] += alive
+                for j in range(m):
+                    paths.now[s, j] += dt * (applied[i, j] - led_by[i, j])
 
     @kernel
     def control(world, guides, x0, seed, chosen, group, weight, total, alive):  # type: ignore[no-untyped-def]
@@ -370,7 +394,7 @@ def _build(
             s, g = chosen[c], group[c]
             while s >= guides.first[h + 1]:
                 h += 1
-            _, _, _, steps = one_path(world, guides, h, x0, seed, s, ratio, nothing, applied, nothing)
+            _, _, _, steps, _ = one_path(world, guides, h, x0, seed, s, ratio, nothing, applied, nothing)
             for i in range(steps):
                 alive[g, i] += weight[c]
                 for j in range(m):
@@ -381,6 +405,6 @@ def _build(
         nothing, ratio = np.empty((0, 1)), np.empty(0)
         for c in range(chosen.shape[0]):
             h = np.searchsorted(guides.first, chosen[c], side="right") - 1
-            _, _, _, steps[c] = one_path(world, guides, h, x0, seed, chosen[c], ratio, states[c], nothing, nothing)
+            _, _, _, steps[c], _ = one_path(world, guides, h, x0, seed, chosen[c], ratio, states[c], nothing, nothing)
 
     return Kernels(sample, control, trace)

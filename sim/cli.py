@@ -113,6 +113,16 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
     planner.add_argument("--exit", metavar="RULE", help="first exit along the step (bridge) or at its end (endpoint)")
     planner.add_argument("--weights", metavar="RULE", help="how references mix: balance or average (the paper)")
     planner.add_argument(
+        "--guide",
+        metavar="RULE",
+        help="samples follow the reference from where they are (feedback) or open-loop (paper)",
+    )
+    planner.add_argument(
+        "--between",
+        metavar="RULE",
+        help="between plans the control follows the state (classes) or is held (hold, paper)",
+    )
+    planner.add_argument(
         "--no-polish",
         dest="polish",
         action="store_false",

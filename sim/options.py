@@ -8,14 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.controller import METHODS
+from pirrht.controller import BETWEEN, METHODS
 from pirrht.errors import OptionError
 from pirrht.path_integral import EXITS, GUIDES, WEIGHTS
 
 PLANTS = ("mujoco", "sde")
 PRESETS: dict[str, dict[str, Any]] = {
     # The paper plans every dt and holds an open-loop control, averages over the classes and reads exit at step ends.
-    "paper": {"dt": 0.1, "period": 0.1, "exit": "endpoint", "weights": "average", "guide": "open-loop"},
+    "paper": {
+        "dt": 0.1,
+        "period": 0.1,
+        "exit": "endpoint",
+        "weights": "average",
+        "guide": "open-loop",
+        "between": "hold",
+    },
 }
 PAPER_SAMPLES = {"single_integrator": 200, "unicycle": 300}
 
@@ -39,6 +46,7 @@ class Settings:
     plant: str = "mujoco"
     exit: str = "bridge"
     weights: str = "balance"
+    between: str = "classes"
     guide: str = "feedback"
     polish: bool = True
     max_time: float = 30.0
@@ -57,7 +65,14 @@ class Settings:
             value = getattr(self, name)
             if value is not None and value < bound:
                 raise OptionError(f"--{_flag(name)} is {value}; it must be a whole number of at least {bound}")
-        choices = {"method": METHODS, "plant": PLANTS, "exit": EXITS, "weights": WEIGHTS, "guide": GUIDES}
+        choices = {
+            "method": METHODS,
+            "plant": PLANTS,
+            "exit": EXITS,
+            "weights": WEIGHTS,
+            "guide": GUIDES,
+            "between": BETWEEN,
+        }
         for name, known in choices.items():
             if getattr(self, name) not in known:
                 raise OptionError(f"--{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")

@@ -98,6 +98,7 @@ class Scenario:
             self.sampling,
             method=self.settings.method,
             polished=self.settings.polish,
+            between=self.settings.between,
             rng=np.random.default_rng(self.seeds()[1]),
         )
 

@@ -121,7 +121,8 @@ def test_the_running_cost_of_a_straight_reference_is_twice_its_length(slit: Scen
 
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
 def test_a_plan_is_its_control_now_and_its_tape_later(slit: Scenario, slit_tree: HomologyTree, guide: str):
-    plan = slit.with_settings(samples=200, guide=guide).controller(slit_tree).plan(slit.start)
+    held = slit.with_settings(samples=200, guide=guide, between="hold")
+    plan = held.controller(slit_tree).plan(slit.start)
     assert plan.times[0] == 0.0
     assert len(plan.times) == len(plan.tape) + 1
     np.testing.assert_array_equal(plan.at(plan.state, 0.0), plan.control)
@@ -135,8 +136,8 @@ def test_a_plan_is_its_control_now_and_its_tape_later(slit: Scenario, slit_tree:
     assert plan.favourite == max(weights, key=lambda name: weights[name]) == "0,0"
 
 
-def test_an_open_loop_control_does_not_depend_on_the_state(slit: Scenario, slit_tree: HomologyTree):
-    plan = slit.with_settings(samples=100, guide="open-loop").controller(slit_tree).plan(slit.start)
+def test_a_held_open_loop_control_does_not_depend_on_the_state(slit: Scenario, slit_tree: HomologyTree):
+    plan = slit.with_settings(samples=100, guide="open-loop", between="hold").controller(slit_tree).plan(slit.start)
     for x in ([1.0, 2.5], [3.4, 2.55], [0.1, 0.1]):
         np.testing.assert_array_equal(plan.at(np.array(x), 0.0), plan.control)
 

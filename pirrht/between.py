@@ -1,0 +1,172 @@
+"""Feedback between plans: the samples of each class give a desirability of its own, and plans are pooled over time.
+
+The optimal control is stationary, u*(x), and per class c the samples of a plan give log psi_c and
+u_c = lambda R^-1 G' grad log psi_c at one state. Both are carried along with the robot: u_c as what the class's guide
+does at the new state plus the rest that samples found on top of it, and log psi_c along its gradient,
+d log psi_c = (R u_c / lambda) G^-1 dx_c (Stratonovich; where the state drifts less u_c'R u_c dt / 2 lambda, terms that
+classes share left out). The control at any state between plans is then
+
+    u(x) = sum_c w_c(x) u_c(x),    w(x) = softmax(log psi_c(x)).
+
+Its slope holds the spread of the u_c times R/lambda, as the exact law's does; the gain that Thijssen & Kappen (2015)
+read off the samples' covariance is the linear part of it, and noisier. Since psi_c and psi_c u_c are sums over
+samples, those of earlier plans simply add to those of the last one once carried along, at a weight that fades.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pirrht.gates import Gates, heading
+from pirrht.guides import Guide
+from pirrht.path_integral import Estimate
+from pirrht.problem import Problem
+from pirrht.scene import Array
+
+MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
+FADED = -60.0  # classes whose desirability is below the largest by so many nats are forgotten
+
+Lead = Callable[[Array, float], Array]  # control (m,) that a class's guide has at state (n,), s after the plan [s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClassLaw:
+    """What is known of one class near the state where a plan was made."""
+
+    log_psi: float  # up to a constant that all classes share
+    rest: Array  # (m,) what samples found on top of the guide
+    lead: Lead
+    age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
+
+    def control(self, x: Array, s: float) -> Array:
+        """Control (m,) of this class at state x (n,), s [s] after the plan; without what the nearest wall adds."""
+        return self.rest + self.lead(x, s + self.age)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Law:
+    """The control at any state near the plan's."""
+
+    problem: Problem
+    state: Array  # (n,) of the plan
+    classes: Mapping[str, ClassLaw]
+    push: Lead  # what the nearest wall adds to the control of every class
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Control (m,) at state x (n,), s [s] after the plan was made."""
+        weight = self.weights(x, s)
+        u = sum(w * self.classes[name].control(x, s) for name, w in weight.items() if w > 0.0)
+        control: Array = u + self.push(x, s)
+        return control
+
+    def weights(self, x: Array, s: float) -> dict[str, float]:
+        """Weight of every class at state x (n,), s [s] after the plan."""
+        logs = self.log_psi(x, s)
+        top = max(logs.values())
+        raw = {name: float(np.exp(value - top)) for name, value in logs.items()}
+        total = sum(raw.values())
+        return {name: value / total for name, value in raw.items()}
+
+    def log_psi(self, x: Array, s: float) -> dict[str, float]:
+        """log psi of every class at state x (n,), s [s] after the plan, up to a constant that all classes share."""
+        p, d = self.problem, self.problem.dynamics
+        stiff = p.control_cost(self.state) / p.temperature
+        moved = x[d.n - d.m :] - self.state[d.n - d.m :] - s * d.f(self.state)[d.n - d.m :]
+        drive = np.linalg.solve(d.G_c(self.state), _wrapped(moved, d.n))
+        before, after = self.push(self.state, 0.0), self.push(x, s)
+        logs = {}
+        for name, law in self.classes.items():
+            mean = 0.5 * (law.control(self.state, 0.0) + before + law.control(x, s) + after)
+            logs[name] = law.log_psi + float(mean @ stiff @ drive) - s * float(mean @ stiff @ mean) * 0.5 * (d.n > d.m)
+        return logs
+
+
+@dataclass(slots=True)
+class Memory:
+    """Pools what the plans of a drive find out about each class."""
+
+    problem: Problem
+    fade: float = MEMORY  # [s]; 0: only the last plan counts
+    _last: Law | None = field(default=None)
+
+    def forget(self) -> None:
+        """Start anew."""
+        self._last = None
+
+    def law(self, estimate: Estimate, leads: Mapping[str, Lead], push: Lead, elapsed: float) -> Law:
+        """The law after one more plan, made `elapsed` [s] after the last one.
+
+        Args:
+            leads: guides of the classes by name; what belongs to no class has none.
+        """
+        x = estimate.rollouts.x0
+        found: dict[str, ClassLaw] = {}
+        if self._last is not None and self.fade > 0.0:
+            kept = self._last.log_psi(x, elapsed)
+            for name, old in self._last.classes.items():
+                fresh = leads.get(name)
+                carried = ClassLaw(
+                    log_psi=kept[name] - elapsed / self.fade, rest=old.rest, lead=old.lead, age=old.age + elapsed
+                )
+                if fresh is not None:  # another reference than before must not change what is known
+                    rest = carried.control(x, 0.0) - fresh(x, 0.0)
+                    carried = ClassLaw(log_psi=carried.log_psi, rest=rest, lead=fresh)
+                found[name] = carried
+        nothing = np.zeros(self.problem.dynamics.m)
+        for name, weight in estimate.class_weights.items():
+            if weight <= 0.0:
+                continue
+            lead = leads.get(name) or (lambda x, s: nothing)
+            new = ClassLaw(
+                log_psi=estimate.log_psi + float(np.log(weight)),
+                rest=estimate.class_controls[name] - lead(x, 0.0),
+                lead=lead,
+            )
+            found[name] = new if name not in found else _pooled(found[name], new)
+        top = max(c.log_psi for c in found.values())
+        found = {name: c for name, c in found.items() if c.log_psi > top + FADED}
+        self._last = Law(problem=self.problem, state=x, classes=found, push=push)
+        return self._last
+
+
+def towards_gates(gates: Gates, speed: float) -> list[Lead]:
+    """Leads of a point that heads for the gates of each reference, as its samples do."""
+
+    def lead(g: int) -> Lead:
+        def head(x: Array, s: float) -> Array:
+            unit = np.empty(2)
+            heading(gates, g, 0, x[0], x[1], unit)
+            return speed * unit
+
+        return head
+
+    return [lead(g) for g in range(len(gates.count))]
+
+
+def along_guide(guide: Guide) -> Lead:
+    """The feedback of a car's guide."""
+
+    def lead(x: Array, s: float) -> Array:
+        i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.control) - 1)
+        share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
+        off = _wrapped(x - (1.0 - share) * guide.states[i] - share * guide.states[i + 1], 3)
+        return np.array([guide.control[i] + guide.gains[i] @ off])
+
+    return lead
+
+
+def _pooled(old: ClassLaw, new: ClassLaw) -> ClassLaw:
+    log_psi = float(np.logaddexp(old.log_psi, new.log_psi))
+    share = float(np.exp(new.log_psi - log_psi))
+    return ClassLaw(log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest, lead=new.lead)
+
+
+def _wrapped(off: Array, n: int) -> Array:
+    """Differences of states whose third entry, or only one of a car, is an angle."""
+    if n == 3:
+        off = off.copy()
+        off[-1] = (off[-1] + np.pi) % (2.0 * np.pi) - np.pi
+    return off

@@ -1,0 +1,152 @@
+"""Gates: how a noisy path of a class passes the corners of its reference.
+
+At a corner the taut reference touches an obstacle; where noise matters the optimal law keeps off it. The gate of a
+corner is the half-line that leaves it away from the obstacle. A path through the point at s on it is longer than the
+reference, so that psi over the gate goes like exp(-k l(s)), k the decay per meter in free space, l the length
+from the state over the gate to what follows; it vanishes at the corner itself, about like s. With l to second order,
+l(s) = l* + (s - s*)^2 l''/2, the mean of s exp(-k l) over s > 0 has a closed form: that is what samples head for.
+Without noise (k to infinity) it is the corner, or the straight line to what follows where the corner is not in the way.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.jit import inlined, kernel
+from pirrht.scene import Array
+
+PASSED = 0.03  # a gate counts as passed this far before it [m]
+RANGE, ENTRIES = 8.0, 512  # of the table of means
+MERGED = 0.5  # corners of one turn that are closer than this share of the noise's width are one gate
+
+
+class Gates(NamedTuple):
+    """Gates of H references, at most C each; plain arrays, so that kernels can take them."""
+
+    count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) gates, the goal as the last one; 0: none
+    corner: Array  # (H, C, 2) [m]
+    ahead: Array  # (H, C, 2) unit normal of the gate, in the direction of travel
+    outward: Array  # (H, C, 2) unit vector along the gate, away from the obstacle
+    target: Array  # (H, C, 2) what follows, along `ahead` and `outward` from the corner [m]
+    decay: float  # k, of psi per meter [1/m]
+    mean: Array  # (ENTRIES + 1,) mean of s/sigma against s*/sigma
+
+
+@inlined
+def mean_offset(table, a):  # type: ignore[no-untyped-def]
+    """Mean of s under s exp(-(s - a)^2 / 2), s > 0."""
+    if a >= RANGE:
+        return a + 1.0 / a
+    if a <= -RANGE:
+        return -2.0 / a * (1.0 - 3.0 / (a * a))
+    place = (a + RANGE) * (ENTRIES / (2.0 * RANGE))
+    i = int(place)
+    share = place - i
+    return (1.0 - share) * table[i] + share * table[i + 1]
+
+
+@inlined
+def aim(along, side, far, beside, decay, table):  # type: ignore[no-untyped-def]
+    """Where on the gate to head for, in meters outward of the corner.
+
+    The state lies `along` before the gate and `side` outward of the corner, what follows `far` behind and `beside`.
+    """
+    crossing = (side * far + beside * along) / (along + far)
+    off, rest = crossing - side, beside - crossing
+    first, second = along * along + off * off, far * far + rest * rest
+    bend = along * along / (first * math.sqrt(first)) + far * far / (second * math.sqrt(second))
+    sigma = 1.0 / math.sqrt(decay * bend)
+    return sigma * mean_offset(table, crossing / sigma)
+
+
+@kernel
+def heading(gates, g, stage, x, y, out):  # type: ignore[no-untyped-def]
+    """Write the unit vector from (x, y) towards the next gate of reference g, from `stage` on, to out; its number."""
+    dx, dy = gates.corner[g, stage, 0] - x, gates.corner[g, stage, 1] - y
+    last = gates.count[g] - 1
+    along = dx * gates.ahead[g, stage, 0] + dy * gates.ahead[g, stage, 1]
+    while stage < last and along < PASSED:
+        stage += 1
+        dx, dy = gates.corner[g, stage, 0] - x, gates.corner[g, stage, 1] - y
+        along = dx * gates.ahead[g, stage, 0] + dy * gates.ahead[g, stage, 1]
+    if stage < last:
+        nx, ny = gates.outward[g, stage, 0], gates.outward[g, stage, 1]
+        far, beside = gates.target[g, stage, 0], gates.target[g, stage, 1]
+        s = aim(along, -(dx * nx + dy * ny), far, beside, gates.decay, gates.mean)
+        dx, dy = dx + s * nx, dy + s * ny
+    scale = 1.0 / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+    out[0], out[1] = scale * dx, scale * dy
+    return stage
+
+
+def gates_of(lines: list[Array], x: Array, decay: float) -> Gates:
+    """Gates of references.
+
+    Args:
+        lines: per reference the corners (k, 2) [m] after x, the goal point as the last; none: no gates.
+        x: state that the references start from, (n,).
+        decay: of psi per meter [1/m].
+    """
+    merged = [_merged(np.asarray(line, dtype=float), x[:2], decay) for line in lines]
+    C = max([len(line) for line in merged] + [1])
+    H = len(lines)
+    corner, ahead, outward, target = (np.zeros((H, C, 2)) for _ in range(4))
+    ahead[..., 0] = 1.0
+    for h, line in enumerate(merged):
+        corner[h, : len(line)] = line
+        if len(line):
+            _place(line, x[:2], decay, ahead[h], outward[h], target[h])
+    count = np.array([len(line) for line in merged], dtype=np.int64).reshape(H)
+    return Gates(count, corner, ahead, outward, target, decay, _table())
+
+
+def _place(line: Array, x: Array, decay: float, ahead: Array, outward: Array, target: Array) -> None:
+    """Directions of the gates of one reference, and what follows each: the mean place on the next gate."""
+    legs = np.diff(np.vstack([x[None, :], line]), axis=0)
+    units = legs / np.maximum(np.hypot(*legs.T), 1e-12)[:, None]
+    follows = line[-1]
+    for c in range(len(line) - 2, -1, -1):
+        bisector, turn = units[c] + units[c + 1], units[c] - units[c + 1]
+        ahead[c] = bisector / max(float(np.hypot(*bisector)), 1e-12)
+        across = np.array([-ahead[c, 1], ahead[c, 0]])
+        outward[c] = across if across @ turn >= 0.0 else -across
+        gap = follows - line[c]
+        target[c] = max(float(gap @ ahead[c]), PASSED), float(gap @ outward[c])
+        width = math.sqrt(float(np.hypot(*gap)) / (2.0 * decay))
+        follows = line[c] + width * mean_offset(_table(), 0.0) * outward[c]
+
+
+def _merged(line: Array, x: Array, decay: float) -> Array:
+    """Corners of one turn that are close together as one, in their middle."""
+    if len(line) == 0:
+        return line
+    points = [x, *line]
+    out: list[Array] = []
+    group: list[Array] = []
+    side = 0.0
+    for i in range(1, len(points) - 1):
+        before, after = points[i] - points[i - 1], points[i + 1] - points[i]
+        turn = math.copysign(1.0, before[0] * after[1] - before[1] * after[0])
+        near = bool(group) and float(np.hypot(*(points[i] - group[0]))) < MERGED / math.sqrt(decay)
+        if group and not (near and turn == side):
+            out.append(np.mean(group, axis=0))
+            group = []
+        group.append(points[i])
+        side = turn
+    if group:
+        out.append(np.mean(group, axis=0))
+    return np.array([*out, points[-1]])
+
+
+@cache
+def _table() -> Array:
+    a = np.linspace(-RANGE, RANGE, ENTRIES + 1)
+    # With Mills' ratio, integral over density: the means of s^2 and s under the Gaussian cut off at 0.
+    mills = np.array([math.sqrt(0.5 * math.pi) * math.erfc(-v / math.sqrt(2.0)) * math.exp(0.5 * v * v) for v in a])
+    mean: Array = ((1.0 + a * a) * mills + a) / (a * mills + 1.0)
+    return mean
