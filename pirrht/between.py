@@ -16,7 +16,7 @@ samples, those of earlier plans simply add to those of the last one once carried
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from pirrht.problem import Problem
 from pirrht.scene import Array
 
 MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
+STALE = 0.05  # classes that no sample was of for so long are forgotten [s]
+BOUND = 2.0  # earlier plans count at most exp(BOUND) times as much as the last one
 FADED = -60.0  # classes whose desirability is below the largest by so many nats are forgotten
 
 Lead = Callable[[Array, float], Array]  # control (m,) that a class's guide has at state (n,), s after the plan [s]
@@ -40,6 +42,7 @@ class ClassLaw:
     rest: Array  # (m,) what samples found on top of the guide
     lead: Lead
     age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
+    unseen: float = 0.0  # time since samples were last of this class [s]
 
     def control(self, x: Array, s: float) -> Array:
         """Control (m,) of this class at state x (n,), s [s] after the plan; without what the nearest wall adds."""
@@ -108,12 +111,17 @@ class Memory:
             kept = self._last.log_psi(x, elapsed)
             for name, old in self._last.classes.items():
                 fresh = leads.get(name)
-                carried = ClassLaw(
-                    log_psi=kept[name] - elapsed / self.fade, rest=old.rest, lead=old.lead, age=old.age + elapsed
+                carried = replace(
+                    old,
+                    log_psi=kept[name] - elapsed / self.fade,
+                    age=old.age + elapsed,
+                    unseen=old.unseen + elapsed,
                 )
+                if carried.unseen > STALE:  # its gradient is no longer known
+                    continue
                 if fresh is not None:  # another reference than before must not change what is known
                     rest = carried.control(x, 0.0) - fresh(x, 0.0)
-                    carried = ClassLaw(log_psi=carried.log_psi, rest=rest, lead=fresh)
+                    carried = replace(carried, rest=rest, lead=fresh, age=0.0)
                 found[name] = carried
         nothing = np.zeros(self.problem.dynamics.m)
         for name, weight in estimate.class_weights.items():
@@ -159,7 +167,8 @@ def along_guide(guide: Guide) -> Lead:
 
 
 def _pooled(old: ClassLaw, new: ClassLaw) -> ClassLaw:
-    log_psi = float(np.logaddexp(old.log_psi, new.log_psi))
+    # A wrong gradient could make what is carried along grow without end; the new samples bound it.
+    log_psi = float(np.logaddexp(min(old.log_psi, new.log_psi + BOUND), new.log_psi))
     share = float(np.exp(new.log_psi - log_psi))
     return ClassLaw(log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest, lead=new.lead)
 
