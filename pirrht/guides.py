@@ -5,10 +5,15 @@ the problem also charges u'Ru/2 and the noise needs room. In `clutter` its cost 
 lambda, and open loop the heading diffuses. A guide starts from the curve, or from what was left of the last guide of
 its class, and is improved on the rollouts' own steps (`riccati`); samples then follow u_ref + K (x - x_ref), and what
 they deviate from the passive dynamics is weighed exactly.
+
+With little noise the price on clearance is a wall of its own, a few millimetres thin, along which descent creeps: from
+a curve in narrow passages hundreds of rounds end far above the optimum. As in interior point methods (Fiacco and
+McCormick 1968) a cold start is therefore optimised for more noise first, and from there on for less.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,11 +28,14 @@ from pirrht.rollout import World
 from pirrht.scene import Array
 from pirrht.steering import Trajectory
 
-ROUNDS_COLD, ROUNDS_WARM = 30, 8  # backward passes from a Dubins curve, and from the last guide
+COLD = ((100.0, 60), (10.0, 30), (1.0, 150))  # from a curve: so many lambda, and backward passes at most
+WARM = ((1.0, 8),)  # from the last guide
+NONE = ((1.0, 0),)
 TOLERANCE = 0.01  # a round that is expected to gain less than this many lambda is the last
 BARRIER = 3.0  # lambda / (time in which noise carries a car over its clearance) costs so much; tuned for even weights
 MARGIN = 20.0  # boundary layers beyond which a wall costs nothing
-PARABOLA = 0.5  # boundary layers below which the barrier rises no steeper than a parabola
+PARABOLA = 0.2  # boundary layers below which the barrier rises no steeper than a parabola
+SAG = 0.25  # boundary layers by which a wall may bulge towards a path between two points that are priced
 WILD = 1e4  # a guide with larger gains is none: its cost-to-go has no minimum there
 FEW = 30  # samples around references that can hardly carry weight
 HOPELESS = 60.0  # those whose guide costs so many lambda, and this share of the least cost, more than the cheapest
@@ -81,18 +89,25 @@ class Guidance:
     def __init__(self, problem: Problem, world: World) -> None:
         assert self.suits(problem)
         self.problem, self.world = problem, world
-        d = problem.dynamics
+        self.cars = {warmth: self._car(warmth) for warmth, _ in COLD}
+        self.car = self.cars[1.0]
+
+    def _car(self, warmth: float) -> Car:
+        """What is minimised if lambda were `warmth` times what it is."""
+        d = self.problem.dynamics
         assert isinstance(d, Unicycle)
-        layer = boundary_layer(problem)
-        self.car = Car(
+        temperature = warmth * self.problem.temperature
+        layer = boundary_layer(self.problem) * warmth**0.6
+        return Car(
             speed=d.V,
             gain=1.0 / d.rho,
-            effort=float(problem.control_cost(np.zeros(3))[0, 0]),
-            rate=problem.least_rate,
+            effort=float(self.problem.control_cost(np.zeros(3))[0, 0]),
+            rate=self.problem.least_rate,
             margin=MARGIN * layer,
             least=PARABOLA * layer,
-            price=BARRIER * problem.temperature * (d.b * d.V) ** (2.0 / 3.0),
-            tolerance=TOLERANCE * problem.temperature,
+            price=BARRIER * temperature * (d.b * d.V) ** (2.0 / 3.0),
+            spacing=math.sqrt(8.0 * wall_radius(self.problem) * SAG * layer),
+            tolerance=TOLERANCE * temperature,
         )
 
     @staticmethod
@@ -102,7 +117,7 @@ class Guidance:
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation."""
-        self._from(x, np.arange(3.0), 0, (np.zeros((3, 3)), np.zeros(2), np.zeros((2, 3)), 1), 1)
+        self._from(x, np.arange(3.0), 0, (np.zeros((3, 3)), np.zeros(2), np.zeros((2, 3)), 1), WARM)
 
     def improve(
         self, x: Array, times: Array, key: int, trajectory: Trajectory, last: Guide | None = None, elapsed: float = 0.0
@@ -119,16 +134,15 @@ class Guidance:
         """
         guide = None
         if last is not None:
-            guide = self._from(x, times, key, _shifted(last, times, elapsed), ROUNDS_WARM)
+            guide = self._from(x, times, key, _shifted(last, times, elapsed), WARM)
             if guide is not None and guide.valid:
                 return guide
         if guide is not None and not self.free(x):
             return guide
-        for stiffer in (1.0, 4.0):
-            guide = self._from(x, times, key, _along(trajectory, times), ROUNDS_COLD, stiffer)
-            if guide is None or guide.valid:
-                return guide
-        return self._from(x, times, key, _along(trajectory, times), 0)
+        guide = self._from(x, times, key, _along(trajectory, times), COLD)
+        if guide is None or guide.valid:
+            return guide
+        return self._from(x, times, key, _along(trajectory, times), NONE)
 
     def free(self, x: Array) -> bool:
         """Whether the clearance field leaves room at x (3,); if not, no guide from there is valid."""
@@ -153,24 +167,25 @@ class Guidance:
         times: Array,
         key: int,
         start: tuple[Array, Array, Array, int],
-        rounds: int,
-        stiffer: float = 1.0,
+        stages: Sequence[tuple[float, int]],
     ) -> Guide | None:
         states, control, gains, length = start
         states[0] = x
         spread = np.ones(len(control))
-        car = self.car._replace(price=stiffer * self.car.price)
-        if length < 1:
-            return None
-        length, cost, priced, _, right, free = optimise(
-            self.world, car, times, key, rounds, states, control, gains, spread, length
-        )
+        cost = priced = np.inf
+        sound = False
+        for warmth, rounds in stages:
+            if length < 1:
+                return None
+            length, cost, priced, _, sound = optimise(
+                self.world, self.cars[warmth], times, key, rounds, states, control, gains, spread, length
+            )
         gains[max(length, 0) :] = 0.0
         if length < 0 or not np.abs(gains).max() < WILD:
             return None
         return Guide(
             times=times, states=states, control=control, gains=gains, spread=spread, length=length, cost=cost,
-            priced=priced, valid=bool(right and free),
+            priced=priced, valid=bool(sound),
         )  # fmt: skip
 
 
@@ -182,9 +197,13 @@ def boundary_layer(problem: Problem) -> float:
     """
     d = problem.dynamics
     assert isinstance(d, Unicycle)
-    radius = max(2.0 * problem.scene.robot_radius, 0.2)
-    force = problem.least_rate / radius
+    force = problem.least_rate / wall_radius(problem)
     return float((problem.temperature * (d.b * d.V) ** (2.0 / 3.0) / force) ** 0.6)
+
+
+def wall_radius(problem: Problem) -> float:
+    """Radius of curvature that is assumed of walls [m]."""
+    return max(2.0 * problem.scene.robot_radius, 0.2)
 
 
 def _along(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array, int]:

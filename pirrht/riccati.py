@@ -19,7 +19,6 @@ from pirrht.exits import COLLISION, sweep_exit
 from pirrht.jit import inlined, kernel
 from pirrht.memory import load_float32
 
-POINTS = 4  # of each step at which its clearance is priced
 STEEP = 6.0  # |u| of a guide stays below this
 LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
 HALVINGS = 6
@@ -37,6 +36,7 @@ class Car(NamedTuple):
     margin: float  # clearance below which a point costs something [m]
     least: float  # clearance below which the barrier goes on as a parabola [m]
     price: float  # cost rate of the barrier at a clearance of 1 m [cost/s]
+    spacing: float  # at most, of the points of a step whose clearance is priced [m]
     tolerance: float  # an expected gain below this ends the iterations [cost]
 
 
@@ -53,6 +53,12 @@ def homing(x, y, theta, gx, gy, radius, bound):  # type: ignore[no-untyped-def]
     off = wrapped(math.atan2(dy, dx) - theta)
     within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
     return max(-bound, min(bound, TURN_GAIN * (max(0.0, off - within) + min(0.0, off + within))))
+
+
+@inlined
+def _points(car, dt):  # type: ignore[no-untyped-def]
+    """Points at which the clearance of a step is priced; its end is the last."""
+    return max(1, math.ceil(car.speed * dt / car.spacing - 1e-9))
 
 
 @inlined
@@ -136,10 +142,11 @@ def roll(world, car, times, nominal, control, change, gains, length, step, state
         cost, priced = cost + running, priced + running
         middle = theta + 0.5 * car.gain * u * dt
         dx, dy = car.speed * math.cos(middle), car.speed * math.sin(middle)
-        for k in range(1, POINTS + 1):
-            t = dt * k / POINTS
+        points = _points(car, dt)
+        for k in range(1, points + 1):
+            t = dt * k / points
             value, _, _, _, _, _ = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
-            priced += car.price * value * dt / POINTS
+            priced += car.price * value * dt / points
         x, y, theta = x + dx * dt, y + dy * dt, theta + car.gain * u * dt
         states[i + 1, 0], states[i + 1, 1], states[i + 1, 2] = x, y, theta
     return -1, np.inf, np.inf
@@ -192,11 +199,12 @@ def sweep_back(world, car, times, states, control, length, damping, change, gain
         m0t, m1t = a * s00 + b * s01, a * s01 + b * s11
         mtt = a * m0t + b * m1t - (v0 * dx + v1 * dy) * dt
         cross = a * s02 + b * s12
-        for k in range(1, POINTS + 1):
-            t = dt * k / POINTS
+        points = _points(car, dt)
+        for k in range(1, points + 1):
+            t = dt * k / points
             value, px, py, xx, xy, yy = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
             if value > 0.0:
-                w = car.price * dt / POINTS
+                w = car.price * dt / points
                 jx, jy = -t * dy, t * dx
                 g0, g1, gt = g0 + w * px, g1 + w * py, gt + w * (px * jx + py * jy)
                 m00, m01, m11 = m00 + w * xx, m01 + w * xy, m11 + w * yy
@@ -246,7 +254,7 @@ def is_free(world, states, length):  # type: ignore[no-untyped-def]
 
 @kernel
 def optimise(world, car, times, key, rounds, states, control, gains, spread, length):  # type: ignore[no-untyped-def]
-    """Improve a trajectory of class `key` in place.
+    """Improve a trajectory of class `key` in place; once it is of its class, or touches nothing besides, it stays so.
 
     Args:
         times: (T+1,) ends of the steps [s].
@@ -259,7 +267,7 @@ def optimise(world, car, times, key, rounds, states, control, gains, spread, len
         length: steps that it prescribes.
 
     Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced,
-        backward passes, whether it is of its class, whether it is free.
+        backward passes, whether it is of its class and touches nothing.
     """
     T = control.shape[0]
     change, other, tried = np.zeros(T), np.zeros((T + 1, 3)), np.zeros(T)
@@ -267,13 +275,14 @@ def optimise(world, car, times, key, rounds, states, control, gains, spread, len
         other[0, j] = states[0, j]
     steps, cost, priced = roll(world, car, times, states, control, change, gains, length, 0.0, other, tried)
     if steps < 0:
-        return -1, np.inf, np.inf, 0, False, False
+        return -1, np.inf, np.inf, 0, False
     for i in range(T):
         control[i] = tried[i]
         for j in range(3):
             states[i + 1, j] = other[i + 1, j]
     right = class_of(world, states, steps) == key
-    damping, done = 0.0, 0
+    sound = right and is_free(world, states, steps)
+    damping, done, again = 0.0, 0, False
     for _ in range(rounds):
         done += 1
         expected = sweep_back(world, car, times, states, control, steps, damping, change, gains, spread)
@@ -284,8 +293,9 @@ def optimise(world, car, times, key, rounds, states, control, gains, spread, len
             n, c, p = roll(world, car, times, states, control, change, gains, steps, step, other, tried)
             if n >= 0 and p < priced - 0.1 * step * expected:
                 same = class_of(world, other, n) == key
-                if same or not right:
-                    better, right, steps, cost, priced = True, same, n, c, p
+                clear = same and is_free(world, other, n)
+                if clear or (not sound and (same or not right)):
+                    better, right, sound, steps, cost, priced = True, same, clear, n, c, p
                     break
             step *= 0.5
         if better:
@@ -294,9 +304,12 @@ def optimise(world, car, times, key, rounds, states, control, gains, spread, len
                 for j in range(3):
                     states[i + 1, j] = other[i + 1, j]
             damping = 0.0 if damping < 0.01 else damping / 8.0
+            again = damping > 0.0
         else:
             damping = max(0.1, 8.0 * damping)
             if damping > 1e4:
-                break
+                if not again:
+                    break
+                damping, again = 0.0, False  # what was too bold where the damping rose may not be so here
     sweep_back(world, car, times, states, control, steps, 0.0, change, gains, spread)
-    return steps, cost, priced, done, right, is_free(world, states, steps)
+    return steps, cost, priced, done, sound

@@ -3,6 +3,7 @@
     python scripts/benchmark.py speed       planning, control step, recording
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
+    python scripts/benchmark.py ess         effective samples along a drive of the car, and log psi against a million
 
 Times depend on the machine: quote ratios from one run.
 """
@@ -15,7 +16,7 @@ from pathlib import Path
 
 from sim import present
 
-TABLES = ("speed", "obstacles", "choice")
+TABLES = ("speed", "obstacles", "choice", "ess")
 
 
 def main() -> int:
@@ -24,7 +25,7 @@ def main() -> int:
     parser.add_argument("what", choices=TABLES)
     parser.add_argument("--scene", help="built-in name or MJCF file (the table's own)")
     parser.add_argument("--drive", type=float, default=2.0, help="simulated seconds of the drives that are timed (2)")
-    parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` (1)")
+    parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` and `ess` (1)")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     table = importlib.import_module(f"benchmarks.{options.what}")

@@ -21,6 +21,7 @@ from pirrht.problem import Problem
 from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
 from pirrht.steering import Trajectory
 from pirrht.tree import HomologyTree
+from sim.scenarios import Scenario, prepare
 
 POST = np.array([2.2, 0.1])  # left of the straight way to the goal, so that passing it on the right is cheaper
 
@@ -69,6 +70,17 @@ def tapes(times: Array, post: bool = True, b: float = 0.03, goal: float = 4.5) -
 
 def polyline(guide: Guide) -> Array:
     return guide.states[: guide.length + 1, :2]
+
+
+@cache
+def narrow() -> tuple[Scenario, HomologyTree]:
+    """The car in `clutter` and a small tree, whose curves wind between the obstacles."""
+    scenario = prepare("clutter", robot="unicycle", given={"seed": 0, "vertices": 200})
+    return scenario, scenario.grown_tree()
+
+
+# Where, from these curves, descent at the actual noise level creeps along walls for hundreds of rounds.
+WINDING = ((3.678, 1.202, 3.111), (9.944, -1.841, -1.994), (4.758, -4.111, 3.028))
 
 
 def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_class():
@@ -223,6 +235,61 @@ def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
     assert warm.priced == pytest.approx(fresh.priced, abs=1e-4)
     assert rest.length == pytest.approx(references[0][0].length, abs=0.5)
     assert last.rest(100.0, problem.scene.goal.center) is None
+
+
+@pytest.mark.parametrize("state", WINDING)
+def test_a_cold_guide_and_one_continued_from_it_at_the_same_state_agree_in_cost(state):
+    """Five continuations gain less than three lambda in all, and none of them leaves its class or touches anything."""
+    scenario, tree = narrow()
+    x = np.array(state)
+    integral = PathIntegral(scenario.problem, scenario.space, scenario.sampling)
+    assert integral.guidance is not None
+    references = tree.references(x)
+    times = integral.grid(min(running_cost(scenario.problem, x, r.trajectory) for r in references))
+    made = 0
+    for reference in references:
+        key = scenario.space.homology.key(reference.winding)
+        cold = integral.guidance.improve(x, times, key, reference.trajectory)
+        if cold is None:  # a curve that takes longer than any path that weighs anything
+            continue
+        assert cold.valid
+        made += 1
+        last: Guide | None = cold
+        for _ in range(5):
+            last = integral.guidance.improve(x, times, key, reference.trajectory, last, 0.0)
+            assert last is not None
+            assert last.valid
+        assert abs(last.priced - cold.priced) < 3.0 * scenario.problem.temperature
+    assert made > 0
+
+
+@pytest.mark.parametrize("state", WINDING)
+def test_repeated_plans_at_one_state_keep_their_favourite_and_their_value(state):
+    scenario, tree = narrow()
+    controller = scenario.controller(tree)
+    controller.begin(np.array(state))
+    plans = [controller.plan(np.array(state)) for _ in range(10)]
+    assert len({plan.favourite for plan in plans}) == 1
+    values = [plan.estimate.value for plan in plans if plan.estimate is not None]
+    assert len(values) == 10
+    assert np.ptp(values) < 20.0 * scenario.problem.temperature  # of N samples; guides that alternate differ by more
+
+
+def test_a_guide_that_is_free_stays_so_whatever_the_walls_cost():
+    """A barrier a thousand times too weak would have the path cut the post's edge; each round is refused that."""
+    problem, space, references = case(True, 0.03, 4.5)
+    integral, times, guides = setting()
+    guidance = integral.guidance
+    assert guidance is not None
+    guidance.cars[1.0] = guidance.car._replace(price=1e-3 * guidance.car.price)
+    for guide, (trajectory, winding) in zip(guides, references, strict=True):
+        last = guide
+        for _ in range(5):
+            following = guidance.improve(problem.scene.start, times, space.homology.key(winding), trajectory, last)
+            assert following is not None
+            assert following.valid
+            assert following.cost < guide.cost
+            last = following
 
 
 def test_hopeless_classes_get_few_samples():
