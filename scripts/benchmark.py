@@ -4,6 +4,7 @@
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
     python scripts/benchmark.py ess         effective samples along a drive of the car, and log psi against a million
+    python scripts/benchmark.py quality --part grid|control|psi|shares|drives   how far from the optimum
 
 Times depend on the machine: quote ratios from one run.
 """
@@ -16,7 +17,7 @@ from pathlib import Path
 
 from sim import present
 
-TABLES = ("speed", "obstacles", "choice", "ess")
+TABLES = ("speed", "obstacles", "choice", "ess", "quality")
 
 
 def main() -> int:
@@ -26,6 +27,13 @@ def main() -> int:
     parser.add_argument("--scene", help="built-in name or MJCF file (the table's own)")
     parser.add_argument("--drive", type=float, default=2.0, help="simulated seconds of the drives that are timed (2)")
     parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` and `ess` (1)")
+    parser.add_argument(
+        "--part",
+        choices=("grid", "control", "psi", "shares", "drives"),
+        default="control",
+        help="of `quality` (control)",
+    )
+    parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     table = importlib.import_module(f"benchmarks.{options.what}")

@@ -1,0 +1,232 @@
+"""How far from the optimum: grid against closed forms, control and desirability against the grid, drives.
+
+The exact answer comes from `pirrht.desirability`. Errors of u are root mean squares over repeats, then means over the
+first points of the unscrambled Halton sequence that have room (clearance of 5 cm, outside the goal).
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.stats.qmc import Halton
+
+from pirrht.desirability import Desirability
+from pirrht.desirability_check import convergence
+from pirrht.path_integral import PathIntegral
+from pirrht.scene import Array
+from sim.scenarios import Scenario, prepare
+
+NOISES = (0.1, 0.2, 0.3)
+POINTS, REPEATS = 20, 40
+MANY, CHUNK = 10_000_000, 100_000
+PLANS = 1000
+VARIANTS: dict[str, dict[str, Any]] = {
+    "paper": {"guide": "open-loop", "weights": "average", "period": 0.1},  # same kernel, same exit rule
+    "open loop, balance": {"guide": "open-loop", "weights": "balance", "period": 0.1},
+    "feedback (default)": {},
+}
+Table = tuple[list[str], list[list[str]], object]
+
+
+def rows(options: argparse.Namespace) -> Table:
+    """Header, table and JSON of one part."""
+    parts = {"grid": grid, "control": control, "psi": desirability, "shares": shares, "drives": drives}
+    return parts[options.part](options)
+
+
+def grid(_: argparse.Namespace) -> Table:
+    """v and u of the grid against the annulus' Bessel functions, per spacing."""
+    table, values = [], []
+    for noise in NOISES:
+        k = 1.0 / noise**2
+        spacings = [c / k for c in (2.0, 1.4, 1.0, 0.7)] if noise < 0.15 else [0.04, 0.028, 0.02, 0.014]
+        for row in convergence(noise, spacings):
+            values.append({"noise": noise, **row})
+            table.append([f"{noise:g}", *["-" if v is None else f"{v:.3g}" for v in row.values()]])
+    return ["b", *[key for key in values[0] if key != "noise"]], table, values
+
+
+def control(_: argparse.Namespace) -> Table:
+    """Error of u at the same number of samples and at the same time, per variant."""
+    table, values = [], []
+    for noise in NOISES:
+        results = {name: _errors(noise, changes) for name, changes in VARIANTS.items()}
+        paper, seconds = results["paper"]
+        for name, (error, spent) in results.items():
+            fair = error
+            if name != "paper":  # as many samples as fit into the paper's time
+                N = max(1, round(200 * seconds / spent))
+                fair, _ = _errors(noise, {**VARIANTS[name], "samples": N})
+            table.append(
+                [
+                    f"{noise:g}",
+                    name,
+                    f"{error:.3f}",
+                    f"{error / paper:.2f}",
+                    f"{1e3 * spent:.1f}",
+                    f"{fair / paper:.2f}",
+                ]
+            )
+            values.append({"noise": noise, "variant": name, "error": error, "seconds": spent, "error_equal_time": fair})
+    return ["b", "variant", "error of u", "over paper's", "ms", "over paper's, equal time"], table, values
+
+
+def _errors(noise: float, changes: dict[str, Any]) -> tuple[float, float]:
+    """Mean error of u over the points, and median seconds of sampling and weighing."""
+    scenario = prepare("slit", given={"noise": noise, "plan_seed": 0, "between": "hold", **changes})
+    tree, truth = scenario.grown_tree(), Desirability.of(scenario.problem, scenario.space)
+    controller = scenario.controller(tree)
+    controller.path_integral.warm_up()
+    errors, spent = [], []
+    for x in points(scenario):
+        exact, square = truth.control(x), []
+        controller.begin(x)
+        references = controller.plan(x)
+        for _ in range(REPEATS):
+            began = time.perf_counter()
+            plan = controller.plan(x)
+            spent.append(time.perf_counter() - began)
+            square.append(float(np.sum((plan.control - exact) ** 2)))
+        assert references.references
+        errors.append(float(np.sqrt(np.mean(square))))
+    return float(np.mean(errors)), float(np.median(spent))
+
+
+def points(scenario: Scenario) -> Iterator[Array]:
+    """The first POINTS points of the Halton sequence (bases 2, 3) that have room."""
+    scene, found = scenario.loaded.scene, 0
+    for unit in Halton(d=2, scramble=False).random(500):
+        x = scene.lower + unit * (scene.upper - scene.lower)
+        if found < POINTS and scenario.space.clearance(x) >= 0.05 and not scene.goal.contains(x):
+            found += 1
+            yield x
+
+
+def desirability(_: argparse.Namespace) -> Table:
+    """Whether psi is unbiased: mean of exp(-(v - v_ref)/lambda) over plans of 200 samples per class."""
+    table, values = [], []
+    for noise in NOISES:
+        scenario = prepare("slit", given={"noise": noise, "plan_seed": 0})
+        tree, truth = scenario.grown_tree(), Desirability.of(scenario.problem, scenario.space)
+        x, lam = scenario.start, scenario.problem.temperature
+        exact = float(truth.value(x))
+        reference = -lam * _log_psi(scenario, tree, x, MANY // CHUNK, CHUNK // 3, exact)[0] + exact
+        _, found = _log_psi(scenario, tree, x, PLANS, 200, reference)
+        ratio, v = np.exp(found), reference - lam * found
+        error = float(ratio.std(ddof=1) / np.sqrt(PLANS))
+        finite = v[np.isfinite(v)]
+        values.append(
+            {
+                "noise": noise,
+                "grid": exact,
+                "v_ref": reference,
+                "ratio": float(ratio.mean()),
+                "stderr": error,
+                "bias_of_v": float(finite.mean() - reference),
+                "sd_of_v": float(finite.std(ddof=1)),
+            }
+        )
+        table.append([f"{noise:g}", *[f"{v:.4f}" for v in list(values[-1].values())[1:]]])
+    return ["b", "v grid", "v_ref (1e7)", "mean ratio", "its s.e.", "bias of v", "sd of v"], table, values
+
+
+def _log_psi(
+    scenario: Scenario, tree: Any, x: Array, plans: int, samples: int, reference: float
+) -> tuple[float, Array]:
+    """log of the mean of psi over plans, relative to that of a reference value, and each one's."""
+    controller = scenario.with_settings(samples=samples, between="hold").controller(tree)
+    found = []
+    for _ in range(plans):
+        estimate = controller.plan(x).estimate
+        found.append(-np.inf if estimate is None else estimate.log_psi + reference / scenario.problem.temperature)
+    return float(np.logaddexp.reduce(found) - np.log(plans)), np.array(found)
+
+
+def shares(_: argparse.Namespace) -> Table:
+    """Share of the slit at the start, b = 0.3 and dt = 0.1, against the optimal paths of the grid."""
+    table, values = [], []
+    for rule, dt in (("bridge", None), ("endpoint", 0.1)):
+        scenario = prepare(
+            "slit", given={"noise": 0.3, "plan_seed": 0, "exit": rule, "period": 0.1, "samples": 300_000}
+        )
+        exact = Desirability.of(scenario.problem, scenario.space, dt=dt).shares(scenario.start, samples=4000, seed=0)
+        tree = scenario.grown_tree()
+        integral = PathIntegral(scenario.problem, scenario.space, replace(scenario.sampling, first=None))
+        controller = scenario.controller(tree)
+        controller.path_integral = integral
+        estimate = controller.plan(scenario.start).estimate
+        assert estimate is not None
+        found = estimate.class_weights["0,0"]
+        values.append({"exit": rule, "sampled": found, "grid": exact.get("0,0", 0.0)})
+        table.append([rule, f"{found:.3f}", f"{exact.get('0,0', 0.0):.3f}"])
+    return ["exit", "slit's share", "of the grid's paths"], table, values
+
+
+def drives(options: argparse.Namespace) -> Table:
+    """Drives in MuJoCo against the optimal law at the physics rate, on the same noise seeds."""
+    from sim import sweep
+
+    table, values = [], []
+    grid: list[tuple[str, str, str | None, dict[str, Any]]] = [
+        *[(method, method, None, {}) for method in ("optimal", "pi-rrht", "single", "passive")],
+        ("planned every 0.1 s", "pi-rrht", None, {"period": 0.1}),
+        ("paper", "pi-rrht", "paper", {}),
+    ]
+    found: dict[tuple[str, float], list[dict[str, Any]]] = {}
+    for name, method, preset, given in grid:
+        rows = sweep.sweep(_jobs(method, preset, given, options.seeds))
+        for row in rows:
+            found.setdefault((name, row["noise"]), []).append(row)
+    for (method, noise), group in found.items():
+        values.append({"method": method, "noise": noise, **paired(group, found["optimal", noise])})
+        v = values[-1]
+        table.append(
+            [
+                f"{noise:g}",
+                method,
+                f"{v['success']:.3f}",
+                f"{100 * v['difference']:+.1f}",
+                f"{100 * v['low']:+.1f} .. {100 * v['high']:+.1f}",
+                f"{v['cost']:.3f}",
+                f"{v['cost_over_optimal']:.4f}",
+            ]
+        )
+    order = np.lexsort(([v["method"] for v in values], [v["noise"] for v in values]))
+    header = ["b", "method", "success", "points", "95 % interval", "cost", "over optimal"]
+    return header, [table[i] for i in order], [values[i] for i in order]
+
+
+def _jobs(method: str, preset: str | None, given: dict[str, Any], seeds: int) -> list[Any]:
+    from sim.sweep import Job
+
+    task = tuple({"robot": None, "radius": None, "start": None, "goal": None, "preset": preset}.items())
+    shared = tuple({"plan_seed": 0, **given}.items())
+    return [
+        Job(scene="slit", method=method, noise=noise, seed=seed, task=task, given=shared)
+        for noise in NOISES
+        for seed in range(seeds)
+    ]
+
+
+def paired(group: list[dict[str, Any]], optimal: list[dict[str, Any]]) -> dict[str, float]:
+    """Success and cost of drives against those of the optimal law with the same seeds."""
+    best = {row["seed"]: row for row in optimal}
+    pairs = [(row, best[row["seed"]]) for row in group]
+    arrived = np.array([[float(r["outcome"] == "goal") for r in pair] for pair in pairs])
+    off = arrived[:, 0] - arrived[:, 1]
+    error = 1.96 * float(off.std(ddof=1)) / np.sqrt(len(off))
+    cost = np.array([[r["cost"] for r in pair] for pair, both in zip(pairs, arrived.all(axis=1), strict=True) if both])
+    cost = cost.reshape(-1, 2)
+    return {
+        "success": float(arrived[:, 0].mean()),
+        "difference": float(off.mean()),
+        "low": float(off.mean() - error),
+        "high": float(off.mean() + error),
+        "cost": float(cost[:, 0].mean()) if len(cost) else np.nan,
+        "cost_over_optimal": float(cost[:, 0].mean() / cost[:, 1].mean()) if len(cost) else np.nan,
+    }
