@@ -4,7 +4,6 @@ With S samples drawn around H references, psi = E_P[W]. The paper averages H est
 by dP/dQ_h. The balance heuristic weighs every sample by dP / (1/S sum_g N_g dQ_g) instead: with finitely many
 samples the plain average is too high by up to lambda ln H, since samples around one reference practically never
 visit the classes of the others. Only the estimate of psi is unbiased; u is a ratio and v a logarithm.
-Weights stay logarithms throughout: phi/lambda can exceed a million.
 """
 
 from __future__ import annotations
@@ -12,109 +11,30 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.clearance import clearance
-from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.estimate import OTHER, Estimate, Rollouts, log_weights, weigh
 from pirrht.exits import survivors_slope
 from pirrht.freespace import FreeSpace
 from pirrht.gates import gates_of
 from pirrht.guides import Guidance, Guide
-from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollout import Guides, Kernels, Paths, World, empty_paths, kernels_for
+from pirrht.rollout import Guides, Kernels, World, empty_paths, kernels_for
+from pirrht.sampling import EXITS, GUIDES, WEIGHTS, Sampling
 from pirrht.scene import Array
 
-EXITS = ("bridge", "endpoint")
-WEIGHTS = ("balance", "average")
-GUIDES = ("feedback", "open-loop")
+__all__ = ["EXITS", "GUIDES", "OTHER", "WEIGHTS", "Estimate", "PathIntegral", "Rollouts", "Sampling"]
+
 ANTICIPATION = 0.25  # walls push as far as noise carries a path in this time [s]; much longer makes weights uneven
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 AVERAGED = 0.02  # near walls and goal the control now is averaged over leading steps of this length together [s]
 SHARE = 0.25  # of the time in which noise carries a path to the nearest of them
 SHARPER = 0.2  # of a rollout step's noise: nearer than half of that a wall pushes the robot no harder
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to the tape
-OTHER = "other"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sampling:
-    """How paths are drawn and weighed."""
-
-    dt: float = 0.1  # rollout step [s]
-    first: float | None = None  # the first dt is cut into steps of this length [s]
-    samples: int = 200  # N, around each reference
-    exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
-    weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
-    guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
-    window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
-    threads: int | None = None  # None: all cores this process may use; results do not depend on it
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.dt) and self.dt > 0):
-            raise OptionError(f"dt is {self.dt:g}; it must be a positive number of seconds")
-        if self.first is not None and not self.first > 0:
-            raise OptionError(f"first is {self.first:g}; it must be a positive number of seconds")
-        if not (np.isfinite(self.window) and self.window >= 0):
-            raise OptionError(f"window is {self.window:g}; it must be a number of seconds")
-        if self.samples < 1:
-            raise OptionError(f"samples is {self.samples}; at least 1 is needed")
-        for name, known in (("exit", EXITS), ("weights", WEIGHTS), ("guide", GUIDES)):
-            if getattr(self, name) not in known:
-                raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Rollouts:
-    """S sampled paths from one state; full states are simulated again for those that are shown."""
-
-    x0: Array  # (n,)
-    seed: int
-    guides: Guides
-    paths: Paths
-    log_weight: Array  # (S,) log of each sample's contribution to psi; -inf for paths that ran out of time
-
-    @property
-    def size(self) -> int:
-        """S."""
-        return len(self.log_weight)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Estimate:
-    """What the samples say about one state."""
-
-    control: Array  # (m,) u* now
-    log_psi: float
-    value: float  # v = -lambda log psi
-    ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
-    weight: Array  # (S,) normalised weights
-    class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
-    class_ess: dict[str, float]  # effective sample size within each class
-    class_controls: dict[str, Array]  # (m,) u* now within each class, without what the nearest wall adds
-    proposal_weights: list[float]  # weight by the reference a sample was drawn around
-    survivors: int  # samples that reached the goal
-    rollouts: Rollouts
-    source: PathIntegral
-
-    @property
-    def tape(self) -> Array:
-        """Open-loop controls (T, m): the sum over all samples of weight times control carried."""
-        return self._tape[0]
-
-    @property
-    def alive(self) -> Array:
-        """Weight of the samples still under way at each step, (T,)."""
-        return self._tape[1]
-
-    @cached_property
-    def _tape(self) -> tuple[Array, Array]:
-        (tape,), (alive,), _ = self.source.tapes(self.rollouts, [np.ones(self.rollouts.size, dtype=np.bool_)])
-        return tape, alive
 
 
 class PathIntegral:
@@ -190,7 +110,8 @@ class PathIntegral:
             self.kernels.sample(self.world, leads, x0, np.uint64(seed), part[0], part[1], paths)
 
         _in_parallel(work, S, self.threads)
-        return Rollouts(x0=x0, seed=seed, guides=leads, paths=paths, log_weight=self._log_weight(paths, leads, number))
+        log_weight = log_weights(self.problem, self.sampling.weights, paths, number)
+        return Rollouts(x0=x0, seed=seed, guides=leads, paths=paths, log_weight=log_weight)
 
     def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
         """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.
@@ -198,35 +119,7 @@ class PathIntegral:
         Raises:
             NoSurvivingSample: no sample has any weight.
         """
-        log_weight = rollouts.log_weight
-        top = float(log_weight.max())
-        outcome = rollouts.paths.outcome
-        if not np.isfinite(top):
-            raise NoSurvivingSample(
-                collisions=int(np.sum(outcome == Outcome.COLLISION)),
-                timeouts=int(np.sum(outcome == Outcome.TIMEOUT)),
-            )
-        relative = np.exp(log_weight - top)
-        total = float(relative.sum())
-        weight = relative / total
-        log_psi = top + float(np.log(total)) - float(np.log(rollouts.size))
-        names = dict(classes or {})
-        groups = _groups(rollouts.paths.key, names)
-        first = rollouts.guides.first
-        return Estimate(
-            control=_mean(weight, rollouts.paths) + self.push(rollouts.x0, rollouts.guides),
-            log_psi=log_psi,
-            value=-self.temperature * log_psi,
-            ess=float(1.0 / np.sum(weight**2)),
-            weight=weight,
-            class_weights={name: float(weight[mask].sum()) for name, mask in groups.items()},
-            class_ess={name: _ess(weight[mask]) for name, mask in groups.items()},
-            class_controls={name: _mean(np.where(mask, weight, 0.0), rollouts.paths) for name, mask in groups.items()},
-            proposal_weights=[float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)],
-            survivors=int(np.sum(outcome == Outcome.GOAL)),
-            rollouts=rollouts,
-            source=self,
-        )
+        return weigh(self, rollouts, classes)
 
     def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
         """States (c, T+1, n) of chosen samples (c,), and the number of steps each took, (c,)."""
@@ -328,18 +221,6 @@ class PathIntegral:
         B = self.problem.dynamics.B_c(x)
         return float(np.sqrt(2.0 * np.trace(B @ B.T) / len(B) * ANTICIPATION))
 
-    def _log_weight(self, paths: Paths, guides: Guides, number: NDArray[np.int64]) -> Array:
-        final = np.where(paths.outcome == Outcome.COLLISION, self.problem.phi, 0.0)
-        cost = -(paths.work + final) / self.temperature
-        H, S = len(number), len(paths.work)
-        if self.sampling.weights == "average":
-            own = np.repeat(np.arange(H), number)
-            # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
-            log_weight = cost - paths.log_ratio[np.arange(S), own] + np.log(S / (H * number[own]))
-        else:
-            log_weight = cost - _log_mean(paths.log_ratio, number / S)
-        return np.where(paths.outcome == Outcome.TIMEOUT, -np.inf, log_weight)
-
     def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
         """Open-loop controls of groups of samples, each with weights normalised within the group.
 
@@ -382,32 +263,6 @@ def _world(problem: Problem, space: FreeSpace, bridge: bool) -> World:
         rate=0.0 if callable(problem.q) else float(problem.q),
         bridge=bridge,
     )
-
-
-def _log_mean(log_ratio: Array, share: Array) -> Array:
-    """log sum_g share_g exp(log_ratio_g), row by row."""
-    top = log_ratio.max(axis=1)
-    mean: Array = top + np.log(np.exp(log_ratio - top[:, None]) @ share)
-    return mean
-
-
-def _ess(weight: Array) -> float:
-    square = float(np.sum(weight**2))
-    return float(weight.sum()) ** 2 / square if square > 0 else 0.0
-
-
-def _mean(weight: Array, paths: Paths) -> Array:
-    """Control now (m,) of weighted samples, as a mean over the time in which they are on their way."""
-    mean: Array = weight @ paths.now / max(float(weight @ paths.span), 1e-300)
-    return mean
-
-
-def _groups(key: NDArray[np.int64], names: Mapping[int, str]) -> dict[str, NDArray[np.bool_]]:
-    groups = {name: key == k for k, name in names.items()}
-    rest = np.ones(len(key), dtype=np.bool_)
-    for mask in groups.values():
-        rest &= ~mask
-    return {**groups, OTHER: rest}
 
 
 @cache

@@ -1,0 +1,163 @@
+"""What weighted samples say: psi, the value, the control, and how much of it each class accounts for.
+
+Weights stay logarithms throughout: phi/lambda can exceed a million.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.errors import NoSurvivingSample
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.rollout import Guides, Paths
+from pirrht.sampling import Sampling
+from pirrht.scene import Array
+
+OTHER = "other"
+
+
+class Source(Protocol):
+    """Who drew the samples: `pirrht.PathIntegral`."""
+
+    problem: Problem
+    sampling: Sampling
+
+    def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
+        """Open-loop controls of groups of samples, the weight under way at each step, effective sample sizes."""
+
+    def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+        """States of chosen samples, and the number of steps each took."""
+
+    def push(self, x: Array, guides: Guides) -> Array:
+        """The part of the control at x (n,) that the nearest wall accounts for, (m,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rollouts:
+    """S sampled paths from one state; full states are simulated again for those that are shown."""
+
+    x0: Array  # (n,)
+    seed: int
+    guides: Guides
+    paths: Paths
+    log_weight: Array  # (S,) log of each sample's contribution to psi; -inf for paths that ran out of time
+
+    @property
+    def size(self) -> int:
+        """S."""
+        return len(self.log_weight)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """What the samples say about one state."""
+
+    control: Array  # (m,) u* now
+    log_psi: float
+    value: float  # v = -lambda log psi
+    ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
+    weight: Array  # (S,) normalised weights
+    class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
+    class_ess: dict[str, float]  # effective sample size within each class
+    class_controls: dict[str, Array]  # (m,) u* now within each class, without what the nearest wall adds
+    proposal_weights: list[float]  # weight by the reference a sample was drawn around
+    survivors: int  # samples that reached the goal
+    rollouts: Rollouts
+    source: Source
+
+    @property
+    def tape(self) -> Array:
+        """Open-loop controls (T, m): the sum over all samples of weight times control carried."""
+        return self._tape[0]
+
+    @property
+    def alive(self) -> Array:
+        """Weight of the samples still under way at each step, (T,)."""
+        return self._tape[1]
+
+    @cached_property
+    def _tape(self) -> tuple[Array, Array]:
+        (tape,), (alive,), _ = self.source.tapes(self.rollouts, [np.ones(self.rollouts.size, dtype=np.bool_)])
+        return tape, alive
+
+
+def log_weights(problem: Problem, rule: str, paths: Paths, number: NDArray[np.int64]) -> Array:
+    """Logarithm of each sample's contribution to psi, (S,); `number` (H,) counts the samples around each reference."""
+    final = np.where(paths.outcome == Outcome.COLLISION, problem.phi, 0.0)
+    cost = -(paths.work + final) / problem.temperature
+    H, S = len(number), len(paths.work)
+    if rule == "average":
+        own = np.repeat(np.arange(H), number)
+        # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
+        log_weight = cost - paths.log_ratio[np.arange(S), own] + np.log(S / (H * number[own]))
+    else:
+        log_weight = cost - _log_mean(paths.log_ratio, number / S)
+    return np.where(paths.outcome == Outcome.TIMEOUT, -np.inf, log_weight)
+
+
+def weigh(source: Source, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
+    """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.
+
+    Raises:
+        NoSurvivingSample: no sample has any weight.
+    """
+    log_weight, paths = rollouts.log_weight, rollouts.paths
+    top = float(log_weight.max())
+    if not np.isfinite(top):
+        raise NoSurvivingSample(
+            collisions=int(np.sum(paths.outcome == Outcome.COLLISION)),
+            timeouts=int(np.sum(paths.outcome == Outcome.TIMEOUT)),
+        )
+    relative = np.exp(log_weight - top)
+    total = float(relative.sum())
+    weight = relative / total
+    log_psi = top + float(np.log(total)) - float(np.log(rollouts.size))
+    groups = _groups(paths.key, dict(classes or {}))
+    first = rollouts.guides.first
+    return Estimate(
+        control=_mean(weight, paths) + source.push(rollouts.x0, rollouts.guides),
+        log_psi=log_psi,
+        value=-source.problem.temperature * log_psi,
+        ess=float(1.0 / np.sum(weight**2)),
+        weight=weight,
+        class_weights={name: float(weight[mask].sum()) for name, mask in groups.items()},
+        class_ess={name: _ess(weight[mask]) for name, mask in groups.items()},
+        class_controls={name: _mean(np.where(mask, weight, 0.0), paths) for name, mask in groups.items()},
+        proposal_weights=[float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)],
+        survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
+        rollouts=rollouts,
+        source=source,
+    )
+
+
+def _log_mean(log_ratio: Array, share: Array) -> Array:
+    """log sum_g share_g exp(log_ratio_g), row by row."""
+    top = log_ratio.max(axis=1)
+    mean: Array = top + np.log(np.exp(log_ratio - top[:, None]) @ share)
+    return mean
+
+
+def _ess(weight: Array) -> float:
+    square = float(np.sum(weight**2))
+    return float(weight.sum()) ** 2 / square if square > 0 else 0.0
+
+
+def _mean(weight: Array, paths: Paths) -> Array:
+    """Control now (m,) of weighted samples, as a mean over the time in which they are on their way."""
+    mean: Array = weight @ paths.now / max(float(weight @ paths.span), 1e-300)
+    return mean
+
+
+def _groups(key: NDArray[np.int64], names: Mapping[int, str]) -> dict[str, NDArray[np.bool_]]:
+    groups = {name: key == k for k, name in names.items()}
+    rest = np.ones(len(key), dtype=np.bool_)
+    for mask in groups.values():
+        rest &= ~mask
+    return {**groups, OTHER: rest}

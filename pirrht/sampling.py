@@ -1,0 +1,40 @@
+"""How paths are drawn and weighed: the settings of a sampler."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.errors import OptionError
+
+EXITS = ("bridge", "endpoint")
+WEIGHTS = ("balance", "average")
+GUIDES = ("feedback", "open-loop")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sampling:
+    """How paths are drawn and weighed."""
+
+    dt: float = 0.1  # rollout step [s]
+    first: float | None = None  # the first dt is cut into steps of this length [s]
+    samples: int = 200  # N, around each reference
+    exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
+    weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
+    guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
+    window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
+    threads: int | None = None  # None: all cores this process may use; results do not depend on it
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.dt) and self.dt > 0):
+            raise OptionError(f"dt is {self.dt:g}; it must be a positive number of seconds")
+        if self.first is not None and not self.first > 0:
+            raise OptionError(f"first is {self.first:g}; it must be a positive number of seconds")
+        if not (np.isfinite(self.window) and self.window >= 0):
+            raise OptionError(f"window is {self.window:g}; it must be a number of seconds")
+        if self.samples < 1:
+            raise OptionError(f"samples is {self.samples}; at least 1 is needed")
+        for name, known in (("exit", EXITS), ("weights", WEIGHTS), ("guide", GUIDES)):
+            if getattr(self, name) not in known:
+                raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
