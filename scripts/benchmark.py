@@ -4,7 +4,7 @@
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
     python scripts/benchmark.py ess         effective samples along a drive of the car, and log psi against a million
-    python scripts/benchmark.py quality --part grid|control|psi|shares|drives   how far from the optimum
+    python scripts/benchmark.py quality --part grid|control|samples|psi|shares|drives   how far from the optimum
 
 Times depend on the machine: quote ratios from one run.
 """
@@ -17,6 +17,7 @@ from pathlib import Path
 
 from sim import present
 
+PARTS = ("grid", "control", "samples", "psi", "shares", "drives")
 TABLES = ("speed", "obstacles", "choice", "ess", "quality")
 
 
@@ -34,6 +35,7 @@ def main() -> int:
         help="of `quality` (control)",
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
+    parser.add_argument("--png", type=Path, help="draw the parts samples and drives of `quality`")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     table = importlib.import_module(f"benchmarks.{options.what}")

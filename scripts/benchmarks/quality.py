@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from benchmarks import plots
 from scipy.stats.qmc import Halton
 
 from pirrht.desirability import Desirability
@@ -35,8 +36,20 @@ Table = tuple[list[str], list[list[str]], object]
 
 def rows(options: argparse.Namespace) -> Table:
     """Header, table and JSON of one part."""
-    parts = {"grid": grid, "control": control, "psi": desirability, "shares": shares, "drives": drives}
-    return parts[options.part](options)
+    parts = {
+        "grid": grid,
+        "control": control,
+        "samples": samples,
+        "psi": desirability,
+        "shares": shares,
+        "drives": drives,
+    }
+    header, table, values = parts[options.part](options)
+    if options.png is not None:
+        if options.part not in ("samples", "drives"):
+            raise SystemExit(f"--png draws the parts samples and drives, not {options.part}")
+        getattr(plots, options.part)(options.png, values)
+    return header, table, values
 
 
 def grid(_: argparse.Namespace) -> Table:
@@ -74,6 +87,18 @@ def control(_: argparse.Namespace) -> Table:
             )
             values.append({"noise": noise, "variant": name, "error": error, "seconds": spent, "error_equal_time": fair})
     return ["b", "variant", "error of u", "over paper's", "ms", "over paper's, equal time"], table, values
+
+
+def samples(_: argparse.Namespace) -> Table:
+    """Error of u against the number of samples per class."""
+    table, values = [], []
+    for noise in NOISES:
+        for name, changes in VARIANTS.items():
+            for N in (25, 50, 100, 200, 400, 800, 1600):
+                error, _ = _errors(noise, {**changes, "samples": N})
+                values.append({"noise": noise, "variant": name, "samples": N, "error": error})
+                table.append([f"{noise:g}", name, str(N), f"{error:.3f}"])
+    return ["b", "variant", "samples", "error of u"], table, values
 
 
 def _errors(noise: float, changes: dict[str, Any]) -> tuple[float, float]:
