@@ -62,6 +62,8 @@ class Estimate:
     control: Array  # (m,) u* now
     log_psi: float
     value: float  # v = -lambda log psi
+    value_error: float  # standard error of the value; too small where `ess` is, as rare heavy samples were not seen
+    control_error: Array  # (m,) standard error of the control
     ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
     weight: Array  # (S,) normalised weights
     class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
@@ -125,6 +127,8 @@ def weigh(source: Source, rollouts: Rollouts, classes: Mapping[int, str] | None 
         control=_mean(weight, paths) + source.push(rollouts.x0, rollouts.guides),
         log_psi=log_psi,
         value=-source.problem.temperature * log_psi,
+        value_error=source.problem.temperature * _deviation(weight, first),
+        control_error=_control_error(weight, paths, first),
         ess=float(1.0 / np.sum(weight**2)),
         weight=weight,
         class_weights={name: float(weight[mask].sum()) for name, mask in groups.items()},
@@ -153,6 +157,25 @@ def _mean(weight: Array, paths: Paths) -> Array:
     """Control now (m,) of weighted samples, as a mean over the time in which they are on their way."""
     mean: Array = weight @ paths.now / max(float(weight @ paths.span), 1e-300)
     return mean
+
+
+def _deviation(terms: Array, first: NDArray[np.int64]) -> float:
+    """Standard deviation of a sum of independent terms (S,), those around one reference being distributed alike.
+
+    A reference with a single sample says nothing about its spread; the term itself stands for it.
+    """
+    number = np.diff(first)
+    own = np.repeat(np.arange(len(number)), number)
+    mean = np.bincount(own, terms, len(number)) / np.maximum(number, 1)
+    square = np.bincount(own, (terms - np.where(number > 1, mean, 0.0)[own]) ** 2, len(number))
+    return float(np.sqrt(square @ (number / np.maximum(number - 1, 1))))
+
+
+def _control_error(weight: Array, paths: Paths, first: NDArray[np.int64]) -> Array:
+    """Standard error (m,) of the control, a ratio of sums over samples, to first order (delta method)."""
+    off = weight[:, None] * (paths.now - paths.span[:, None] * _mean(weight, paths))
+    span = max(float(weight @ paths.span), 1e-300)
+    return np.array([_deviation(column, first) for column in off.T]) / span
 
 
 def _groups(key: NDArray[np.int64], names: Mapping[int, str]) -> dict[str, NDArray[np.bool_]]:

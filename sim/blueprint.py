@@ -57,7 +57,11 @@ def _drive(scene: Scene) -> rrb.Container:
 def _why() -> rrb.Container:
     plots = rrb.Vertical(
         _weights(legend=True),
-        _series("/why/value", "Value -lambda log psi, of all paths and class by class [cost]", "RightTop"),
+        _series(
+            "/why/value",
+            "Value -lambda log psi of all paths, with its standard error, and class by class [cost]",
+            "RightTop",
+        ),
         _series("/why/ess", "Effective sample size", "LeftTop"),
         row_shares=[3, 2, 2],
     )

@@ -59,19 +59,25 @@ class Truth:
 
 
 def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None) -> str:
-    """One row per repeat: value, control, effective sample size and class weights; with a truth also the errors."""
+    """One row per repeat: value, control, their standard errors, effective sample size and class weights.
+
+    With a truth also the errors.
+    """
     off = [] if truth is None else ["v error", "u error"]
-    header = ["repeat", "value", "control", *off, "ESS", *map(title, ids), "other"]
+    header = ["repeat", "value", "v stderr", "control", "u stderr", *off, "ESS", *map(title, ids), "other"]
     rows = []
     for i, e in enumerate(estimates):
         if e is None:
-            rows.append([str(i), "none", "none", *["-"] * len(off), "0", *["-"] * (len(ids) + 1)])
+            rows.append([str(i), "none", "-", "none", "-", *["-"] * len(off), "0", *["-"] * (len(ids) + 1)])
             continue
         weights = [f"{e.class_weights.get(name, 0.0):.3f}" for name in [*ids, "other"]]
         errors = [] if truth is None else [f"{error:+.4f}" for error in truth.errors(e)]
-        rows.append([str(i), f"{e.value:.4f}", _vector(e.control), *errors, f"{e.ess:.1f}", *weights])
+        value = [f"{e.value:.4f}", f"{e.value_error:.4f}"]
+        control = [_vector(e.control), "(" + ", ".join(f"{error:.3f}" for error in e.control_error) + ")"]
+        rows.append([str(i), *value, *control, *errors, f"{e.ess:.1f}", *weights])
     if truth is not None:
-        rows.append(["truth", f"{truth.value:.4f}", _vector(truth.control), *["-"] * (len(ids) + 4)])
+        exact = [f"{truth.value:.4f}", "-", _vector(truth.control), "-"]
+        rows.append(["truth", *exact, *["-"] * (len(ids) + 4)])
     return table(header, rows)
 
 
@@ -164,6 +170,8 @@ def estimate_json(
         **({} if truth is None else _truth_json(truth, estimates)),
         "control": [None if e is None else e.control.tolist() for e in estimates],
         "value": [None if e is None else e.value for e in estimates],
+        "value_stderr": [None if e is None else e.value_error for e in estimates],
+        "control_stderr": [None if e is None else e.control_error.tolist() for e in estimates],
         "ess": [None if e is None else e.ess for e in estimates],
         "class_weights": [None if e is None else e.class_weights for e in estimates],
         "class_ess": [None if e is None else e.class_ess for e in estimates],

@@ -2,11 +2,12 @@
 
 /steps        a row per control step. At its start: state [m, m, rad], control, clearance [m]; over it:
               duration [s], noise (sum of the Brownian increments) [sqrt(s)]; up to its end: cost, length [m];
-              value, and class by class in the same order: classes (ids and "other"), weights, ess
+              value, value_error and control_error (one standard error); and class by class in the same
+              order: classes (ids and "other"), weights, ess
 /world/robot  pose, and as an arrow where the control would take it; one row more for where the drive ended
 /world/path   position after every physics step
 /why/weight   one line for all other classes, then one for each of a few classes as they gain weight; so `ess`
-/why/value    -lambda log psi of all paths, then of each of those classes by itself
+/why/value    -lambda log psi of all paths, one standard error below and above it, then of each of those classes
 /log          what happened
 /timing/plan  wall time of a plan [ms]
 """
@@ -36,6 +37,7 @@ from sim.stream import Stream
 BATCH_STEPS = 32  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
 BATCH_LEAST, BATCH_TIME = 8, 0.32  # fewer will do once they span so much simulated time [s]
 LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
+BAND = "one standard error"
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
 
 
@@ -57,6 +59,8 @@ class Row:
     weights: dict[str, float]  # by class; empty in a fallback
     sizes: dict[str, float]  # effective sample size by class
     value: float  # infinite in a fallback
+    value_error: float  # infinite where it is not known; 0 for a value that is exact
+    control_error: Array  # (m,)
     favourite: str | None  # class of greatest weight, None in a fallback
     plan_seconds: float
     outcome: Outcome | None
@@ -67,6 +71,9 @@ class Row:
     def of(cls, frame: Frame, drawn: bool, news: str | None) -> Row:
         """The row of a frame."""
         plan, advance, estimate = frame.plan, frame.advance, frame.plan.estimate
+        value, value_error = (inf, inf) if plan.exact is None else (plan.exact, 0.0)
+        if estimate is not None:
+            value, value_error = estimate.value, estimate.value_error
         return cls(
             step=frame.step,
             time=frame.time,
@@ -81,7 +88,9 @@ class Row:
             ids=plan.ids,
             weights=estimate.class_weights if estimate else {},
             sizes=estimate.class_ess if estimate else {},
-            value=estimate.value if estimate else inf,
+            value=value,
+            value_error=value_error,
+            control_error=estimate.control_error if estimate else np.full(advance.noise.shape[1], value_error),
             favourite=plan.favourite if estimate else None,
             plan_seconds=frame.plan_seconds,
             outcome=frame.outcome,
@@ -159,6 +168,7 @@ class Writer:
             self.stream.static(path, rr.SeriesLines(names=titles, colors=colors, widths=widths))
         titles = ["all paths" if name == OTHER else name for name in titles]
         colors = [CONTROL if color == self._colors[OTHER] else color for color in colors]
+        titles[1:1], colors[1:1], widths[1:1] = [BAND] * 2, [CONTROL] * 2, [0.8] * 2
         self.stream.static("/why/value", rr.SeriesLines(names=titles, colors=colors, widths=widths))
 
     def _numbers(self, rows: Sequence[Row]) -> None:
@@ -174,6 +184,8 @@ class Writer:
                 *_values(length=[r.length for r in rows]),
                 *_values(clearance=[r.clearance for r in rows]),
                 *_values(value=[r.value for r in rows]),
+                *_values(value_error=[r.value_error for r in rows]),
+                *_values(control_error=[r.control_error for r in rows]),
                 *_ragged("classes", [list(r.weights) for r in rows]),
                 *_ragged("weights", [list(r.weights.values()) for r in rows]),
                 *_ragged("ess", [list(r.sizes.values()) for r in rows]),
@@ -214,7 +226,8 @@ class Writer:
             sizes.append([r.sizes.get(OTHER, 0.0), *(r.sizes.get(name, 0.0) for name in names), *spare])
             # Infinite where no path was found: NaN would make equal recordings compare unequal.
             by_class = [r.value - temperature * log(w) if w > 0 else inf for w in share]
-            values.append([r.value, *by_class, *spare])
+            band = [r.value - r.value_error, r.value + r.value_error] if r.value < inf else [inf, inf]
+            values.append([r.value, *band, *by_class, *spare])
         for path, table in (("/why/weight", weights), ("/why/ess", sizes), ("/why/value", values)):
             flat = np.array(table)
             columns = rr.Scalars.columns(scalars=flat.ravel()).partition([flat.shape[1]] * len(rows))

@@ -26,7 +26,8 @@ RUN = {
     *("path_length", "steps", "min_clearance", "value_estimate", "obstacles", "classes", "executed_class"),
     *("class_switches", "fallbacks", "step_ms", "deadline_misses"),
 }
-ESTIMATE = {"control", "value", "ess", "class_weights", "proposal_weights", "classes", "obstacles"}
+ESTIMATE = {"control", "value", "ess", "class_weights", "proposal_weights", "classes", "obstacles",
+            "value_stderr", "control_stderr"}  # fmt: skip
 
 
 @pytest.fixture

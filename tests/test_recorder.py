@@ -11,6 +11,7 @@ import time
 import warnings
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from sim.executor import Executor
 from sim.mjcf import load
 from sim.recorder import ROOM, Recorder
 from sim.stream import Stream
+from sim.writer import Row
 
 PERIOD, MAX_TIME = 0.01, 0.5
 STATIC_BYTES = 350_000  # scene, robot, tree, legend, and 140 kB of blueprint
@@ -111,10 +113,21 @@ def test_every_step_is_a_row_with_the_numbers_of_its_frame(recorded):
     assert np.array_equal(np.ravel(steps["cost"]), [frame.cost for frame in frames])
     assert np.array_equal(np.ravel(steps["clearance"]), [frame.clearance for frame in frames])
     assert np.array_equal(np.ravel(steps["value"]), [frame.plan.estimate.value for frame in frames])
+    assert np.array_equal(np.ravel(steps["value_error"]), [frame.plan.estimate.value_error for frame in frames])
+    assert np.array_equal(steps["control_error"], [frame.plan.estimate.control_error for frame in frames])
     for i, frame in enumerate(frames):
         named = dict(zip(steps["classes"][i], steps["weights"][i], strict=True))
         assert named == frame.plan.estimate.class_weights
         assert steps["ess"][i] == list(frame.plan.estimate.class_ess.values())
+
+
+def test_a_value_known_without_samples_is_recorded_without_error(recorded):
+    _, frames, _, _ = recorded
+    plan = replace(frames[0].plan, estimate=None, instead=frames[0].plan.tape, law=None)
+    for exact, value, error in ((8.5, 8.5, 0.0), (None, np.inf, np.inf)):
+        row = Row.of(replace(frames[0], plan=replace(plan, exact=exact)), False, None)
+        assert (row.value, row.value_error) == (value, error)
+        assert np.all(row.control_error == error)
 
 
 def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded):
