@@ -59,9 +59,9 @@ def grid(_: argparse.Namespace) -> Table:
         k = 1.0 / noise**2
         spacings = [c / k for c in (2.0, 1.4, 1.0, 0.7)] if noise < 0.15 else [0.04, 0.028, 0.02, 0.014]
         for row in convergence(noise, spacings):
-            values.append({"noise": noise, **row})
-            table.append([f"{noise:g}", *["-" if v is None else f"{v:.3g}" for v in row.values()]])
-    return ["b", *[key for key in values[0] if key != "noise"]], table, values
+            values.append(row)
+            table.append(["-" if v is None else f"{v:.3g}" for v in row.values()])
+    return ["b", "h [m]", "kh", "error of v", "error of u", "order of u"], table, values
 
 
 def control(_: argparse.Namespace) -> Table:
@@ -175,10 +175,9 @@ def _log_psi(
 def shares(_: argparse.Namespace) -> Table:
     """Share of the slit at the start, b = 0.3 and dt = 0.1, against the optimal paths of the grid."""
     table, values = [], []
-    for rule, dt in (("bridge", None), ("endpoint", 0.1)):
-        scenario = prepare(
-            "slit", given={"noise": 0.3, "plan_seed": 0, "exit": rule, "period": 0.1, "samples": 300_000}
-        )
+    for rule, dt, guide in (("bridge", None, "feedback"), ("endpoint", 0.1, "open-loop")):
+        given = {"noise": 0.3, "plan_seed": 0, "exit": rule, "guide": guide, "period": 0.1, "samples": 300_000}
+        scenario = prepare("slit", given=given)
         exact = Desirability.of(scenario.problem, scenario.space, dt=dt).shares(scenario.start, samples=4000, seed=0)
         tree = scenario.grown_tree()
         integral = PathIntegral(scenario.problem, scenario.space, replace(scenario.sampling, first=None))
