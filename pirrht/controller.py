@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pirrht.allocation import Allocation
 from pirrht.between import Law, Lead, Memory, along_guide, towards_gates
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.freespace import FreeSpace
@@ -119,6 +120,8 @@ class Controller:
         self.problem, self.space, self.tree, self.method = problem, space, tree, method
         self.path_integral = PathIntegral(problem, space, sampling)
         self.polished, self.rng = polished, rng
+        shared = sampling.allocation == "contribution" and self.path_integral.guidance is None
+        self.allocation = Allocation(sampling.samples) if shared else None
         self.memory = Memory(problem) if between == "classes" else None
         self.begin(problem.scene.start[: problem.dynamics.n])
 
@@ -131,6 +134,8 @@ class Controller:
         self._since = self._unpooled = 0.0  # since the last plan, and since the last one with an estimate [s]
         if self.memory is not None:
             self.memory.forget()
+        if self.allocation is not None:
+            self.allocation.forget()
         self._guides: dict[tuple[int, ...], Guide] = {}  # by class of driven path and guide together
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
 
@@ -172,11 +177,15 @@ class Controller:
         fallback: str | None = None
         instead: Array | None = None
         guides, counts = self._lead(x, times, references)
+        if self.allocation is not None and ids:
+            counts = self.allocation.counts(ids)
         try:
             rollouts = estimator.rollout(
                 x, times, tapes, seed, counts=counts, corners=self._corners(trajectories), guides=guides
             )
             estimate = estimator.estimate(rollouts, names)
+            if self.allocation is not None:
+                self.allocation.learn(ids, estimate)
         except NoSurvivingSample:
             pass
         if estimate is None or (guides is not None and estimate.survivors == 0):

@@ -11,6 +11,7 @@ from pirrht.errors import OptionError
 EXITS = ("bridge", "endpoint")
 WEIGHTS = ("balance", "average")
 GUIDES = ("feedback", "open-loop")
+ALLOCATIONS = ("contribution", "equal")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +25,7 @@ class Sampling:
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
     guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
     window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
+    allocation: str = "contribution"  # of a point's samples: by what references "contribution"ed, or "equal" (paper)
     threads: int | None = None  # None: all cores this process may use; results do not depend on it
 
     def __post_init__(self) -> None:
@@ -35,6 +37,7 @@ class Sampling:
             raise OptionError(f"window is {self.window:g}; it must be a number of seconds")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
-        for name, known in (("exit", EXITS), ("weights", WEIGHTS), ("guide", GUIDES)):
+        choices = {"exit": EXITS, "weights": WEIGHTS, "guide": GUIDES, "allocation": ALLOCATIONS}
+        for name, known in choices.items():
             if getattr(self, name) not in known:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")

@@ -55,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
     _run_options(run)
     estimate = commands.add_parser("estimate", help="what the controller would do at one state")
     estimate.add_argument("--at", type=float, nargs="+", required=True, metavar="X", help="state: X Y [TH]")
-    estimate.add_argument("--repeat", type=int, default=1, metavar="N", help="independent repeats (1)")
+    estimate.add_argument("--repeat", type=int, default=1, metavar="N", help="repeats with independent samples (1)")
     estimate.add_argument("--truth", action="store_true", help="add the exact value and control, solved for on a grid")
     for command in (plan, run, estimate):
         command.add_argument("scene", metavar="SCENE", help="built-in name or MJCF file")
@@ -123,6 +123,11 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
         help="between plans the control follows the state (classes) or is held (hold, paper)",
     )
     planner.add_argument(
+        "--allocation",
+        metavar="RULE",
+        help="samples of a puck go to the references by contribution in earlier plans, or equal (paper)",
+    )
+    planner.add_argument(
         "--no-polish",
         dest="polish",
         action="store_false",
@@ -130,7 +135,9 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
         help="references as the tree has them",
     )
     planner.add_argument(
-        "--preset", metavar="NAME", help="paper: dt = period = 0.1, its N, plain average, endpoint exit"
+        "--preset",
+        metavar="NAME",
+        help="paper: dt = period = 0.1, its N, open loop, plain average, endpoint exit, equal allocation",
     )
     if "method" not in skip:
         planner.add_argument("--method", metavar="NAME", help=f"one of {', '.join(METHOD_NAMES)} (pi-rrht)")

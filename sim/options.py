@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.controller import BETWEEN, METHODS
 from pirrht.errors import OptionError
-from pirrht.path_integral import EXITS, GUIDES, WEIGHTS
+from pirrht.sampling import ALLOCATIONS, EXITS, GUIDES, WEIGHTS
 
 PLANTS = ("mujoco", "sde")
 PRESETS: dict[str, dict[str, Any]] = {
@@ -21,6 +21,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "exit": "endpoint",
         "weights": "average",
         "guide": "open-loop",
+        "allocation": "equal",
         "between": "hold",
     },
 }
@@ -48,6 +49,7 @@ class Settings:
     weights: str = "balance"
     between: str = "classes"
     guide: str = "feedback"
+    allocation: str = "contribution"
     polish: bool = True
     max_time: float = 30.0
     threads: int | None = None
@@ -71,6 +73,7 @@ class Settings:
             "exit": EXITS,
             "weights": WEIGHTS,
             "guide": GUIDES,
+            "allocation": ALLOCATIONS,
             "between": BETWEEN,
         }
         for name, known in choices.items():

@@ -15,8 +15,8 @@ from pirrht.dynamics import Dynamics, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.optimal import Optimal
-from pirrht.path_integral import Sampling
 from pirrht.problem import Problem
+from pirrht.sampling import Sampling
 from pirrht.scene import Array, Scene
 from pirrht.steering import Steering, StraightLine
 from pirrht.tree import HomologyTree
@@ -108,7 +108,14 @@ class Scenario:
         s = self.settings
         first = s.period if s.period < s.dt else None
         return Sampling(
-            dt=s.dt, first=first, samples=s.samples, exit=s.exit, weights=s.weights, guide=s.guide, threads=s.threads
+            dt=s.dt,
+            first=first,
+            samples=s.samples,
+            exit=s.exit,
+            weights=s.weights,
+            guide=s.guide,
+            allocation=s.allocation,
+            threads=s.threads,
         )
 
     def plant(self) -> Plant:

@@ -6,9 +6,13 @@ The strip |x| < L, left at no cost, has a closed form (see test_path_integral). 
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from pirrht.allocation import Allocation
+from pirrht.controller import Controller
 from pirrht.dynamics import SingleIntegrator
 from pirrht.estimate import Estimate
 from pirrht.freespace import FreeSpace
@@ -78,3 +82,78 @@ def test_a_single_sample_knows_its_value_up_to_lambda(strip):
     estimate = to_both_sides(integral, 0, counts=[1, 1])
     assert 0.5**0.5 * integral.temperature <= estimate.value_error <= integral.temperature
     assert np.all(np.isfinite(estimate.control_error))
+
+
+# -- allocation --------------------------------------------------------------------------------------------------
+
+
+def desirability(integral: PathIntegral, repeats: int, **options) -> Array:
+    """psi of independent repeats."""
+    return np.exp([to_both_sides(integral, seed, **options).log_psi for seed in range(repeats)])
+
+
+def agree(one: Array, other: Array, *, errors: float = 3.0) -> bool:
+    """Whether the means of two independent sets are equal up to so many standard errors of their difference."""
+    error = np.sqrt(one.var(ddof=1) / len(one) + other.var(ddof=1) / len(other))
+    return bool(abs(one.mean() - other.mean()) <= errors * error)
+
+
+@pytest.mark.parametrize("weights", ["balance", "average"])
+def test_unequal_counts_leave_the_mean_of_psi_over_1000_repeats(strip, weights):
+    integral = PathIntegral(*strip, Sampling(dt=0.05, guide="open-loop", weights=weights))
+    equal = desirability(integral, 1000, counts=[100, 100])
+    for counts in ([170, 30], [30, 170]):
+        assert agree(desirability(integral, 1000, counts=counts), equal), counts
+
+
+def test_samples_go_where_they_contribute_and_none_goes_without():
+    allocation = Allocation(200)
+    assert allocation.counts(["a", "b", "c"]) == [200, 200, 200]
+    allocation.learn(["a", "b"], contributions(0.9, 0.1))
+    assert allocation.counts(["a", "b"]) == [336, 64]  # 30 each, and 9 : 1 of what is left
+    shares = allocation.counts(["a", "b", "c"])
+    assert sum(shares) == 600
+    assert shares[1] < shares[2] < shares[0]  # a new class counts as an average one
+    allocation.learn(["a", "b"], contributions(0.0, 1.0))
+    assert allocation.counts(["a", "b"])[0] > 200  # one plan is not enough to change sides
+    for _ in range(20):
+        allocation.learn(["a", "b"], contributions(0.0, 1.0))
+    assert allocation.counts(["a", "b"])[0] == pytest.approx(30, abs=5)
+    allocation.forget()
+    assert allocation.counts(["a", "b"]) == [200, 200]
+
+
+def contributions(*shares: float):
+    """An estimate to whose weight a single sample per reference contributes."""
+    first = np.arange(len(shares) + 1)
+    rollouts = SimpleNamespace(guides=SimpleNamespace(first=first))
+    return SimpleNamespace(rollouts=rollouts, weight=np.array(shares))
+
+
+@pytest.mark.parametrize("samples", [1, 5, 8, 33, 200])
+def test_the_total_is_kept_and_nobody_goes_below_the_least(samples):
+    allocation = Allocation(samples)
+    names = [str(h) for h in range(7)]
+    allocation.learn(names, contributions(*np.random.default_rng(0).random(7) ** 8))
+    counts = allocation.counts(names)
+    assert sum(counts) == 7 * samples
+    assert min(counts) >= min(samples, max(8, 0.15 * samples))
+
+
+def test_the_controller_shares_samples_out_from_its_second_plan_on(slit: Scenario, slit_tree: HomologyTree):
+    def drawn(controller: Controller) -> list[int]:
+        estimate = controller.plan(slit.start).estimate
+        assert estimate is not None
+        return np.diff(estimate.rollouts.guides.first).tolist()
+
+    adaptive, equal = (
+        slit.with_settings(noise=0.1, samples=100, allocation=rule).controller(slit_tree)
+        for rule in ("contribution", "equal")
+    )
+    assert drawn(adaptive) == drawn(equal) == drawn(equal) == [100, 100, 100]
+    second = drawn(adaptive)
+    assert sum(second) == 300
+    assert second[0] > 200  # the slit carries all the weight
+    assert min(second) >= 15
+    adaptive.begin(slit.start)
+    assert drawn(adaptive) == [100, 100, 100]
