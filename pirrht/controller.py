@@ -180,10 +180,9 @@ class Controller:
         if self.allocation is not None and ids:
             counts = self.allocation.counts(ids)
         try:
-            rollouts = estimator.rollout(
-                x, times, tapes, seed, counts=counts, corners=self._corners(trajectories), guides=guides
+            estimate = estimator.sample(
+                x, times, tapes, seed, counts=counts, corners=self._corners(trajectories), guides=guides, classes=names
             )
-            estimate = estimator.estimate(rollouts, names)
             if self.allocation is not None:
                 self.allocation.learn(ids, estimate)
         except NoSurvivingSample:

@@ -65,13 +65,14 @@ class Estimate:
     value_error: float  # standard error of the value; too small where `ess` is, as rare heavy samples were not seen
     control_error: Array  # (m,) standard error of the control
     ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
-    weight: Array  # (S,) normalised weights
+    weight: Array  # normalised weights of the samples in `rollouts`; with others in `parts` they sum to less than 1
     class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
     class_ess: dict[str, float]  # effective sample size within each class
     class_controls: dict[str, Array]  # (m,) u* now within each class, without what the nearest wall adds
     proposal_weights: list[float]  # weight by the reference a sample was drawn around
     survivors: int  # samples that reached the goal
-    rollouts: Rollouts
+    rollouts: Rollouts  # the last samples that have any weight
+    parts: tuple[Rollouts, ...]  # all samples, in the rounds in which they were drawn
     source: Source
 
     @property
@@ -86,8 +87,12 @@ class Estimate:
 
     @cached_property
     def _tape(self) -> tuple[Array, Array]:
-        (tape,), (alive,), _ = self.source.tapes(self.rollouts, [np.ones(self.rollouts.size, dtype=np.bool_)])
-        return tape, alive
+        top = max(float(part.log_weight.max()) for part in self.parts)
+        share = np.array([float(np.exp(part.log_weight - top).sum()) for part in self.parts])
+        tapes = [self.source.tapes(part, [np.ones(part.size, dtype=np.bool_)])[:2] for part in self.parts]
+        tape = sum(w * one[0] for w, (one, _) in zip(share / share.sum(), tapes, strict=True))
+        alive = sum(w * one[0] for w, (_, one) in zip(share / share.sum(), tapes, strict=True))
+        return np.asarray(tape), np.asarray(alive)
 
 
 def log_weights(problem: Problem, rule: str, paths: Paths, number: NDArray[np.int64]) -> Array:
@@ -104,13 +109,19 @@ def log_weights(problem: Problem, rule: str, paths: Paths, number: NDArray[np.in
     return np.where(paths.outcome == Outcome.TIMEOUT, -np.inf, log_weight)
 
 
-def weigh(source: Source, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
+def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] | None = None) -> Estimate:
     """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.
+
+    Each part is weighed by its own proposals. Where these were fixed before it was drawn, the mean over all samples is
+    an unbiased estimate of psi, even if they were chosen by what earlier parts found.
 
     Raises:
         NoSurvivingSample: no sample has any weight.
     """
-    log_weight, paths = rollouts.log_weight, rollouts.paths
+    paths = (
+        parts[0].paths if len(parts) == 1 else Paths(*map(np.concatenate, zip(*(p.paths for p in parts), strict=True)))
+    )
+    log_weight = np.concatenate([part.log_weight for part in parts])
     top = float(log_weight.max())
     if not np.isfinite(top):
         raise NoSurvivingSample(
@@ -120,9 +131,14 @@ def weigh(source: Source, rollouts: Rollouts, classes: Mapping[int, str] | None 
     relative = np.exp(log_weight - top)
     total = float(relative.sum())
     weight = relative / total
-    log_psi = top + float(np.log(total)) - float(np.log(rollouts.size))
+    log_psi = top + float(np.log(total)) - float(np.log(len(log_weight)))
     groups = _groups(paths.key, dict(classes or {}))
-    first = rollouts.guides.first
+    number = np.concatenate([np.diff(part.guides.first) for part in parts])
+    first = np.concatenate([[0], np.cumsum(number)])
+    drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
+    ends = np.cumsum([part.size for part in parts])
+    shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
+    rollouts = parts[shown]
     return Estimate(
         control=_mean(weight, paths) + source.push(rollouts.x0, rollouts.guides),
         log_psi=log_psi,
@@ -130,13 +146,14 @@ def weigh(source: Source, rollouts: Rollouts, classes: Mapping[int, str] | None 
         value_error=source.problem.temperature * _deviation(weight, first),
         control_error=_control_error(weight, paths, first),
         ess=float(1.0 / np.sum(weight**2)),
-        weight=weight,
+        weight=weight[ends[shown] - rollouts.size : ends[shown]],
         class_weights={name: float(weight[mask].sum()) for name, mask in groups.items()},
         class_ess={name: _ess(weight[mask]) for name, mask in groups.items()},
         class_controls={name: _mean(np.where(mask, weight, 0.0), paths) for name, mask in groups.items()},
-        proposal_weights=[float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)],
+        proposal_weights=drawn_around.reshape(len(parts), -1).sum(axis=0).tolist(),
         survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
         rollouts=rollouts,
+        parts=tuple(parts),
         source=source,
     )
 

@@ -45,10 +45,10 @@ class World(NamedTuple):
 class Guides(NamedTuple):
     """H references that samples are drawn around: control guides of T steps, or corners to head for."""
 
-    control: Array  # (H, T, m)
+    control: Array  # (H, T, m) tapes; for references with gates or a law what is added to these
     drift: Array  # (H, T, m) a = B_c^-1 G_c u, the same in noise units, where the gain is constant
     times: Array  # (T+1,) ends of the steps, from 0 [s]
-    active: NDArray[np.int64]  # (H,) number of steps before a tape is zero for good
+    active: NDArray[np.int64]  # (H,) number of steps before a row of `control` is zero for good
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
     gates: Gates  # what to head for, one after the other, instead of the tape
     speed: float  # towards a gate [m/s]
@@ -76,6 +76,7 @@ class Kernels(NamedTuple):
     sample: Callable[..., None]  # fills Paths for a range of samples
     control: Callable[..., None]  # weighted sum of the controls that samples carried
     trace: Callable[..., None]  # states of chosen samples
+    added: Callable[..., None]  # weighted sum of what noise added to the controls of the guides
 
 
 def empty_paths(S: int, H: int, m: int) -> Paths:
@@ -174,11 +175,11 @@ def _build(
 
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
-    def one_path(world, guides, h, x0, seed, sample, ratio, states, applied, led_by):  # type: ignore[no-untyped-def]
+    def one_path(world, guides, h, x0, seed, sample, ratio, states, applied, led_by, base):  # type: ignore[no-untyped-def]
         """Simulate one sample; fill `ratio` (H,), `states` (T+1, n), `applied` and `led_by` (up to T, m) if not empty.
 
-        `applied` is the control carried up to the exit, as a mean over each step, `led_by` what the guide
-        did beyond its control at the start without the nearest wall.
+        `applied` is the control carried up to the exit, as a mean over each step, `led_by` the guide's part of it;
+        `base` (m,) is the guide's control at the start without the nearest wall.
         Returns work, class key, outcome, steps taken, time until the exit in the last of them.
         """
         field, goal, radius, p = world.field, world.goal, world.goal_radius, world.parameters
@@ -193,7 +194,7 @@ def _build(
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, world.inverse
         x, moved, f, y = x0.copy(), x0.copy(), np.zeros(n), np.empty(m)
         G, D, B = np.zeros((m, m)), world.gain.copy(), world.diffusion.copy()
-        a, pushed, base, stage = np.zeros((H, m)), np.zeros(m), np.zeros(m), np.zeros(H, np.int64)
+        a, pushed, stage = np.zeros((H, m)), np.zeros(m), np.zeros(H, np.int64)
         column, carried = np.empty((m, 1)), np.empty((m, 1))
         xx, xy, yy = covariance(B)
         steep = STEEP * D[0, 0]
@@ -256,12 +257,13 @@ def _build(
                         homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / B[0, 0]
                     a[g, 0] = homeward
                 else:
-                    busy = i < active[g]
                     for j in range(m):
-                        a[g, j] = drifts[g, i, j] if busy and not varying else 0.0
-                        if varying and busy:
-                            for k in range(m):
-                                a[g, j] += D[j, k] * controls[g, i, k]
+                        a[g, j] = 0.0
+                if i < active[g]:
+                    for j in range(m):
+                        a[g, j] += 0.0 if varying else drifts[g, i, j]
+                        for k in range(m if varying else 0):
+                            a[g, j] += D[j, k] * controls[g, i, k]
                 if near:
                     for j in range(m):
                         a[g, j] += pushed[j]
@@ -352,9 +354,7 @@ def _build(
                         if part == 1:
                             base[j] = u
                         else:
-                            led_by[i, j] = u
-                for j in range(m):
-                    led_by[i, j] = (led_by[i, j] - base[j]) * until / dt
+                            led_by[i, j] = u * until / dt
             work += (q(x, p) if varying_rate else world.rate) * dt * share
             for j in range(n):
                 x[j] = moved[j]
@@ -368,13 +368,13 @@ def _build(
     def sample(world, guides, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
         nothing = np.empty((0, 1))
         window, times = guides.window, guides.times
-        applied, led_by = np.empty((window, m)), np.empty((window, m))
+        applied, led_by, base = np.empty((window, m)), np.empty((window, m)), np.empty(m)
         h = 0
         for s in range(start, stop):
             while s >= guides.first[h + 1]:
                 h += 1
             work, key, outcome, steps, last = one_path(
-                world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, applied, led_by
+                world, guides, h, x0, seed, s, paths.log_ratio[s], nothing, applied, led_by, base
             )
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
             for i in range(min(steps, window)):
@@ -382,19 +382,19 @@ def _build(
                 alive = last if i == steps - 1 else dt
                 paths.span[s] += alive
                 for j in range(m):
-                    paths.now[s, j] += dt * (applied[i, j] - led_by[i, j])
+                    paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + alive * base[j]
 
     @kernel
     def control(world, guides, x0, seed, chosen, group, weight, total, alive):  # type: ignore[no-untyped-def]
         """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
         nothing, ratio = np.empty((0, 1)), np.empty(0)
-        applied = np.zeros((guides.control.shape[1], m))
+        applied, base = np.zeros((guides.control.shape[1], m)), np.empty(m)
         h = 0
         for c in range(chosen.shape[0]):
             s, g = chosen[c], group[c]
             while s >= guides.first[h + 1]:
                 h += 1
-            _, _, _, steps, _ = one_path(world, guides, h, x0, seed, s, ratio, nothing, applied, nothing)
+            _, _, _, steps, _ = one_path(world, guides, h, x0, seed, s, ratio, nothing, applied, nothing, base)
             for i in range(steps):
                 alive[g, i] += weight[c]
                 for j in range(m):
@@ -402,9 +402,23 @@ def _build(
 
     @kernel
     def trace(world, guides, x0, seed, chosen, states, steps):  # type: ignore[no-untyped-def]
-        nothing, ratio = np.empty((0, 1)), np.empty(0)
+        nothing, ratio, base = np.empty((0, 1)), np.empty(0), np.empty(m)
         for c in range(chosen.shape[0]):
             h = np.searchsorted(guides.first, chosen[c], side="right") - 1
-            _, _, _, steps[c], _ = one_path(world, guides, h, x0, seed, chosen[c], ratio, states[c], nothing, nothing)
+            _, _, _, steps[c], _ = one_path(
+                world, guides, h, x0, seed, chosen[c], ratio, states[c], nothing, nothing, base
+            )
 
-    return Kernels(sample, control, trace)
+    @kernel
+    def added(world, guides, x0, seed, chosen, weight, total):  # type: ignore[no-untyped-def]
+        """Add weight times what noise added to the control of its guide to total[guide] (H, T, m)."""
+        nothing, ratio, T = np.empty((0, 1)), np.empty(0), guides.control.shape[1]
+        applied, led_by, base = np.zeros((T, m)), np.zeros((T, m)), np.empty(m)
+        for c in range(chosen.shape[0]):
+            h = np.searchsorted(guides.first, chosen[c], side="right") - 1
+            _, _, _, steps, _ = one_path(world, guides, h, x0, seed, chosen[c], ratio, nothing, applied, led_by, base)
+            for i in range(steps):
+                for j in range(m):
+                    total[h, i, j] += weight[c] * (applied[i, j] - led_by[i, j])
+
+    return Kernels(sample, control, trace, added)

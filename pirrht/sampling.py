@@ -25,6 +25,7 @@ class Sampling:
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
     guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
     window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
+    rounds: int = 1  # the samples of a plan are drawn in so many; each corrects the guides of the next
     allocation: str = "contribution"  # of a point's samples: by what references "contribution"ed, or "equal" (paper)
     threads: int | None = None  # None: all cores this process may use; results do not depend on it
 
@@ -35,6 +36,8 @@ class Sampling:
             raise OptionError(f"first is {self.first:g}; it must be a positive number of seconds")
         if not (np.isfinite(self.window) and self.window >= 0):
             raise OptionError(f"window is {self.window:g}; it must be a number of seconds")
+        if self.rounds < 1:
+            raise OptionError(f"rounds is {self.rounds}; at least 1 is needed")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
         choices = {"exit": EXITS, "weights": WEIGHTS, "guide": GUIDES, "allocation": ALLOCATIONS}

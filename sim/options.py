@@ -49,6 +49,7 @@ class Settings:
     weights: str = "balance"
     between: str = "classes"
     guide: str = "feedback"
+    rounds: int = 1
     allocation: str = "contribution"
     polish: bool = True
     max_time: float = 30.0
@@ -62,7 +63,7 @@ class Settings:
                 raise OptionError(f"--{_flag(name)} is {value:g}; it must be a positive number")
         if np.isnan(self.phi) or self.phi < 0:
             raise OptionError(f"--phi is {self.phi:g}; it must be 0 or more ('inf' is allowed)")
-        least = {"seed": 0, "vertices": 1, "classes": 0, "samples": 1, "threads": 1, "plan_seed": 0}
+        least = {"seed": 0, "vertices": 1, "classes": 0, "samples": 1, "rounds": 1, "threads": 1, "plan_seed": 0}
         for name, bound in least.items():
             value = getattr(self, name)
             if value is not None and value < bound:

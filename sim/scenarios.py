@@ -115,6 +115,7 @@ class Scenario:
             weights=s.weights,
             guide=s.guide,
             allocation=s.allocation,
+            rounds=s.rounds,
             threads=s.threads,
         )
 

@@ -563,8 +563,17 @@ def test_a_finite_final_cost_gives_a_value_even_when_every_sample_collides():
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"dt": 0.0}, {"dt": np.nan}, {"first": -1.0}, {"samples": 0}, {"exit": "no"}, {"weights": "no"}, {"guide": "no"},
-     {"allocation": "no"}],  # fmt: skip
+    [
+        {"dt": 0.0},
+        {"dt": np.nan},
+        {"first": -1.0},
+        {"samples": 0},
+        {"exit": "no"},
+        {"weights": "no"},
+        {"guide": "no"},
+        {"allocation": "no"},
+        {"rounds": 0},
+    ],
 )
 def test_sampling_refuses_by_name(wrong):
     with pytest.raises(OptionError, match=next(iter(wrong))):

@@ -22,7 +22,7 @@ from pirrht.sampling import Sampling
 from pirrht.scene import Array, Goal, Scene
 from pirrht.steering import StraightLine
 from pirrht.tree import HomologyTree
-from sim.scenarios import Scenario
+from sim.scenarios import Scenario, prepare
 
 HALF, NOISE = 0.5, 0.5  # of the strip: half its width L [m], b [m/sqrt(s)]
 X = np.array([0.2, 0.0])
@@ -40,12 +40,18 @@ def strip() -> tuple[Problem, FreeSpace]:
     )
 
 
-def to_both_sides(integral: PathIntegral, seed: int, **options) -> Estimate:
-    """Around a reference to each side of the strip."""
+def both_sides(integral: PathIntegral) -> tuple[Array, Array, list[Array]]:
+    """Steps, tapes and corners of a reference to each side of the strip."""
     times = integral.grid(2.0 * (HALF - X[0]))
     steering, ends = StraightLine(pace=1.0), [np.array([side * HALF, 0.0]) for side in (1.0, -1.0)]
     tapes = np.array([steering.trajectory(steering.connect(X, end)).tape(times) for end in ends])
     corners = [np.array([X + 20.0 * (end - X)]) for end in ends]
+    return times, tapes, corners
+
+
+def to_both_sides(integral: PathIntegral, seed: int, **options) -> Estimate:
+    """Around a reference to each side of the strip."""
+    times, tapes, corners = both_sides(integral)
     return integral.estimate(integral.rollout(X, times, tapes, seed, corners=corners, **options))
 
 
@@ -100,9 +106,9 @@ def agree(one: Array, other: Array, *, errors: float = 3.0) -> bool:
 
 @pytest.mark.parametrize("weights", ["balance", "average"])
 def test_unequal_counts_leave_the_mean_of_psi_over_1000_repeats(strip, weights):
-    integral = PathIntegral(*strip, Sampling(dt=0.05, guide="open-loop", weights=weights))
-    equal = desirability(integral, 1000, counts=[100, 100])
-    for counts in ([170, 30], [30, 170]):
+    integral = PathIntegral(*strip, Sampling(dt=0.1, guide="open-loop", weights=weights, threads=1))
+    equal = desirability(integral, 1000, counts=[50, 50])
+    for counts in ([85, 15], [15, 85]):
         assert agree(desirability(integral, 1000, counts=counts), equal), counts
 
 
@@ -157,3 +163,61 @@ def test_the_controller_shares_samples_out_from_its_second_plan_on(slit: Scenari
     assert min(second) >= 15
     adaptive.begin(slit.start)
     assert drawn(adaptive) == [100, 100, 100]
+
+
+# -- rounds ------------------------------------------------------------------------------------------------------
+
+
+def in_rounds(integral: PathIntegral, seed: int, **options) -> Estimate:
+    """As `to_both_sides`, in the rounds that the settings ask for."""
+    times, tapes, corners = both_sides(integral)
+    return integral.sample(X, times, tapes, seed, corners=corners, **options)
+
+
+def test_rounds_leave_the_mean_of_psi_over_1000_repeats(strip):
+    once, twice = (PathIntegral(*strip, Sampling(dt=0.1, samples=30, rounds=r, threads=1)) for r in (1, 2))
+    one = np.exp([in_rounds(once, seed).log_psi for seed in range(1000)])
+    two = np.exp([in_rounds(twice, seed).log_psi for seed in range(1000, 2000)])
+    assert agree(one, two)
+
+
+def test_a_correction_leads_samples_the_way_the_optimal_control_does(strip):
+    """Around a tape that stands still noise has to do all the work."""
+    integral = PathIntegral(*strip, Sampling(dt=0.05, samples=40000, guide="open-loop", rounds=2))
+    times = integral.grid(2.0 * (HALF - X[0]))
+    still = np.zeros((1, len(times) - 1, 2))
+    first = integral.rollout(X, times, still, 0)
+    correction = integral.correction(first)
+    plain = integral.estimate(first)
+    assert 0.3 * plain.control[0] < correction[0, 0, 0] < plain.control[0]  # less later on, as samples have left
+    assert np.abs(correction[0, :3, 1]).max() < 0.05
+    led = integral.estimate(integral.rollout(X, times, still, 1, correction=correction))
+    assert led.value == pytest.approx(plain.value, abs=4.0 * np.hypot(led.value_error, plain.value_error))
+    assert led.value_error < plain.value_error
+
+
+def test_one_round_is_a_plain_estimate_and_more_share_its_samples(strip):
+    for rounds in (1, 2, 3):
+        integral = PathIntegral(*strip, Sampling(dt=0.05, samples=100, rounds=rounds))
+        estimate = in_rounds(integral, 4)
+        assert [part.size for part in estimate.parts] == {1: [200], 2: [100, 100], 3: [68, 66, 66]}[rounds]
+        assert sum(estimate.proposal_weights) == pytest.approx(1.0)
+        assert sum(estimate.class_weights.values()) == pytest.approx(1.0)
+        assert len(estimate.weight) == estimate.rollouts.size
+        assert estimate.alive[0] == pytest.approx(1.0, abs=1e-4)
+        assert np.isfinite(estimate.tape).all()
+        _, steps = integral.trace(estimate.rollouts, np.arange(3))
+        np.testing.assert_array_equal(steps, estimate.rollouts.paths.steps[:3])
+        if rounds == 1:
+            np.testing.assert_array_equal(estimate.tape, to_both_sides(integral, 4).tape)
+
+
+def test_rounds_of_a_car_correct_its_guides_too():
+    scenario = prepare("clutter", given={"vertices": 300, "samples": 40, "rounds": 2, "classes": 2})
+    controller = scenario.controller(scenario.grown_tree())
+    estimate = controller.plan(scenario.start).estimate
+    assert estimate is not None
+    assert len(estimate.parts) == 2
+    first, second = (part.guides.control for part in estimate.parts)
+    assert not first.any()
+    assert second.any()
