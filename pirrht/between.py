@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pirrht.gates import Gates, heading
+from pirrht.gates import Gates, gates_of, heading
 from pirrht.guides import Guide
 from pirrht.path_integral import Estimate
 from pirrht.problem import Problem
@@ -94,6 +94,9 @@ class Memory:
     problem: Problem
     fade: float = MEMORY  # [s]; 0: only the last plan counts
     _last: Law | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        towards_gates(gates_of([np.ones((1, 2))], np.zeros(2), 1.0), 1.0)[0](np.zeros(2), 0.0)  # compiles it
 
     def forget(self) -> None:
         """Start anew."""
