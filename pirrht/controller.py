@@ -15,6 +15,7 @@ from pirrht.guides import FEW, Guide
 from pirrht.homology import class_id, integers
 from pirrht.path_integral import Estimate, PathIntegral, Sampling
 from pirrht.problem import Problem
+from pirrht.rounds import sample
 from pirrht.scene import Array
 from pirrht.steering import Trajectory
 from pirrht.threads import mapped
@@ -180,8 +181,16 @@ class Controller:
         if self.allocation is not None and ids:
             counts = self.allocation.counts(ids)
         try:
-            estimate = estimator.sample(
-                x, times, tapes, seed, counts=counts, corners=self._corners(trajectories), guides=guides, classes=names
+            estimate = sample(
+                estimator,
+                x,
+                times,
+                tapes,
+                seed,
+                counts=counts,
+                corners=self._corners(trajectories),
+                guides=guides,
+                classes=names,
             )
             if self.allocation is not None:
                 self.allocation.learn(ids, estimate)

@@ -34,8 +34,6 @@ TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are 
 AVERAGED = 0.02  # near walls and goal the control now is averaged over leading steps of this length together [s]
 SHARE = 0.25  # of the time in which noise carries a path to the nearest of them
 SHARPER = 0.2  # of a rollout step's noise: nearer than half of that a wall pushes the robot no harder
-DOUBT = 10.0  # a correction found by so many effective samples is halved
-SMOOTH = 0.2  # corrections are averaged over about this time [s]
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to the tape
 
 
@@ -122,63 +120,6 @@ class PathIntegral:
             NoSurvivingSample: no sample has any weight.
         """
         return weigh(self, [rollouts], classes)
-
-    def sample(
-        self,
-        x: Array,
-        times: Array,
-        controls: Array,
-        seed: int,
-        *,
-        counts: Sequence[int] | None = None,
-        corners: Sequence[Array] | None = None,
-        guides: Sequence[Guide | None] | None = None,
-        classes: Mapping[int, str] | None = None,
-    ) -> Estimate:
-        """Sample paths as `rollout` does, in `rounds` rounds, and weigh them all.
-
-        After each round the guides are corrected by what its noise added to them in the weighted mean.
-
-        Raises:
-            NoSurvivingSample: no sample has any weight.
-        """
-        number = np.full(len(controls), self.sampling.samples) if counts is None else np.asarray(counts)
-        rounds = min(self.sampling.rounds, int(number.min()))
-        parts: list[Rollouts] = []
-        correction: Array | None = None
-        for r in range(rounds):
-            parts.append(
-                self.rollout(
-                    x, times, controls, _seed(seed, r), counts=(number // rounds + (r < number % rounds)).tolist(),
-                    corners=corners, guides=guides, correction=correction,
-                )
-            )  # fmt: skip
-            if r + 1 < rounds:
-                found = self.correction(parts[-1])
-                correction = found if correction is None else correction + found
-        return weigh(self, parts, classes)
-
-    def correction(self, rollouts: Rollouts) -> Array:
-        """What noise adds to each guide in the mean of its own weighted samples, (H, T, m), smooth in time.
-
-        It is shrunk where few samples tell.
-        """
-        guides = rollouts.guides
-        total = np.zeros_like(guides.control)
-        weight, trust = np.zeros(rollouts.size), np.zeros(len(total))
-        for h, (a, b) in enumerate(zip(guides.first[:-1], guides.first[1:], strict=True)):
-            own = rollouts.log_weight[a:b]
-            if np.isfinite(own.max()):
-                relative = np.exp(own - own.max())
-                weight[a:b] = relative / relative.sum()
-                size = 1.0 / float(np.sum(weight[a:b] ** 2))
-                trust[h] = size / (size + DOUBT)
-        chosen = np.flatnonzero(weight > NEGLIGIBLE)
-        self.kernels.added(self.world, guides, rollouts.x0, np.uint64(rollouts.seed), chosen, weight[chosen], total)
-        middle, steps = 0.5 * (guides.times[1:] + guides.times[:-1]), np.diff(guides.times)
-        smooth = np.exp(-0.5 * ((middle[:, None] - middle) / SMOOTH) ** 2) * steps
-        smooth /= smooth.sum(axis=1, keepdims=True)
-        return np.asarray(trust[:, None, None] * np.einsum("ij,hjm->him", smooth, total))
 
     def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
         """States (c, T+1, n) of chosen samples (c,), and the number of steps each took, (c,)."""
@@ -327,11 +268,6 @@ def _world(problem: Problem, space: FreeSpace, bridge: bool) -> World:
         rate=0.0 if callable(problem.q) else float(problem.q),
         bridge=bridge,
     )
-
-
-def _seed(seed: int, r: int) -> int:
-    """Seed of a round; that of the first is the plan's own."""
-    return seed if r == 0 else int(np.random.SeedSequence([seed, r]).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
 @cache

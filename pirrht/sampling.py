@@ -26,6 +26,8 @@ class Sampling:
     guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
     window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
     rounds: int = 1  # the samples of a plan are drawn in so many; each corrects the guides of the next
+    target: float | None = None  # sample on until u's standard error is no larger: consistent, not unbiased
+    budget: int | None = None  # with a target, samples around each reference at most; None: 16 N
     allocation: str = "contribution"  # of a point's samples: by what references "contribution"ed, or "equal" (paper)
     threads: int | None = None  # None: all cores this process may use; results do not depend on it
 
@@ -38,9 +40,18 @@ class Sampling:
             raise OptionError(f"window is {self.window:g}; it must be a number of seconds")
         if self.rounds < 1:
             raise OptionError(f"rounds is {self.rounds}; at least 1 is needed")
+        if self.target is not None and not self.target > 0:
+            raise OptionError(f"target is {self.target:g}; it must be a positive standard error of the control")
+        if self.budget is not None and (self.target is None or self.budget < self.samples):
+            raise OptionError(f"budget is {self.budget}; it needs a target and at least the {self.samples} samples")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
         choices = {"exit": EXITS, "weights": WEIGHTS, "guide": GUIDES, "allocation": ALLOCATIONS}
         for name, known in choices.items():
             if getattr(self, name) not in known:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
+
+    @property
+    def most(self) -> int:
+        """Samples around each reference at most, under a target."""
+        return 16 * self.samples if self.budget is None else self.budget

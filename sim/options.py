@@ -50,6 +50,8 @@ class Settings:
     between: str = "classes"
     guide: str = "feedback"
     rounds: int = 1
+    target_error: float | None = None
+    budget: int | None = None
     allocation: str = "contribution"
     polish: bool = True
     max_time: float = 30.0
@@ -68,6 +70,10 @@ class Settings:
             value = getattr(self, name)
             if value is not None and value < bound:
                 raise OptionError(f"--{_flag(name)} is {value}; it must be a whole number of at least {bound}")
+        if self.target_error is not None and not self.target_error > 0:
+            raise OptionError(f"--target-error is {self.target_error:g}; it must be a positive number")
+        if self.budget is not None and (self.target_error is None or self.budget < self.samples):
+            raise OptionError(f"--budget is {self.budget}; it needs --target-error and at least --samples")
         choices = {
             "method": METHODS,
             "plant": PLANTS,

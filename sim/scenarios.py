@@ -116,6 +116,8 @@ class Scenario:
             guide=s.guide,
             allocation=s.allocation,
             rounds=s.rounds,
+            target=s.target_error,
+            budget=s.budget,
             threads=s.threads,
         )
 

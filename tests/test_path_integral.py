@@ -573,6 +573,8 @@ def test_a_finite_final_cost_gives_a_value_even_when_every_sample_collides():
         {"guide": "no"},
         {"allocation": "no"},
         {"rounds": 0},
+        {"target": 0.0},
+        {"budget": 100},
     ],
 )
 def test_sampling_refuses_by_name(wrong):
