@@ -29,6 +29,11 @@ METHODS = {
 }
 BETWEEN = ("classes", "hold")
 TREELESS = ("passive", "optimal")
+REMEMBERED = 4  # one in so many samples of a reference is drawn around the last plan's tape as well
+
+Proposals = tuple[
+    Array, list[int] | None, list[Array] | None, list[Guide | None] | None
+]  # tapes, counts, corners, guides
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -178,19 +183,16 @@ class Controller:
         fallback: str | None = None
         instead: Array | None = None
         guides, counts = self._lead(x, times, references)
+        corners = self._corners(trajectories)
         if self.allocation is not None and ids:
             counts = self.allocation.counts(ids)
+        proposals = tapes, counts, corners, guides
+        if estimator.sampling.memory and ids and self._previous is not None:
+            proposals = self._with_last(times, self._previous, *proposals)
         try:
+            around, counts, corners, led = proposals
             estimate = sample(
-                estimator,
-                x,
-                times,
-                tapes,
-                seed,
-                counts=counts,
-                corners=self._corners(trajectories),
-                guides=guides,
-                classes=names,
+                estimator, x, times, around, seed, counts=counts, corners=corners, guides=led, classes=names
             )
             if self.allocation is not None:
                 self.allocation.learn(ids, estimate)
@@ -228,10 +230,30 @@ class Controller:
         if guides is not None:
             leads = {name: along_guide(guide) for name, guide in zip(ids, guides, strict=True) if guide is not None}
         elif steered.gates.count.any():
-            leads = dict(zip(ids, towards_gates(steered.gates, steered.speed), strict=True))
+            leads = dict(zip(ids, towards_gates(steered.gates, steered.speed), strict=False))
         source = estimate.source
         elapsed, self._unpooled = self._unpooled, 0.0
         return self.memory.law(estimate, leads, lambda x, s: source.push(x, steered), elapsed)
+
+    def _with_last(
+        self,
+        times: Array,
+        last: Plan,
+        tapes: Array,
+        counts: list[int] | None,
+        corners: list[Array] | None,
+        guides: list[Guide | None] | None,
+    ) -> Proposals:
+        """One more proposal for fewer samples: what is left of the last plan's tape, without feedback."""
+        N = self.path_integral.sampling.samples
+        rest = np.asarray(shifted(last.times, last.tape, times + self._since))
+        number = [N] * len(tapes) if counts is None else counts
+        return (
+            np.concatenate([tapes, rest[None]]),
+            [*number, max(1, N // REMEMBERED)],
+            None if corners is None else [*corners, np.zeros((0, 2))],
+            None if guides is None else [*guides, None],
+        )
 
     def _references(self, x: Array) -> list[Reference]:
         if self.method == "passive" or self.tree is None:
@@ -317,6 +339,13 @@ class Controller:
         if plan.fallback != "no reference":
             self._previous, self._since = plan, 0.0
         return plan
+
+
+def shifted(times: Array, tape: Array, then: Array) -> Array:
+    """Means (T, m) of a tape (k, m) with step ends `times` (k+1,) over the steps that end at `then` (T+1,) [s]."""
+    whole = np.vstack([np.zeros(tape.shape[1]), np.cumsum(tape * np.diff(times)[:, None], axis=0)])
+    at = np.column_stack([np.interp(then, times, column) for column in whole.T])
+    return np.asarray(np.diff(at, axis=0) / np.diff(then)[:, None])
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:

@@ -28,6 +28,7 @@ class Sampling:
     rounds: int = 1  # the samples of a plan are drawn in so many; each corrects the guides of the next
     target: float | None = None  # sample on until u's standard error is no larger: consistent, not unbiased
     budget: int | None = None  # with a target, samples around each reference at most; None: 16 N
+    memory: bool = False  # N/4 more samples around what is left of the last plan's tape, open loop
     allocation: str = "contribution"  # of a point's samples: by what references "contribution"ed, or "equal" (paper)
     threads: int | None = None  # None: all cores this process may use; results do not depend on it
 

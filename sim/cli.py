@@ -131,6 +131,12 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
         help="samples of a puck go to the references by contribution in earlier plans, or equal (paper)",
     )
     planner.add_argument(
+        "--memory",
+        action="store_true",
+        default=None,
+        help="N/4 more samples around what is left of the last plan's tape",
+    )
+    planner.add_argument(
         "--no-polish",
         dest="polish",
         action="store_false",

@@ -49,6 +49,7 @@ class Settings:
     weights: str = "balance"
     between: str = "classes"
     guide: str = "feedback"
+    memory: bool = False
     rounds: int = 1
     target_error: float | None = None
     budget: int | None = None
