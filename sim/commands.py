@@ -68,7 +68,7 @@ def plan(arguments: argparse.Namespace) -> int:
     if arguments.png:
         figures.draw_plan(arguments.png, scenario, tree, references)
     if convergence is not None:
-        figures.draw_convergence(arguments.convergence, scenario.loaded.scene.name, convergence)
+        figures.draw_convergence(arguments.convergence, scenario.loaded.scene.name, convergence, references)
     return 0
 
 

@@ -23,6 +23,7 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     size = scene.upper - scene.lower
     figure, axes = plt.subplots(figsize=(8.0, 6.2 * float(size[1] / size[0]) + 0.8), layout="constrained")
     draw_scene(axes, scenario)
+    number_obstacles(axes, scenario)
     draw_tree(axes, tree)
     colors = ClassColors()
     colors.meet(reference.id for reference in references)
@@ -39,27 +40,32 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     _save(plt, figure, path, "--png")
 
 
-def draw_convergence(path: Path, scene: str, convergence: Convergence, *, at_most: int = 16) -> None:
+def draw_convergence(
+    path: Path, scene: str, convergence: Convergence, references: Sequence[Reference], *, at_most: int = 16
+) -> None:
     """Write the lengths of the best path per class against the iteration, like the paper's Fig. 3a."""
     plt = pyplot("--convergence")
     figure, axes = plt.subplots(figsize=(8.0, 4.8), layout="constrained")
     colors = ClassColors()
-    for c, name in enumerate(convergence.ids[:at_most]):
-        lengths = np.where(np.isfinite(convergence.lengths[:, c]), convergence.lengths[:, c], np.nan)
-        label = f"{title(name)}: {convergence.lengths[-1, c]:.2f} m"
+    colors.meet(reference.id for reference in references)
+    taut = {reference.id: reference.length for reference in references}
+    shown = [name for name in taut if name in convergence.ids][:at_most]
+    for name in shown:
+        lengths = convergence.lengths[:, convergence.ids.index(name)]
+        label = f"{title(name)}: {lengths[-1]:.2f} m, taut {taut[name]:.2f}"
+        lengths = np.where(np.isfinite(lengths), lengths, np.nan)
         axes.step(convergence.iterations, lengths, where="post", color=_rgb(colors[name]), lw=1.6, label=label)
-    axes.set_xlabel("iteration")
-    axes.set_ylabel("length of the best path per class [m]")
-    axes.set_title(f"{scene}: {convergence.vertices[-1]} vertices, {len(convergence.ids)} classes seen", fontsize=10)
+        end = convergence.iterations[-1]
+        axes.plot([0.97 * end, 1.03 * end], [taut[name]] * 2, color=_rgb(colors[name]), lw=1.6, ls=":")
+    if shown:  # first paths may be several times as long as the last ones: those are what one looks at
+        axes.set_ylim(0.97 * min(taut.values()), 1.5 * max(taut[name] for name in shown))
+    axes.set_xlabel("iteration (random states drawn)")
+    axes.set_ylabel("length of the tree's best path per class [m]")
+    axes.set_title(f"{scene}: {convergence.vertices[-1]} vertices; dotted: pulled taut within the class", fontsize=10)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(
-        fontsize=8,
-        loc="upper left",
-        bbox_to_anchor=(1.01, 1.0),
-        frameon=False,
-        title="class: shortest path",
-        title_fontsize=8,
+        fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, title="class", title_fontsize=8
     )
     _save(plt, figure, path, "--convergence")
 
@@ -83,6 +89,12 @@ def draw_scene(axes: Any, scenario: Scenario) -> None:
     axes.set_ylim(scene.lower[1] - margin, scene.upper[1] + margin)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
+
+
+def number_obstacles(axes: Any, scenario: Scenario) -> None:
+    """The numbers by which classes name the topological obstacles, from 1, at their markers."""
+    for i, (x, y) in enumerate(scenario.space.homology.markers, 1):
+        axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
 
 
 def draw_tree(axes: Any, tree: HomologyTree) -> None:
@@ -145,7 +157,7 @@ def _surface(kind: str, size: Array) -> Array:
 
 def _save(plt: Any, figure: Any, path: Path, option: str) -> None:
     try:
-        figure.savefig(path, dpi=150)
+        figure.savefig(path, dpi=150, bbox_inches="tight")
     except (OSError, ValueError) as error:
         raise OptionError(f"{option} {path}: {error}; give a file that ends in .png, .pdf or .svg") from None
     finally:

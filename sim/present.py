@@ -23,6 +23,8 @@ from pirrht.tree import HomologyTree, Reference
 from sim.colors import title
 from sim.scenarios import Scenario
 
+FEW_CLASSES = 4
+
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Columns padded to their widest cell; the first is left-aligned, the others right."""
@@ -64,13 +66,16 @@ def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], tru
     With a truth also the errors.
     """
     off = [] if truth is None else ["v error", "u error"]
+    if len(ids) > FEW_CLASSES:  # too wide for a terminal; JSON has them all
+        ids = [name for name in ids if any(e and e.class_weights.get(name, 0.0) >= 5e-4 for e in estimates)]
     header = ["repeat", "value", "v stderr", "control", "u stderr", *off, "ESS", *map(title, ids), "other"]
     rows = []
     for i, e in enumerate(estimates):
         if e is None:
             rows.append([str(i), "none", "-", "none", "-", *["-"] * len(off), "0", *["-"] * (len(ids) + 1)])
             continue
-        weights = [f"{e.class_weights.get(name, 0.0):.3f}" for name in [*ids, "other"]]
+        known = [e.class_weights.get(name, 0.0) for name in ids]
+        weights = [f"{weight:.3f}" for weight in [*known, max(0.0, 1.0 - sum(known))]]
         errors = [] if truth is None else [f"{error:+.4f}" for error in truth.errors(e)]
         value = [f"{e.value:.4f}", f"{e.value_error:.4f}"]
         control = [_vector(e.control), "(" + ", ".join(f"{error:.3f}" for error in e.control_error) + ")"]

@@ -329,3 +329,17 @@ def test_help_ends_well(capsys, command):
         main([*command.split(), "--help"])
     assert caught.value.code == 0
     assert "usage: pirrht" in capsys.readouterr().out
+
+
+def test_plan_tells_the_lengths_per_class_while_the_tree_grew(tmp_path: Path):
+    picture, numbers = tmp_path / "lengths.png", tmp_path / "plan.json"
+    words = ["plan", "slit", "--vertices", "200", "--convergence", str(picture), "--json", str(numbers)]
+    assert main(words) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    told = json.loads(numbers.read_text())
+    watched = told["convergence"]
+    assert watched["vertices"][-1] == 200
+    for known in told["classes"]:
+        lengths = watched["lengths"][known["id"]]
+        assert len(lengths) == len(watched["iterations"])
+        assert known["length"] <= lengths[-1] + 1e-9
