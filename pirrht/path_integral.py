@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +24,7 @@ from pirrht.problem import Problem
 from pirrht.rollout import Guides, Kernels, World, empty_paths, kernels_for
 from pirrht.sampling import EXITS, GUIDES, WEIGHTS, Sampling
 from pirrht.scene import Array
+from pirrht.threads import mapped
 
 __all__ = ["EXITS", "GUIDES", "OTHER", "WEIGHTS", "Estimate", "PathIntegral", "Rollouts", "Sampling"]
 
@@ -183,12 +182,11 @@ class PathIntegral:
         Besides the guide, which is followed exactly, the optimal control changes near walls and goal: about as fast as
         noise carries a path there.
         """
-        B = self.problem.dynamics.B_c(x)
         goal = self.space.scene.goal
         near = min(
             float(clearance(self.space.field, x[0], x[1])), float(np.hypot(*(x[:2] - goal.center))) - goal.radius
         )
-        longest = min(max(SHARE * near**2 * len(B) / float(np.trace(B @ B.T)), AVERAGED), self.sampling.window)
+        longest = min(max(SHARE * near**2 / self._noise(x), AVERAGED), self.sampling.window)
         return max(1, int(np.searchsorted(times, longest + 1e-9, side="right")) - 1)
 
     def push(self, x: Array, guides: Guides) -> Array:
@@ -215,16 +213,18 @@ class PathIntegral:
         R = self.problem.control_cost(x)
         return float(np.sqrt(2.0 * self.problem.least_rate / (np.trace(R) / len(R))))
 
-    def _decay(self, x: Array) -> float:
-        """k of psi in free space, exp(-k r) [1/m]; 1 for what moves otherwise than by noise."""
+    def _noise(self, x: Array) -> float:
+        """Variance per second of an actuated state, their mean."""
         B = self.problem.dynamics.B_c(x)
-        noise = float(np.trace(B @ B.T)) / len(B)
-        return float(np.sqrt(2.0 * self.problem.least_rate / (self.temperature * noise)))
+        return float(np.trace(B @ B.T)) / len(B)
+
+    def _decay(self, x: Array) -> float:
+        """k of psi = exp(-k r) in free space [1/m]; gates, of points that noise moves, are its only use."""
+        return float(np.sqrt(2.0 * self.problem.least_rate / (self.temperature * self._noise(x))))
 
     def _reach(self, x: Array) -> float:
         """How far noise carries a path in the time over which walls are anticipated [m]."""
-        B = self.problem.dynamics.B_c(x)
-        return float(np.sqrt(2.0 * np.trace(B @ B.T) / len(B) * ANTICIPATION))
+        return float(np.sqrt(2.0 * self._noise(x) * ANTICIPATION))
 
     def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
         """Open-loop controls of groups of samples, each with weights normalised within the group.
@@ -270,15 +270,10 @@ def _world(problem: Problem, space: FreeSpace, bridge: bool) -> World:
     )
 
 
-@cache
-def _pool(threads: int, process: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads)
-
-
 def _in_parallel(work, count: int, threads: int) -> None:  # type: ignore[no-untyped-def]
     """Split a range of samples over threads; what a sample is does not depend on the split."""
     if threads == 1 or count < 64:
         work((0, count))
         return
     edges = np.linspace(0, count, 2 * threads + 1).astype(int)
-    list(_pool(threads, os.getpid()).map(work, zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)))
+    mapped(work, zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True), threads)

@@ -30,7 +30,7 @@ def main() -> int:
     parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` and `ess` (1)")
     parser.add_argument(
         "--part",
-        choices=("grid", "control", "psi", "shares", "drives"),
+        choices=PARTS,
         default="control",
         help="of `quality` (control)",
     )
