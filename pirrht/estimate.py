@@ -158,6 +158,16 @@ def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] 
     )
 
 
+def normalised(log_weight: Array) -> tuple[Array, float]:
+    """Weights (S,) that sum to 1 and their effective sample size; zeros and 0 where no sample has any weight."""
+    top = float(log_weight.max(initial=-np.inf))
+    if not np.isfinite(top):
+        return np.zeros(len(log_weight)), 0.0
+    relative = np.exp(log_weight - top)
+    weight: Array = relative / relative.sum()
+    return weight, float(1.0 / np.sum(weight**2))
+
+
 def _log_mean(log_ratio: Array, share: Array) -> Array:
     """log sum_g share_g exp(log_ratio_g), row by row."""
     top = log_ratio.max(axis=1)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.clearance import clearance
-from pirrht.estimate import OTHER, Estimate, Rollouts, log_weights, weigh
+from pirrht.estimate import OTHER, Estimate, Rollouts, log_weights, normalised, weigh
 from pirrht.exits import survivors_slope
 from pirrht.freespace import FreeSpace
 from pirrht.gates import gates_of
@@ -239,11 +239,8 @@ class PathIntegral:
         total, alive, ess = np.zeros((len(groups), T, m)), np.zeros((len(groups), T)), np.zeros(len(groups))
         weight, group = np.zeros(rollouts.size), np.full(rollouts.size, -1, dtype=np.int64)
         for g, mask in enumerate(groups):
-            own = rollouts.log_weight[mask]
-            if len(own) and np.isfinite(own.max()):
-                relative = np.exp(own - own.max())
-                weight[mask], group[mask] = relative / relative.sum(), g
-                ess[g] = relative.sum() ** 2 / np.sum(relative**2)
+            weight[mask], ess[g] = normalised(rollouts.log_weight[mask])
+            group[mask] = g
         chosen = np.flatnonzero(weight > NEGLIGIBLE)
         self.kernels.control(
             self.world, rollouts.guides, rollouts.x0, np.uint64(rollouts.seed), chosen, group[chosen],

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimate import Estimate, Rollouts, weigh
+from pirrht.estimate import Estimate, Rollouts, normalised, weigh
 from pirrht.guides import Guide
 from pirrht.path_integral import NEGLIGIBLE, PathIntegral
 from pirrht.scene import Array
@@ -92,12 +92,8 @@ def correction_by(integral: PathIntegral, rollouts: Rollouts) -> Array:
     total = np.zeros_like(guides.control)
     weight, trust = np.zeros(rollouts.size), np.zeros(len(total))
     for h, (a, b) in enumerate(zip(guides.first[:-1], guides.first[1:], strict=True)):
-        own = rollouts.log_weight[a:b]
-        if np.isfinite(own.max(initial=-np.inf)):
-            relative = np.exp(own - own.max())
-            weight[a:b] = relative / relative.sum()
-            size = 1.0 / float(np.sum(weight[a:b] ** 2))
-            trust[h] = size / (size + DOUBT)
+        weight[a:b], size = normalised(rollouts.log_weight[a:b])
+        trust[h] = size / (size + DOUBT)
     chosen = np.flatnonzero(weight > NEGLIGIBLE)
     integral.kernels.added(integral.world, guides, rollouts.x0, np.uint64(rollouts.seed), chosen, weight[chosen], total)
     middle, steps = 0.5 * (guides.times[1:] + guides.times[:-1]), np.diff(guides.times)
