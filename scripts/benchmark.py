@@ -1,6 +1,7 @@
 """Figures of speed and quality, each a table and, with --json, a file.
 
-    python scripts/benchmark.py speed       planning, control step, recording
+    python scripts/benchmark.py speed       rollouts and planning beside JAX, pytorch_mppi and OMPL (if installed:
+                                            pip install 'pirrht[bench]'), control step, recording; or one --part of it
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
     python scripts/benchmark.py ess         effective samples along a drive of the car, and log psi against a million
@@ -17,7 +18,10 @@ from pathlib import Path
 
 from sim import present
 
-PARTS = ("grid", "control", "samples", "psi", "shares", "drives")
+PARTS = {
+    "quality": ("control", "grid", "samples", "psi", "shares", "drives"),  # the first is the default
+    "speed": (None, "rollouts", "planners", "drive"),
+}
 TABLES = ("speed", "obstacles", "choice", "ess", "quality")
 
 
@@ -30,14 +34,18 @@ def main() -> int:
     parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` and `ess` (1)")
     parser.add_argument(
         "--part",
-        choices=PARTS,
-        default="control",
-        help="of `quality` (control)",
+        help="of `quality`: " + ", ".join(map(str, PARTS["quality"])) + "; of `speed`: rollouts, planners, drive (all)",
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
     parser.add_argument("--png", type=Path, help="draw the parts samples and drives of `quality`")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
+    known = PARTS.get(options.what, (None,))
+    options.part = options.part or known[0]
+    if options.part not in known:
+        parser.error(
+            f"`{options.what}` has no part {options.part!r}; it has {', '.join(filter(None, known)) or 'none'}"
+        )
     table = importlib.import_module(f"benchmarks.{options.what}")
     header, rows, values = table.rows(options)
     print(present.table(header, rows))

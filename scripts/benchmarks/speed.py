@@ -1,4 +1,8 @@
-"""How long planning, a control step and its recording take: medians over repeats in one process, compiled before."""
+"""Speed of rollouts, of planning and of a drive's control steps, beside other libraries where there are any.
+
+Everything is timed in one process, compiled before, and takes turns; figures are medians. Columns: the figure, how
+many times ours it takes, the rate, and what is needed to judge it.
+"""
 
 from __future__ import annotations
 
@@ -6,25 +10,40 @@ import argparse
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from benchmarks import planners, rollouts
+from benchmarks.timing import row
 
 from sim import episode
 from sim.recorder import Recorder
 from sim.scenarios import Scenario, prepare
 
 REPEATS = 5
+PARTS = {"rollouts": rollouts.rows, "planners": planners.rows}
 
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
-    """Header, table and JSON of the figures."""
+    """Header, table and JSON of all parts, or of the one that is asked for."""
+    parts = {**PARTS, "drive": drive}
+    table: list[list[str]] = []
+    values: dict[str, Any] = {}
+    for name in [options.part] if options.part else parts:
+        found, values[name] = parts[name](options)
+        table += found
+    return ["figure", "median", "unit", "over ours", "rate", "note"], table, values
+
+
+def drive(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
+    """Table and JSON of planning and of a drive's control steps."""
     figures = speed(options.scene or "slit", options.drive)
-    table = [[name, f"{v:.3f}", unit] for name, (v, unit) in figures.items()]
-    return ["figure", "median", "unit"], table, {name: {"median": v, "unit": u} for name, (v, u) in figures.items()}
+    table = [row(name, seconds) for name, seconds in figures.items()]
+    return table, {name: {"median": seconds, "unit": "s"} for name, seconds in figures.items()}
 
 
-def speed(scene: str, drive: float) -> dict[str, tuple[float, str]]:
-    """Times of planning (free space, tree, polished references) and of a drive's control steps."""
+def speed(scene: str, seconds: float) -> dict[str, float]:
+    """Seconds of planning (free space, tree, polished references) and of a drive's control steps."""
     warm = prepare(scene)
     warm.grown_tree().references(warm.start)
     planning = []
@@ -34,18 +53,18 @@ def speed(scene: str, drive: float) -> dict[str, tuple[float, str]]:
         tree = scenario.grown_tree()
         tree.references(scenario.start)
         planning.append(time.perf_counter() - began)
-    steps = _drive(scenario, drive, None)
+    steps = _drive(scenario, seconds, None)
     with tempfile.TemporaryDirectory() as folder:
-        logged = _drive(scenario, drive, Path(folder) / "drive.rrd")
+        logged = _drive(scenario, seconds, Path(folder) / "drive.rrd")
     return {
-        f"planning, {scenario.settings.vertices} vertices": (float(np.median(planning)), "s"),
-        "control step": (float(np.median(steps)), "ms"),
-        "control step, recording": (float(np.median(logged)), "ms"),
+        f"planning, {scenario.settings.vertices} vertices": float(np.median(planning)),
+        "control step": float(np.median(steps)),
+        "control step, recording": float(np.median(logged)),
     }
 
 
 def _drive(scenario: Scenario, seconds: float, record: Path | None) -> list[float]:
-    """Wall time [ms] of each control step: references, samples, control, and putting the frame in the queue."""
+    """Wall time [s] of each control step: references, samples, control, and putting the frame in the queue."""
     tree = scenario.grown_tree()
     controller = scenario.controller(tree)
     controller.path_integral.warm_up()
@@ -64,7 +83,7 @@ def _drive(scenario: Scenario, seconds: float, record: Path | None) -> list[floa
         began = time.perf_counter()
         if recorder is not None:
             recorder.log(frame)
-        spent.append(1e3 * (frame.plan_seconds + time.perf_counter() - began))
+        spent.append(frame.plan_seconds + time.perf_counter() - began)
     if recorder is not None:
         recorder.close()
     return spent

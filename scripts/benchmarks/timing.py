@@ -1,0 +1,25 @@
+"""Wall times of several functions that take turns, so that a busy moment of the machine falls on all of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+
+def interleaved(work: Mapping[str, Callable[[int], object]], repeats: int) -> dict[str, float]:
+    """Median seconds of each function, called in turn with the number of the repeat; a first call is not counted."""
+    spent: dict[str, list[float]] = {name: [] for name in work}
+    for repeat in range(-1, repeats):
+        for name, function in work.items():
+            began = time.perf_counter()
+            function(repeat + 1)
+            spent[name].append(time.perf_counter() - began)
+    return {name: float(np.median(times[1:])) for name, times in spent.items()}
+
+
+def row(figure: str, seconds: float, over: float | None = None, *, rate: str = "-", note: str = "") -> list[str]:
+    """One row of the table of speeds; `over` is how many times our own figure it takes."""
+    value, unit = (seconds, "s") if seconds >= 1.0 else (1e3 * seconds, "ms")
+    return [figure, f"{value:.3g}", unit, "-" if over is None else f"{over:.3g}", rate, note]
