@@ -1,0 +1,99 @@
+"""Scenes whose value and control have closed forms, and how tests estimate in them.
+
+Statistical tests compare the mean over independent seeds (0, 1, ...) with the exact value, in units of the
+standard error of that mean; "within 3" is wrong for one stream of random numbers in two hundred.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+from scipy.special import k0, k1
+
+from pirrht.dynamics import SingleIntegrator
+from pirrht.freespace import FreeSpace
+from pirrht.path_integral import Estimate, PathIntegral
+from pirrht.problem import Problem
+from pirrht.scene import Array, Goal, Scene
+from pirrht.steering import StraightLine
+
+SEEDS = 24
+SPEED = 1.0  # of straight references, optimal for q = 1 and R = 2 I [m/s]
+LEFT, RIGHT = (-1,), (1,)
+
+
+# -- scenes with closed forms ------------------------------------------------------------------------------------
+
+
+def strip_scene(L: float) -> Scene:
+    """A corridor |x| < L whose ends are out of reach, with a goal that nobody finds."""
+    return Scene(
+        name="strip", lower=np.array([-L, -50.0 * L]), upper=np.array([L, 50.0 * L]), obstacles=(),
+        goal=Goal(center=np.array([0.9 * L, 49.9 * L]), radius=1e-3 * L), start=np.zeros(3), robot_radius=0.2 * L,
+    )  # fmt: skip
+
+
+@cache
+def strip_space(L: float) -> FreeSpace:
+    return FreeSpace.of(strip_scene(L))
+
+
+def strip(b: float, L: float) -> Problem:
+    """Exit from (-L, L) at no final cost."""
+    return Problem(dynamics=SingleIntegrator(b=b), scene=strip_space(L).scene, R=2.0 * np.eye(2), q=1.0, phi=0.0)
+
+
+def wave_number(problem: Problem, b: float) -> float:
+    return float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * b * b)))
+
+
+def interval_exit(problem: Problem, b: float, L: float, x: float) -> tuple[float, float]:
+    """v and u* of psi = cosh(kx) / cosh(kL)."""
+    temperature, k = problem.temperature, wave_number(problem, b)
+    return -temperature * np.log(np.cosh(k * x) / np.cosh(k * L)), temperature / 2.0 * k * np.tanh(k * x)
+
+
+def annulus(b: float, radius: float = 0.3) -> tuple[Problem, FreeSpace]:
+    """A goal disc in an empty workspace whose border is out of reach."""
+    scene = Scene(
+        name="disc", lower=np.full(2, -15.0), upper=np.full(2, 15.0), obstacles=(), robot_radius=0.1,
+        goal=Goal(center=np.zeros(2), radius=radius), start=np.array([1.2, 0.0, 0.0]),
+    )  # fmt: skip
+    return Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), q=1.0), FreeSpace.of(scene)
+
+
+def disc_entry(problem: Problem, b: float, radius: float, r: float) -> tuple[float, float]:
+    """v and the speed of u* towards the disc, psi = K0(k r) / K0(k radius)."""
+    temperature, k = problem.temperature, wave_number(problem, b)
+    return -temperature * np.log(k0(k * r) / k0(k * radius)), temperature / 2.0 * k * k1(k * r) / k0(k * r)
+
+
+# -- estimating --------------------------------------------------------------------------------------------------
+
+
+def straight(x: Array, ends: Sequence[Array], times: Array) -> tuple[Array, list[Array]]:
+    """Tapes that lead straight to some points and are zero from there on; and corners far beyond them."""
+    steering = StraightLine(pace=SPEED)
+    tapes = [steering.trajectory(steering.connect(x, end)).tape(times) for end in ends]
+    return np.array(tapes), [np.array([x + 20.0 * (end - x)]) for end in ends]
+
+
+def at_strip(integral: PathIntegral, x: float, sides: Sequence[int], seed: int, **options) -> Estimate:
+    """Around references to the chosen sides of a strip, or none."""
+    state, L = np.array([x, 0.0]), integral.world.field.right
+    times = integral.grid(2.0 * (L - abs(x)))
+    if sides:
+        tapes, corners = straight(state, [np.array([side * L, 0.0]) for side in sides], times)
+    else:
+        tapes, corners = np.zeros((1, len(times) - 1, 2)), None
+    return integral.estimate(integral.rollout(state, times, tapes, seed, corners=corners, **options))
+
+
+def within(samples: Array, exact: Array | float, *, errors: float = 3.0) -> bool:
+    """Whether the mean over the first axis is `exact` up to so many standard errors."""
+    samples = np.asarray(samples)
+    error = samples.std(axis=0, ddof=1) / np.sqrt(len(samples))
+    assert np.all(error > 0)
+    return bool(np.all(np.abs(samples.mean(axis=0) - exact) <= errors * error))

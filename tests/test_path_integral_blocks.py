@@ -1,0 +1,169 @@
+"""Rates and blocks that depend on the state, and which problems are linearly solvable."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from closed_forms import (
+    SEEDS,
+    at_strip,
+    interval_exit,
+    strip,
+    strip_space,
+    within,
+)
+from scipy.integrate import solve_bvp
+
+from pirrht.dynamics import Dynamics, SingleIntegrator, Unicycle
+from pirrht.errors import NotLinearlySolvable, OptionError
+from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.problem import Problem
+from pirrht.rollout import kernels_for
+from pirrht.scene import Array
+
+
+def curved_rate(x, p):
+    """q = p2 + p3 x^2, a plain Python function as a user would write it."""
+    return p[2] + p[3] * x[0] * x[0]
+
+
+def still(x, p, out):
+    for i in range(out.shape[0]):
+        out[i] = 0.0
+
+
+def wider_gain(x, p, out):
+    """G_c = (1 + p1 x^2) I."""
+    s = 1.0 + p[1] * x[0] * x[0]
+    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = s, 0.0, 0.0, s
+
+
+def wider_noise(x, p, out):
+    """B_c = p0 (1 + p1 x^2) I."""
+    s = p[0] * (1.0 + p[1] * x[0] * x[0])
+    out[0, 0], out[0, 1], out[1, 0], out[1, 1] = s, 0.0, 0.0, s
+
+
+@dataclass(frozen=True, eq=False)
+class Uneven(Dynamics):
+    """dx = g(x) (u dt + b dw) with g = 1 + widening x^2; the rate q = base + rise x^2 reads the same parameters."""
+
+    b: float
+    widening: float = 0.0
+    base: float = 1.0
+    rise: float = 0.0
+
+    n = 2
+    m = 2
+    drift = staticmethod(still)
+    control_block = staticmethod(wider_gain)
+    diffusion_block = staticmethod(wider_noise)
+
+    @property
+    def parameters(self) -> Array:  # type: ignore[override]
+        return np.array([self.b, self.widening, self.base, self.rise])
+
+    def twist(self, x: Array, rate: Array) -> Array:
+        return rate
+
+
+def uneven(L: float, dynamics: Uneven, R: Callable[[Array], Array] | Array) -> Problem:
+    return Problem(dynamics=dynamics, scene=strip_space(L).scene, R=R, q=curved_rate, q_min=dynamics.base, phi=0.0)
+
+
+def two(x: Array) -> Array:
+    return 2.0 * np.eye(2)
+
+
+def strip_value(problem: Problem, L: float, dynamics: Uneven, x: float) -> tuple[float, float]:
+    """v and psi'/psi of (q / lambda) psi = b^2 g^2 psi'' / 2 with psi = 1 on both sides, by collocation."""
+    temperature = problem.temperature
+
+    def slope(s: Array, y: Array) -> Array:
+        g = dynamics.b * (1.0 + dynamics.widening * s**2)
+        return np.vstack([y[1], 2.0 * (dynamics.base + dynamics.rise * s**2) / (temperature * g**2) * y[0]])
+
+    nodes = np.linspace(-L, L, 200)
+    solution = solve_bvp(
+        slope, lambda a, b: np.array([a[0] - 1, b[0] - 1]), nodes, np.ones((2, 200)), tol=1e-6, max_nodes=10**5
+    )
+    assert solution.success
+    psi, rise = solution.sol(x)
+    return -temperature * np.log(psi), rise / psi
+
+
+@pytest.mark.parametrize("guide", ["feedback", "open-loop"])
+def test_functions_that_return_constants_take_the_same_paths_as_constants(guide):
+    sampling = Sampling(dt=0.05, samples=300, guide=guide)
+    fast = PathIntegral(strip(0.5, 0.5), strip_space(0.5), sampling)
+    slow = PathIntegral(uneven(0.5, Uneven(b=0.5), two), strip_space(0.5), sampling)
+    assert fast.temperature == pytest.approx(slow.temperature)
+    one, other = (at_strip(integral, 0.2, (1, -1), 7) for integral in (fast, slow))
+    np.testing.assert_array_equal(one.rollouts.paths.steps, other.rollouts.paths.steps)
+    np.testing.assert_allclose(other.rollouts.log_weight, one.rollouts.log_weight, atol=1e-9)
+    np.testing.assert_allclose(other.control, one.control, atol=1e-9)
+    np.testing.assert_allclose(other.tape, one.tape, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "dynamics",
+    [Uneven(b=0.5, base=0.5, rise=12.0), Uneven(b=0.5, widening=2.0), Uneven(b=0.5, widening=2.0, rise=8.0)],
+    ids=["rate", "blocks", "both"],
+)
+def test_state_dependent_rate_and_blocks_match_collocation(dynamics):
+    L, x = 0.5, 0.2
+    problem = uneven(L, dynamics, two)
+    value, slope = strip_value(problem, L, dynamics, x)
+    control = problem.temperature / 2.0 * (1.0 + dynamics.widening * x * x) * slope  # lambda R^-1 G' psi' / psi
+    # The rate counts as it is at the start of a step, an error of 3 % at dt = 0.02 that falls with dt.
+    sampling = Sampling(dt=0.005, samples=3000, guide="open-loop")
+    integral = PathIntegral(problem, strip_space(L), sampling)
+    found = [at_strip(integral, x, (1, -1), seed) for seed in range(SEEDS // 2)]
+    values = np.array([e.value for e in found])
+    assert values.mean() == pytest.approx(value, rel=0.01)
+    assert within([e.control for e in found], [control, 0.0])
+    constant, _ = interval_exit(strip(0.5, L), 0.5, L, x)
+    assert abs(value - constant) > 0.03 * value  # the dependence matters here
+
+
+def test_kernels_over_a_users_functions_are_built_once_and_not_kept():
+    """A file of the user may change without this package noticing, so their machine code is not kept on disk."""
+    kernels = [kernels_for(uneven(0.5, Uneven(b=b), two)) for b in (0.3, 0.5)]
+    assert kernels[0] is kernels[1]
+    assert kernels[0].sample.stats.cache_path is None
+    assert kernels_for(strip(0.5, 0.5)).sample.stats.cache_path is not None
+
+
+def test_a_rate_given_as_a_function_needs_its_least_value(slit):
+    with pytest.raises(OptionError, match="q_min"):
+        Problem(dynamics=SingleIntegrator(), scene=slit.problem.scene, R=np.eye(2), q=curved_rate)
+
+
+# -- linear solvability ------------------------------------------------------------------------------------------
+
+
+def test_lambda_follows_from_the_blocks():
+    assert strip(0.3, 0.5).temperature == pytest.approx(2.0 * 0.3**2)
+    scene = strip_space(0.5).scene
+    car = Problem(dynamics=Unicycle(b=0.03, rho=2.0), scene=scene, R=np.eye(1))
+    assert car.temperature == pytest.approx(0.03**2 * 2.0**2)
+
+
+def test_an_inconsistent_triple_is_refused_with_both_matrices():
+    with pytest.raises(NotLinearlySolvable) as caught:
+        Problem(dynamics=SingleIntegrator(b=0.5), scene=strip_space(0.5).scene, R=np.diag([1.0, 2.0]))
+    message = str(caught.value)
+    assert "[[1.0, 0.0], [0.0, 0.5]]" in message  # G R^-1 G'
+    assert "[[0.25, 0.0], [0.0, 0.25]]" in message  # B B'
+    assert "\n" not in message
+
+
+def test_a_control_cost_that_fits_at_some_states_only_is_refused():
+    def growing(x: Array) -> Array:
+        return (2.0 + x[0] ** 2) * np.eye(2)
+
+    with pytest.raises(NotLinearlySolvable):
+        uneven(0.5, Uneven(b=0.5), growing)
