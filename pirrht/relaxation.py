@@ -16,7 +16,7 @@ from pirrht.scene import Array
 from pirrht.windings import key_of_pairs, summed
 
 DONE, NODES_FULL, QUEUE_FULL, PAIRS_FULL = 0, 1, 2, 3
-OLD, NEW = 4, 5  # what became of a node that was offered
+NEW = 4  # a node has been added
 TIE = 1e-12  # costs closer than this are equal: rounding must not make two nodes replace each other forever
 
 
@@ -71,12 +71,12 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
 
     @kernel
     def insert(graph, vertex, cost, key, source, at, e, limit, K):  # type: ignore[no-untyped-def]
-        """The part of AppendNode that concerns a class which the vertex does not know."""
+        """The part of AppendNode that concerns a class which the vertex does not know: NEW, DONE or what must grow."""
         marker, turn, many = joined(
             graph, source, at, graph.edge_marker, graph.edge_turn, graph.edge_first[e], graph.edge_first[e + 1]
         )
         if not admits(graph.straight[vertex], marker, turn, many, limit):
-            return OLD
+            return DONE
         count = graph.nodes[vertex]
         full, worst, costs = K > 0 and count >= K, 0, graph.cost[vertex]
         for i in range(1, count if full else 0):
@@ -84,7 +84,7 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
                 worst = i
         if full and cost >= costs[worst] - TIE:
             graph.pruned[0] += 1
-            return OLD
+            return DONE
         if many > graph.marker.shape[2]:
             return PAIRS_FULL
         if full:
@@ -101,18 +101,26 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
 
     @kernel
     def append(graph, vertex, cost, key, source, at, e, limit, K):  # type: ignore[no-untyped-def]
-        """AppendNode for the class that edge e makes of node `at` of vertex `source`.
+        """AppendNode for the class that edge e makes of node `at` of vertex `source`; queues what is new or cheaper.
 
-        NEW if the node is new or cheaper, OLD if it is dominated, blocked or pruned, or PAIRS_FULL.
+        What must grow first, or DONE, also if the node is dominated, blocked or pruned.
         """
+        if graph.nodes[vertex] >= graph.cost.shape[1] and K == 0:
+            return NODES_FULL
+        if graph.size[2] + 1 >= graph.queue_cost.shape[0]:
+            return QUEUE_FULL
         slot = find(graph, vertex, key)
         if slot < 0:
-            return insert(graph, vertex, cost, key, source, at, e, limit, K)
-        if cost >= graph.cost[vertex, slot] - TIE:
-            return OLD
-        graph.cost[vertex, slot] = cost
-        graph.parent[vertex, slot] = e
-        return NEW
+            result = insert(graph, vertex, cost, key, source, at, e, limit, K)
+            if result != NEW:
+                return result
+        elif cost >= graph.cost[vertex, slot] - TIE:
+            return DONE
+        else:
+            graph.cost[vertex, slot] = cost
+            graph.parent[vertex, slot] = e
+        push(graph, cost, vertex, key)
+        return DONE
 
     @kernel
     def fill(graph, vertex, limit, K):  # type: ignore[no-untyped-def]
@@ -126,17 +134,11 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
             while e >= 0:
                 h = graph.head[e]
                 for slot in range(graph.nodes[h]):
-                    if graph.nodes[vertex] >= graph.cost.shape[1] and K == 0:
-                        return NODES_FULL
-                    if graph.size[2] + 1 >= graph.queue_cost.shape[0]:
-                        return QUEUE_FULL
                     key = graph.key[h, slot] + graph.edge_key[e]
                     cost = graph.cost[h, slot] + graph.edge_cost[e]
-                    result = append(graph, vertex, cost, key, h, slot, e, limit, K)
-                    if result == NEW:
-                        push(graph, cost, vertex, key)
-                    elif result == PAIRS_FULL:
-                        return PAIRS_FULL
+                    status = append(graph, vertex, cost, key, h, slot, e, limit, K)
+                    if status != DONE:
+                        return status
                 e = graph.next_out[e]
         return DONE
 
@@ -146,18 +148,12 @@ def kernels(allowed: Callable[..., Any] = within_limit) -> Kernels:
         e = graph.first_in[vertex]
         while e >= 0:
             u = graph.tail[e]
-            if graph.nodes[u] >= graph.cost.shape[1] and K == 0:
-                return NODES_FULL
-            if graph.size[2] + 1 >= graph.queue_cost.shape[0]:
-                return QUEUE_FULL
             if graph.nodes[u] == 0 or graph.parent[u, 0] != ROOT:
                 new_key, new_cost = key + graph.edge_key[e], cost + graph.edge_cost[e]
                 slot = find(graph, vertex, key)  # an eviction may have moved it
-                result = append(graph, u, new_cost, new_key, vertex, slot, e, limit, K)
-                if result == NEW:
-                    push(graph, new_cost, u, new_key)
-                elif result == PAIRS_FULL:
-                    return PAIRS_FULL
+                status = append(graph, u, new_cost, new_key, vertex, slot, e, limit, K)
+                if status != DONE:
+                    return status
             e = graph.next_in[e]
         return DONE
 
