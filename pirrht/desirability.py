@@ -20,6 +20,7 @@ from pirrht import desirability_car as car
 from pirrht import desirability_planar as planar
 from pirrht import desirability_steps as steps
 from pirrht.clearance import clearance
+from pirrht.desirability_domain import Domain
 from pirrht.dynamics import SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
@@ -175,13 +176,9 @@ def _wavenumber(problem: Problem) -> float:
 
 
 def _planar(problem: Problem, space: FreeSpace, spacing: float) -> planar.Expansion:
-    scene = space.scene
     return planar.solve(
         lambda points: room(space, points),
-        scene.lower.astype(float),
-        scene.upper.astype(float),
-        scene.goal.center,
-        scene.goal.radius,
+        Domain.of(space.scene),
         wavenumber=_wavenumber(problem),
         wall=problem.phi / problem.temperature,
         spacing=spacing,
@@ -194,14 +191,10 @@ def _deviation(problem: Problem, dt: float) -> float:
 
 
 def _stepwise(problem: Problem, space: FreeSpace, spacing: float, dt: float) -> steps.Lattice:
-    scene = space.scene
     assert not callable(problem.q)
     return steps.solve(
         lambda points: room(space, points),
-        scene.lower.astype(float),
-        scene.upper.astype(float),
-        scene.goal.center,
-        scene.goal.radius,
+        Domain.of(space.scene),
         deviation=_deviation(problem, dt),
         loss=problem.q * dt / problem.temperature,
         wall=problem.phi / problem.temperature,
@@ -233,14 +226,10 @@ def _directions(d: Unicycle, spacing: float) -> int:
 
 
 def _headings(problem: Problem, space: FreeSpace, d: Unicycle, spacing: float) -> car.Headings:
-    scene = space.scene
     assert not callable(problem.q)
     return car.solve(
         space.field,
-        scene.lower.astype(float),
-        scene.upper.astype(float),
-        scene.goal.center,
-        scene.goal.radius,
+        Domain.of(space.scene),
         speed=d.V,
         noise=d.b,
         rate=problem.q,

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from pirrht.clearance import Field, clearance
+from pirrht.desirability_domain import Domain
 from pirrht.errors import OptionError
 from pirrht.exits import GOAL, INSIDE, sweep_exit
 from pirrht.jit import inlined, kernel
@@ -43,10 +44,7 @@ class Headings(NamedTuple):
 
 def solve(
     field: Field,
-    lower: Array,
-    upper: Array,
-    goal: Array,
-    radius: float,
+    domain: Domain,
     *,
     speed: float,
     noise: float,
@@ -61,8 +59,7 @@ def solve(
 
     Args:
         field: clearance field of the scene.
-        lower, upper: corners of the workspace, (2,) [m].
-        goal, radius: centre (2,) and radius of the goal's disc [m].
+        domain: workspace and goal.
         speed: V [m/s].
         noise: b [rad/sqrt(s)].
         rate: q [cost/s].
@@ -73,11 +70,12 @@ def solve(
         accuracy: sweeps end when v changes by less [cost].
     """
     tau = RAY * spacing / speed
-    nx, ny = np.ceil((upper - lower) / spacing - 1e-9).astype(int) + 1
-    ceiling = min(phi, WORST * rate * float(np.sum(upper - lower)) / speed)
+    lower, sides = domain.lower, domain.upper - domain.lower
+    nx, ny = np.ceil(sides / spacing - 1e-9).astype(int) + 1
+    ceiling = min(phi, WORST * rate * float(np.sum(sides)) / speed)
     fate, share = np.zeros((nx, ny, headings), np.int8), np.ones((nx, ny, headings), np.float32)
-    centre = (float(goal[0]), float(goal[1]))
-    _trace(field, centre, float(radius), lower[0], lower[1], spacing, RAY * spacing, fate, share)
+    centre, radius = (float(domain.goal.center[0]), float(domain.goal.center[1])), float(domain.goal.radius)
+    _trace(field, centre, radius, lower[0], lower[1], spacing, RAY * spacing, fate, share)
     free = fate[:, :, 0] >= 0
     owner = distance_transform_edt(~free, return_distances=False, return_indices=True)
     value = np.full((nx, ny, headings), ceiling)
@@ -89,7 +87,7 @@ def solve(
             out = np.empty_like(value)
             _sweep(value, out, fate, share, owner[0], owner[1], half, cost, temperature, ceiling, 0)
             out[~free] = out[owner[0][~free], owner[1][~free]]
-            return Headings(float(lower[0]), float(lower[1]), spacing, *centre, float(radius), temperature, out)
+            return Headings(float(lower[0]), float(lower[1]), spacing, *centre, radius, temperature, out)
     raise OptionError(f"the solution has not settled after {ROUNDS} sweeps; choose a larger spacing")
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.special import ive, kve
 
 from pirrht import desirability_planar as planar
-from pirrht.scene import Array
+from pirrht.desirability_domain import Domain
+from pirrht.scene import Array, Goal
 
 INNER, OUTER = 0.3, 1.0  # r0 and r1 [m]
 CENTER = np.array([0.03, -0.02])  # of both, off the grid points [m]
@@ -46,14 +47,13 @@ def convergence(noise: float, spacings: Sequence[float], *, points: int = 1000, 
     radial = np.column_stack([np.cos(angle), np.sin(angle)])
     log_psi, slope = annulus(r, k)
     exact = noise**2 * slope[:, None] * radial
+    margin = OUTER + 0.05
+    room = Domain(lower=CENTER - margin, upper=CENTER + margin, goal=Goal(center=CENTER, radius=INNER))
     rows: list[dict[str, Any]] = []
     for h in spacings:
         grid = planar.solve(
             lambda p: OUTER - np.hypot(*(p - CENTER).T),
-            CENTER - OUTER - 0.05,
-            CENTER + OUTER + 0.05,
-            CENTER,
-            INNER,
+            room,
             wavenumber=k,
             wall=np.inf,
             spacing=h,

@@ -22,9 +22,10 @@ from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
+from pirrht.desirability_domain import Domain
 from pirrht.errors import OptionError
 from pirrht.jit import inlined, kernel
-from pirrht.scene import Array
+from pirrht.scene import Array, Goal
 
 Clearance = Callable[[Array], Array]  # centres (k, 2) -> room (k,) [m], at most 0 where the robot may not be
 IntArray = NDArray[np.int64]
@@ -55,10 +56,7 @@ class Expansion(NamedTuple):
 
 def solve(
     clearance: Clearance,
-    lower: Array,
-    upper: Array,
-    goal: Array,
-    radius: float,
+    domain: Domain,
     *,
     wavenumber: float,
     wall: float,
@@ -68,16 +66,16 @@ def solve(
 
     Args:
         clearance: room at positions (k, 2), the border included [m].
-        lower, upper: corners of the workspace, (2,) [m].
-        goal, radius: centre (2,) and radius of the goal's disc [m].
+        domain: workspace and goal.
         wavenumber: k [1/m].
         wall: phi/lambda; may be infinite.
         spacing: h [m].
     """
-    nx, ny = np.maximum(np.ceil((upper - lower) / spacing - 1e-9).astype(int), 2) + 1
+    lower, goal = domain.lower, domain.goal
+    nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1
     index = np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1).reshape(-1, 2)
     points = lower + spacing * index
-    room, rim = clearance(points), np.hypot(*(points - goal).T) - radius
+    room, rim = clearance(points), np.hypot(*(points - goal.center).T) - goal.radius
     free = (room > CLOSE) & (rim > CLOSE)
     number = np.where(free, np.cumsum(free) - 1, -1)
     place = index[free]
@@ -87,7 +85,7 @@ def solve(
     log_end = np.zeros(flat.shape)
     cut = np.argwhere(neighbour < 0)
     tails, heads = points[free][cut[:, 0]], points[flat[neighbour < 0]]
-    length[neighbour < 0], at_goal = _ends_of_arms(clearance, tails, heads, room[free][cut[:, 0]], goal, radius)
+    length[neighbour < 0], at_goal = _ends_of_arms(clearance, tails, heads, room[free][cut[:, 0]], goal)
     log_end[neighbour < 0] = np.where(at_goal, 0.0, -wall)
     s = _lengths(neighbour, length, log_end, wavenumber)
     coefficients = _fit(neighbour, length, log_end, s, wavenumber, spacing)
@@ -96,9 +94,9 @@ def solve(
         y0=float(lower[1]),
         spacing=spacing,
         wavenumber=wavenumber,
-        goal_x=float(goal[0]),
-        goal_y=float(goal[1]),
-        radius=float(radius),
+        goal_x=float(goal.center[0]),
+        goal_y=float(goal.center[1]),
+        radius=float(goal.radius),
         least=LEAST,
         owner=_owners(number.reshape(nx, ny)),
         place=place,
@@ -108,14 +106,15 @@ def solve(
 
 
 def _ends_of_arms(
-    clearance: Clearance, tails: Array, heads: Array, room: Array, goal: Array, radius: float
+    clearance: Clearance, tails: Array, heads: Array, room: Array, goal: Goal
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Lengths (k,) [m] at which arms from free tails meet a wall or the goal's rim, and whether it is the rim."""
     span = heads - tails
     full = np.hypot(*span.T)
     unit = span / full[:, None]
-    along = np.sum((goal - tails) * unit, axis=1)
-    inside = radius**2 - (np.sum((goal - tails) ** 2, axis=1) - along**2)
+    to_goal = goal.center - tails
+    along = np.sum(to_goal * unit, axis=1)
+    inside = goal.radius**2 - (np.sum(to_goal**2, axis=1) - along**2)
     to_rim = np.where(inside > 0.0, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
     to_rim[(to_rim < 0.0) | (to_rim > full + CLOSE)] = np.inf
     to_wall = _first_zero(lambda k, t: clearance(tails[k] + t[:, None] * unit[k]), room, clearance(heads), full)

@@ -15,11 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pirrht.desirability_domain import Domain
 from pirrht.desirability_planar import Clearance
 from pirrht.desirability_tiles import TILE, logarithm, one_round
 from pirrht.errors import OptionError
 from pirrht.jit import inlined, kernel
-from pirrht.scene import Array
+from pirrht.scene import Array, Goal
 
 BEYOND = 6.5  # a step is cut off so many deviations beyond the one that the law asks for
 PARTS = 8  # cells cut by a wall or by the rim are integrated over so many parts each way
@@ -42,10 +43,7 @@ class Lattice(NamedTuple):
 
 def solve(
     clearance: Clearance,
-    lower: Array,
-    upper: Array,
-    goal: Array,
-    radius: float,
+    domain: Domain,
     *,
     deviation: float,
     loss: float,
@@ -56,8 +54,7 @@ def solve(
 
     Args:
         clearance: room at positions (k, 2), the border included [m].
-        lower, upper: corners of the workspace, (2,) [m].
-        goal, radius: centre (2,) and radius of the goal's disc [m].
+        domain: workspace and goal.
         deviation: b sqrt(dt) [m].
         loss: q dt/lambda [nats].
         wall: phi/lambda; may be infinite.
@@ -72,10 +69,10 @@ def solve(
     log_taps = -0.5 * offset**2
     log_taps -= np.log(np.exp(log_taps).sum())
     margin = MARGIN if wall > 700.0 else taps
-    corner = lower - margin * spacing
-    count = np.ceil((upper - corner) / spacing).astype(int) + 1 + margin
+    corner = domain.lower - margin * spacing
+    count = np.ceil((domain.upper - corner) / spacing).astype(int) + 1 + margin
     size = TILE * -(-count // TILE)
-    into, at_goal = _weights(clearance, corner, size, spacing, goal, radius)
+    into, at_goal = _weights(clearance, corner, size, spacing, domain.goal)
     known = at_goal + math.exp(-wall) * (1.0 - into - at_goal)
     phi, power = np.zeros(tuple(size)), np.full(tuple(size // TILE), -np.inf)
     before = np.full(tuple(size), -np.inf)
@@ -87,22 +84,19 @@ def solve(
             with np.errstate(invalid="ignore"):
                 change = float(np.nanmax(np.abs(now - before)[: count[0], : count[1]]))
             if change < 8 * SETTLED:
-                return Lattice(
-                    float(corner[0]), float(corner[1]), spacing, float(goal[0]), float(goal[1]), float(radius), now
-                )
+                (x0, y0), (goal_x, goal_y) = corner.tolist(), domain.goal.center.tolist()
+                return Lattice(x0, y0, spacing, goal_x, goal_y, float(domain.goal.radius), now)
             before = now
     raise OptionError(f"the solution has not settled after {ROUNDS} rounds; choose a longer dt")
 
 
-def _weights(
-    clearance: Clearance, corner: Array, size: Array, spacing: float, goal: Array, radius: float
-) -> tuple[Array, Array]:
+def _weights(clearance: Clearance, corner: Array, size: Array, spacing: float, goal: Goal) -> tuple[Array, Array]:
     """How much of its surroundings each point stands for: free space outside the goal, and the goal; 2 x (nx, ny)."""
     index = np.stack(np.meshgrid(*map(np.arange, size), indexing="ij"), axis=-1).reshape(-1, 2)
     points = corner + spacing * index
     room = np.maximum(clearance(points), -1.0).reshape(size[0], size[1])
     into, at_goal = np.zeros((size[0], size[1])), np.zeros((size[0], size[1]))
-    _integrate(room, corner / spacing, spacing, goal, radius, into, at_goal)
+    _integrate(room, corner / spacing, spacing, goal.center, goal.radius, into, at_goal)
     return into, at_goal
 
 
