@@ -29,7 +29,7 @@ _HOME = {
     "Outcome": "outcome",
     "PathIntegral": "path_integral",
     "PirrhtError": "errors",
-    "Plan": "controller",
+    "Plan": "plan",
     "Problem": "problem",
     "Reference": "tree",
     "Sampling": "sampling",

@@ -15,15 +15,16 @@ samples, those of earlier plans simply add to those of the last one once carried
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from pirrht.estimate import Estimate, normalised
 from pirrht.gates import Gates, gates_of, heading
 from pirrht.guides import Guide
-from pirrht.path_integral import Estimate
 from pirrht.problem import Problem
+from pirrht.rollout import Guides
 from pirrht.scene import Array
 
 MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
@@ -57,34 +58,54 @@ class Law:
     state: Array  # (n,) of the plan
     classes: Mapping[str, ClassLaw]
     push: Lead  # what the nearest wall adds to the control of every class
+    known: Array = field(init=False, repr=False)  # (C,) log psi of every class at the plan's state
+    before: Array = field(init=False, repr=False)  # (C, m) controls there
+    stiff: Array = field(init=False, repr=False)  # R / lambda there, (m, m)
+    inverse: Array = field(init=False, repr=False)  # G_c^-1 there, (m, m)
+    drift: Array = field(init=False, repr=False)  # f_c there, (m,)
+
+    def __post_init__(self) -> None:
+        d, x = self.problem.dynamics, self.state
+        here = {
+            "known": np.array([law.log_psi for law in self.classes.values()]),
+            "before": self._controls(x, 0.0),
+            "stiff": self.problem.control_cost(x) / self.problem.temperature,
+            "inverse": np.linalg.inv(d.G_c(x)),
+            "drift": d.f(x)[d.n - d.m :],
+        }
+        for name, value in here.items():
+            object.__setattr__(self, name, value)
 
     def __call__(self, x: Array, s: float) -> Array:
         """Control (m,) at state x (n,), s [s] after the plan was made."""
-        weight = self.weights(x, s)
-        u = sum(w * self.classes[name].control(x, s) for name, w in weight.items() if w > 0.0)
-        control: Array = u + self.push(x, s)
+        log_psi, controls = self._at(x, s)
+        weight: Array = np.exp(log_psi - log_psi.max())
+        control: Array = weight @ controls / weight.sum()
         return control
 
     def weights(self, x: Array, s: float) -> dict[str, float]:
         """Weight of every class at state x (n,), s [s] after the plan."""
-        logs = self.log_psi(x, s)
-        top = max(logs.values())
-        raw = {name: float(np.exp(value - top)) for name, value in logs.items()}
-        total = sum(raw.values())
-        return {name: value / total for name, value in raw.items()}
+        weight, _ = normalised(self._at(x, s)[0])
+        return dict(zip(self.classes, weight.tolist(), strict=True))
 
     def log_psi(self, x: Array, s: float) -> dict[str, float]:
         """log psi of every class at state x (n,), s [s] after the plan, up to a constant that all classes share."""
-        p, d = self.problem, self.problem.dynamics
-        stiff = p.control_cost(self.state) / p.temperature
-        moved = x[d.n - d.m :] - self.state[d.n - d.m :] - s * d.f(self.state)[d.n - d.m :]
-        drive = np.linalg.solve(d.G_c(self.state), _wrapped(moved, d.n))
-        before, after = self.push(self.state, 0.0), self.push(x, s)
-        logs = {}
-        for name, law in self.classes.items():
-            mean = 0.5 * (law.control(self.state, 0.0) + before + law.control(x, s) + after)
-            logs[name] = law.log_psi + float(mean @ stiff @ drive) - s * float(mean @ stiff @ mean) * 0.5 * (d.n > d.m)
-        return logs
+        return dict(zip(self.classes, self._at(x, s)[0].tolist(), strict=True))
+
+    def _at(self, x: Array, s: float) -> tuple[Array, Array]:
+        """log psi (C,) and control (C, m) of every class."""
+        d, controls = self.problem.dynamics, self._controls(x, s)
+        moved = _wrapped(x[-d.m :] - self.state[-d.m :] - s * self.drift, d.n)
+        mean = 0.5 * (self.before + controls)
+        pull = mean @ self.stiff
+        log_psi = self.known + pull @ (self.inverse @ moved)
+        if d.n > d.m:
+            log_psi -= 0.5 * s * np.sum(pull * mean, axis=1)
+        return log_psi, controls
+
+    def _controls(self, x: Array, s: float) -> Array:
+        controls: Array = np.array([law.control(x, s) for law in self.classes.values()]) + self.push(x, s)
+        return controls
 
 
 @dataclass(slots=True)
@@ -141,6 +162,15 @@ class Memory:
         found = {name: c for name, c in found.items() if c.log_psi > top + FADED}
         self._last = Law(problem=self.problem, state=x, classes=found, push=push)
         return self._last
+
+
+def leads_of(ids: Sequence[str], steered: Guides, guides: Sequence[Guide | None] | None) -> dict[str, Lead]:
+    """What the samples around each reference were led by, by class; none where they followed a tape."""
+    if guides is not None:
+        return {name: along_guide(guide) for name, guide in zip(ids, guides, strict=True) if guide is not None}
+    if steered.gates.count.any():
+        return dict(zip(ids, towards_gates(steered.gates, steered.speed), strict=False))
+    return {}
 
 
 def towards_gates(gates: Gates, speed: float) -> list[Lead]:

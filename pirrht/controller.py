@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 
 from pirrht.allocation import Allocation
-from pirrht.between import Law, Lead, Memory, along_guide, towards_gates
+from pirrht.between import Law, Memory, leads_of
+from pirrht.driven import Driven
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.guides import FEW, Guide
 from pirrht.homology import class_id, integers
 from pirrht.path_integral import Estimate, PathIntegral, Sampling
+from pirrht.plan import Plan, shifted
 from pirrht.problem import Problem
 from pirrht.rounds import sample
 from pirrht.scene import Array
-from pirrht.steering import Trajectory
+from pirrht.steering import Trajectory, running_cost
 from pirrht.threads import mapped
 from pirrht.tree import HomologyTree, Reference
 
@@ -34,65 +33,6 @@ REMEMBERED = 4  # one in so many samples of a reference is drawn around the last
 Proposals = tuple[
     Array, list[int] | None, list[Array] | None, list[Guide | None] | None
 ]  # tapes, counts, corners, guides
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plan:
-    """What was decided at one state."""
-
-    state: Array  # (n,)
-    times: Array  # (T+1,) ends of those steps, from 0 [s]
-    references: tuple[Reference, ...]  # cheapest first; empty for methods that have none
-    ids: tuple[str, ...]  # class of each reference, relative to the start of the drive
-    estimate: Estimate | None  # None in a fallback
-    fallback: str | None  # why the estimate is missing: "no reference", "no survivor"
-    instead: Array | None = None  # (T, m) the tape that is followed in a fallback
-    law: Callable[[Array, float], Array] | None = None  # control (m,) at state (n,), s after the plan [s]
-    span: float = np.inf  # how long the law is followed [s]; then the tape
-    shares: dict[str, float] | None = None  # weight of every class under the law
-    exact: float | None = None  # v at the state, where it is known without samples
-
-    @property
-    def tape(self) -> Array:
-        """Open-loop controls, one per rollout step, (T, m)."""
-        if self.instead is not None:
-            return self.instead
-        assert self.estimate is not None
-        return self.estimate.tape
-
-    @property
-    def control(self) -> Array:
-        """The control now, (m,)."""
-        if self.law is not None:
-            return self.law(self.state, 0.0)
-        return self.tape[0] if self.estimate is None else self.estimate.control
-
-    def at(self, x: Array, s: float) -> Array:
-        """Control (m,) at time s [s] after the plan was made, at state x (n,).
-
-        With feedback between plans the control follows the state for a while. Where it is held, under feedback
-        guidance the part that the nearest wall accounts for still follows the state.
-        """
-        if self.law is not None and s + 1e-9 < self.span:
-            return self.law(x, s)
-        if s + 1e-9 < self.times[1]:
-            return self.control + self._since_planned(x)
-        i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
-        return self.tape[i] if i < len(self.tape) else np.zeros(self.tape.shape[1])
-
-    def _since_planned(self, x: Array) -> Array | float:
-        if self.estimate is None or self.estimate.rollouts.guides.reach <= 0.0:
-            return 0.0
-        source, guides = self.estimate.source, self.estimate.rollouts.guides
-        return source.push(x, guides) - source.push(self.state, guides)
-
-    @property
-    def favourite(self) -> str | None:
-        """Class of greatest weight; without an estimate that of the reference followed."""
-        if self.estimate is None:
-            return self.ids[0] if self.ids else None
-        weights = self.shares or self.estimate.class_weights
-        return max(weights, key=lambda name: weights[name]) if weights else None
 
 
 class Controller:
@@ -133,9 +73,7 @@ class Controller:
 
     def begin(self, x: Array) -> None:
         """Forget the drive so far; a new one starts at x (n,)."""
-        self._start = self.space.homology.straight(x[None, :2])[0]
-        self._driven = np.zeros(self.space.homology.M)
-        self._last = np.array(x[:2], dtype=float)
+        self._driven = Driven(self.space.homology, x)
         self._previous: Plan | None = None
         self._since = self._unpooled = 0.0  # since the last plan, and since the last one with an estimate [s]
         if self.memory is not None:
@@ -147,15 +85,13 @@ class Controller:
 
     def observe(self, states: Array, duration: float) -> None:
         """Take note of the states (k, n) just driven through and the time it took [s]."""
-        self._driven = self._driven + self.space.homology.turns(np.vstack([self._last, states[:, :2]]))
-        self._last = np.array(states[-1, :2])
+        self._driven.observe(states)
         self._since += duration
         self._unpooled += duration
 
     def driven_class(self) -> tuple[int, ...]:
         """Class of the driven path, completed by the straight line to the goal point."""
-        here = self.space.homology.straight(self._last[None, :])[0]
-        return integers(self._driven + here - self._start)
+        return self._driven.winding()
 
     def plan(self, x: Array) -> Plan:
         """Decide at state x (n,).
@@ -167,73 +103,66 @@ class Controller:
         try:
             references = self._references(x)
         except NoReference:
-            references = self._kept(x, set())
             if self._previous is None:
                 raise
+            references = self._kept(x, set())
             if not references:
-                return self._keep(self._go_on(x, self._previous))
+                return self._previous.rest(x, self._since)
+        plan = self._around(x, references)
+        self._previous, self._since = plan, 0.0
+        return plan
+
+    def _around(self, x: Array, references: list[Reference]) -> Plan:
+        """The plan at x (n,) that samples around references make."""
         ids = tuple(class_id(whole) for whole in self._from_start(references))
         trajectories = [reference.trajectory for reference in references]
-        seed = int(self.rng.integers(2**63))
-        estimator = self.path_integral
-        times = estimator.grid(self._least_cost(x, trajectories))
+        times = self.path_integral.grid(self._least_cost(x, trajectories))
         tapes = np.array([t.tape(times) for t in trajectories] or [np.zeros((len(times) - 1, self.problem.dynamics.m))])
-        names = {self.space.homology.key(r.winding): name for r, name in zip(references, ids, strict=True)}
-        estimate: Estimate | None = None
-        fallback: str | None = None
-        instead: Array | None = None
         guides, counts = self._lead(x, times, references)
-        corners = self._corners(trajectories)
-        if self.allocation is not None and ids:
-            counts = self.allocation.counts(ids)
-        proposals = tapes, counts, corners, guides
-        if estimator.sampling.memory and ids and self._previous is not None:
-            proposals = self._with_last(times, self._previous, *proposals)
-        try:
-            around, counts, corners, led = proposals
-            estimate = sample(
-                estimator, x, times, around, seed, counts=counts, corners=corners, guides=led, classes=names
-            )
-            if self.allocation is not None:
-                self.allocation.learn(ids, estimate)
-        except NoSurvivingSample:
-            pass
-        if estimate is None or (guides is not None and estimate.survivors == 0):
-            estimate, instead, fallback = None, self._instead(tapes, guides, ids), "no survivor"
+        estimate = self._estimate(x, times, references, ids, (tapes, counts, self._corners(trajectories), guides))
         law = None if estimate is None else self._law(estimate, ids, guides)
-        return self._keep(
-            Plan(
-                state=x,
-                times=times,
-                references=tuple(references),
-                ids=ids,
-                estimate=estimate,
-                fallback=fallback,
-                instead=instead,
-                law=law,
-                span=estimator.sampling.dt,
-                shares=None if law is None else law.weights(x, 0.0),
-            )
+        return Plan(
+            state=x,
+            times=times,
+            references=tuple(references),
+            ids=ids,
+            estimate=estimate,
+            fallback="no survivor" if estimate is None else None,
+            instead=self._instead(tapes, guides, ids) if estimate is None else None,
+            law=law,
+            span=self.path_integral.sampling.dt,
+            shares=None if law is None else law.weights(x, 0.0),
         )
 
-    def _law(
-        self,
-        estimate: Estimate,
-        ids: tuple[str, ...],
-        guides: list[Guide | None] | None,
-    ) -> Law | None:
+    def _estimate(
+        self, x: Array, times: Array, references: list[Reference], ids: tuple[str, ...], proposals: Proposals
+    ) -> Estimate | None:
+        """What samples say; None if none survives."""
+        tapes, counts, corners, guides = proposals
+        if self.allocation is not None and ids:
+            counts = self.allocation.counts(ids)
+        led = guides
+        if self.path_integral.sampling.memory and ids and self._previous is not None:
+            tapes, counts, corners, led = self._with_last(times, self._previous, tapes, counts, corners, guides)
+        names = {self.space.homology.key(r.winding): name for r, name in zip(references, ids, strict=True)}
+        seed = int(self.rng.integers(2**63))
+        try:
+            estimate = sample(
+                self.path_integral, x, times, tapes, seed, counts=counts, corners=corners, guides=led, classes=names
+            )
+        except NoSurvivingSample:
+            return None
+        if self.allocation is not None:
+            self.allocation.learn(ids, estimate)
+        return None if guides is not None and estimate.survivors == 0 else estimate
+
+    def _law(self, estimate: Estimate, ids: tuple[str, ...], guides: list[Guide | None] | None) -> Law | None:
         """Feedback until the next plan; None if the control is held."""
         if self.memory is None:
             return None
-        steered = estimate.rollouts.guides
-        leads: dict[str, Lead] = {}
-        if guides is not None:
-            leads = {name: along_guide(guide) for name, guide in zip(ids, guides, strict=True) if guide is not None}
-        elif steered.gates.count.any():
-            leads = dict(zip(ids, towards_gates(steered.gates, steered.speed), strict=False))
-        source = estimate.source
         elapsed, self._unpooled = self._unpooled, 0.0
-        return self.memory.law(estimate, leads, lambda x, s: source.push(x, steered), elapsed)
+        source, steered = estimate.source, estimate.rollouts.guides
+        return self.memory.law(estimate, leads_of(ids, steered, guides), lambda x, s: source.push(x, steered), elapsed)
 
     def _with_last(
         self,
@@ -327,33 +256,3 @@ class Controller:
         if not trajectories:
             return 4.0 * self.problem.least_rate * float(np.hypot(*(x[:2] - self.space.scene.goal.center)))
         return min(running_cost(self.problem, x, trajectory) for trajectory in trajectories)
-
-    def _go_on(self, x: Array, previous: Plan) -> Plan:
-        passed = int(np.searchsorted(previous.times, self._since + 1e-9, side="right")) - 1
-        rest = slice(min(passed, len(previous.tape) - 1), None)
-        times = np.maximum(previous.times[rest] - self._since, 0.0)
-        tape = previous.tape[rest] if passed < len(previous.tape) else np.zeros_like(previous.tape[-1:])
-        return Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback="no reference", instead=tape)
-
-    def _keep(self, plan: Plan) -> Plan:
-        if plan.fallback != "no reference":
-            self._previous, self._since = plan, 0.0
-        return plan
-
-
-def shifted(times: Array, tape: Array, then: Array) -> Array:
-    """Means (T, m) of a tape (k, m) with step ends `times` (k+1,) over the steps that end at `then` (T+1,) [s]."""
-    whole = np.vstack([np.zeros(tape.shape[1]), np.cumsum(tape * np.diff(times)[:, None], axis=0)])
-    at = np.column_stack([np.interp(then, times, column) for column in whole.T])
-    return np.asarray(np.diff(at, axis=0) / np.diff(then)[:, None])
-
-
-def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
-    """Integral of q + u'Ru/2 along a trajectory from x (n,)."""
-    R = problem.control_cost(x)
-    effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, R, trajectory.controls)
-    rate = problem.rate(x)
-    if callable(problem.q):
-        tail = x[2:]
-        rate = float(np.mean([problem.rate(np.concatenate([p, tail])) for p in trajectory.points]))
-    return float(np.sum((rate + effort) * trajectory.durations))

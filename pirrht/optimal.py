@@ -10,10 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from pirrht.controller import Plan
 from pirrht.desirability import Desirability
+from pirrht.driven import Driven
 from pirrht.freespace import FreeSpace
 from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.plan import Plan
 from pirrht.problem import Problem
 from pirrht.scene import Array
 
@@ -43,19 +44,15 @@ class Optimal:
 
     def begin(self, x: Array) -> None:
         """Forget the drive so far; a new one starts at x (n,)."""
-        self._start = self.space.homology.straight(x[None, :2])[0]
-        self._driven = np.zeros(self.space.homology.M)
-        self._last = np.array(x[:2], dtype=float)
+        self._driven = Driven(self.space.homology, x)
 
     def observe(self, states: Array, duration: float) -> None:
         """Take note of the states (k, n) just driven through; the time it took [s] does not matter."""
-        self._driven = self._driven + self.space.homology.turns(np.vstack([self._last, states[:, :2]]))
-        self._last = np.array(states[-1, :2])
+        self._driven.observe(states)
 
     def driven_class(self) -> tuple[int, ...]:
         """Class of the driven path, completed by the straight line to the goal point."""
-        here = self.space.homology.straight(self._last[None, :])[0]
-        return tuple(int(k) for k in np.rint(self._driven + here - self._start))
+        return self._driven.winding()
 
     def plan(self, x: Array) -> Plan:
         """The law from state x (n,) on; it does not change."""

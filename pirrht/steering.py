@@ -163,6 +163,17 @@ class StraightLine(Steering):
         return np.asarray(rng.uniform(scene.lower, scene.upper))
 
 
+def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
+    """Integral of q + u'Ru/2 along a trajectory from x (n,)."""
+    R = problem.control_cost(x)
+    effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, R, trajectory.controls)
+    rate = problem.rate(x)
+    if callable(problem.q):
+        tail = x[2:]
+        rate = float(np.mean([problem.rate(np.concatenate([p, tail])) for p in trajectory.points]))
+    return float(np.sum((rate + effort) * trajectory.durations))
+
+
 @kernel
 def _resample(controls, durations, times, out):  # type: ignore[no-untyped-def]
     steps, m = out.shape

@@ -9,11 +9,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pirrht.controller import Plan
 from pirrht.freespace import FreeSpace
 from pirrht.homology import class_id
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER
+from pirrht.plan import Plan
 from pirrht.scene import Array
 from sim.colors import title
 from sim.executor import Advance, Plant

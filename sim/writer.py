@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from pirrht.controller import Plan
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER
+from pirrht.plan import Plan
 from pirrht.scene import Array
 from sim.colors import ClassColors, title
 from sim.drawing import lift

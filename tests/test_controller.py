@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.controller import Controller, Plan, running_cost
+from pirrht.controller import Controller
 from pirrht.errors import NoReference, OptionError
+from pirrht.plan import Plan
 from pirrht.scene import Array
-from pirrht.steering import StraightLine
+from pirrht.steering import StraightLine, running_cost
 from pirrht.tree import HomologyTree
 from sim.scenarios import Scenario
 

@@ -1,0 +1,28 @@
+"""The path driven so far, and which class it makes of what is still to come."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pirrht.homology import Homology, integers
+from pirrht.scene import Array
+
+
+class Driven:
+    """A drive that started at x (n,)."""
+
+    def __init__(self, homology: Homology, x: Array) -> None:
+        self._homology = homology
+        self._start = homology.straight(x[None, :2])[0]
+        self._turns = np.zeros(homology.M)
+        self._last = np.array(x[:2], dtype=float)
+
+    def observe(self, states: Array) -> None:
+        """Take note of the states (k, n) just driven through."""
+        self._turns = self._turns + self._homology.turns(np.vstack([self._last, states[:, :2]]))
+        self._last = np.array(states[-1, :2])
+
+    def winding(self) -> tuple[int, ...]:
+        """Class of the driven path, completed by the straight line to the goal point."""
+        here = self._homology.straight(self._last[None, :])[0]
+        return integers(self._turns + here - self._start)
