@@ -33,6 +33,7 @@ class Samples(NamedTuple):
     x0: float  # position of sample (0, 0) [m]
     y0: float
     spacing: float  # h [m]
+    per: float  # 1/h [1/m]
     nx: int
     ny: int
     nearest: int  # address of float32 (nx, ny): clearance to the nearest component, never too high [m]
@@ -59,7 +60,7 @@ class Field(Samples):
         )
         corner, end = scene.lower.astype(float), scene.upper.astype(float)
         addresses = (array.ctypes.data for array in arrays)
-        field = cls(corner[0], corner[1], spacing, *nearest.shape, *addresses, *corner, *end)
+        field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *nearest.shape, *addresses, *corner, *end)
         field.arrays = arrays
         return field
 
@@ -165,15 +166,31 @@ def border(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
-    """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
-    fx, fy = (x - field.x0) / field.spacing, (y - field.y0) / field.spacing
+def _cell(field, x, y):  # type: ignore[no-untyped-def]
+    """Index of the cell's first sample in a grid, and where (x, y) lies in the cell, each from 0 to 1."""
+    fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
     i = min(max(int(fx), 0), field.nx - 2)
     j = min(max(int(fy), 0), field.ny - 2)
-    u, v, at = fx - i, fy - j, i * field.ny + j
+    return i * field.ny + j, fx - i, fy - j
+
+
+@inlined
+def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
+    at, u, v = _cell(field, x, y)
     low = load_float32(grid, at) * (1.0 - v) + load_float32(grid, at + 1) * v
     high = load_float32(grid, at + field.ny) * (1.0 - v) + load_float32(grid, at + field.ny + 1) * v
     return low * (1.0 - u) + high * u
+
+
+@inlined
+def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
+    """The same and its gradient."""
+    at, u, v = _cell(field, x, y)
+    a, b = load_float32(grid, at), load_float32(grid, at + 1)
+    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
+    low, high = a * (1.0 - v) + b * v, c * (1.0 - v) + d * v
+    return low * (1.0 - u) + high * u, (high - low) * field.per, ((b - a) * (1.0 - u) + (d - c) * u) * field.per
 
 
 @inlined

@@ -138,13 +138,13 @@ def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] 
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     ends = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
-    rollouts = parts[shown]
+    rollouts, paired = parts[shown], parts[0].guides.mirrored
     return Estimate(
         control=_mean(weight, paths) + source.push(rollouts.x0, rollouts.guides),
         log_psi=log_psi,
         value=-source.problem.temperature * log_psi,
-        value_error=source.problem.temperature * _deviation(weight, first),
-        control_error=_control_error(weight, paths, first),
+        value_error=source.problem.temperature * _deviation(weight, first, paired),
+        control_error=_control_error(weight, paths, first, paired),
         ess=float(1.0 / np.sum(weight**2)),
         weight=weight[ends[shown] - rollouts.size : ends[shown]],
         class_weights={name: float(weight[mask].sum()) for name, mask in groups.items()},
@@ -186,23 +186,29 @@ def _mean(weight: Array, paths: Paths) -> Array:
     return mean
 
 
-def _deviation(terms: Array, first: NDArray[np.int64]) -> float:
-    """Standard deviation of a sum of independent terms (S,), those around one reference being distributed alike.
+def _deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> float:
+    """Standard deviation of a sum of terms (S,), those around one reference being distributed alike.
 
-    A reference with a single sample says nothing about its spread; the term itself stands for it.
+    Terms are independent, or those of antithetic pairs are only so together. What stands alone around its reference
+    says nothing about its spread; the term itself stands for it.
     """
     number = np.diff(first)
     own = np.repeat(np.arange(len(number)), number)
+    if paired:
+        pairs = (number + 1) // 2
+        which = np.concatenate([[0], np.cumsum(pairs)])[own] + (np.arange(len(terms)) - first[own]) // 2
+        terms, number = np.asarray(np.bincount(which, terms), dtype=float), pairs
+        own = np.repeat(np.arange(len(pairs)), pairs)
     mean = np.bincount(own, terms, len(number)) / np.maximum(number, 1)
     square = np.bincount(own, (terms - np.where(number > 1, mean, 0.0)[own]) ** 2, len(number))
     return float(np.sqrt(square @ (number / np.maximum(number - 1, 1))))
 
 
-def _control_error(weight: Array, paths: Paths, first: NDArray[np.int64]) -> Array:
+def _control_error(weight: Array, paths: Paths, first: NDArray[np.int64], paired: bool) -> Array:
     """Standard error (m,) of the control, a ratio of sums over samples, to first order (delta method)."""
     off = weight[:, None] * (paths.now - paths.span[:, None] * _mean(weight, paths))
     span = max(float(weight @ paths.span), 1e-300)
-    return np.array([_deviation(column, first) for column in off.T]) / span
+    return np.array([_deviation(column, first, paired) for column in off.T]) / span
 
 
 def _groups(key: NDArray[np.int64], names: Mapping[int, str]) -> dict[str, NDArray[np.bool_]]:

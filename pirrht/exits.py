@@ -11,14 +11,16 @@ import math
 
 import numpy as np
 
-from pirrht.clearance import border, clearance, interpolate, nearest_label
+from pirrht.clearance import border, clearance, interpolate, nearest_label, with_slope
 from pirrht.curves import entry_of_piece
 from pirrht.jit import inlined, kernel
 from pirrht.noise import normal, uniform
+from pirrht.scene import Array
 
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
 FAR = 40.0  # exponents beyond this are taken as certain survival
 LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
+RANGE, ENTRIES = 3.5, 256  # of the table of slopes
 
 
 @kernel
@@ -67,32 +69,45 @@ def slope_of(field, x, y):  # type: ignore[no-untyped-def]
     return (gx / size, gy / size) if size > 0.0 else (1.0, 0.0)
 
 
-@kernel
-def survivors_slope(field, reach, widest, x, y, c):  # type: ignore[no-untyped-def]
-    """Gradient of log erf(c / reach) summed over the two nearest walls, the nearest at clearance c [1/m], and the
-    width of the channel between the two [m], infinite if the second is far.
+@inlined
+def survivors_slope(field, reach, widest, x, y):  # type: ignore[no-untyped-def]
+    """Gradient of log erf(c / reach) summed over the two nearest walls [1/m], and the width of the channel between the
+    two [m], infinite if the second is far; c is the clearance.
 
     Along it, times BB', surviving paths lean away from walls. Nearer than half of `widest`, the deviation of a step,
     it grows no more.
     """
-    gx, gy = slope_of(field, x, y)
-    slope = _log_slope(max(c, 0.5 * widest) / reach) / reach
-    second = interpolate(field, field.second, x, y)
+    c, gx, gy = with_slope(field, field.nearest, x, y)
+    left, right, low, high = x - field.left, field.right - x, y - field.low, field.high - y
+    beside, below = min(left, right), min(low, high)
+    if min(beside, below) < c:
+        c = min(beside, below)
+        gx = 0.0 if below < beside else (1.0 if left < right else -1.0)
+        gy = (1.0 if low < high else -1.0) if below < beside else 0.0
+    scale = _log_slope(max(c, 0.5 * widest) / reach) / (reach * math.sqrt(gx * gx + gy * gy + LEAST))
+    second, hx, hy = with_slope(field, field.second, x, y)
     if second >= 3.0 * reach:
-        return slope * gx, slope * gy, np.inf
-    h = 0.5 * field.spacing
-    hx = interpolate(field, field.second, x + h, y) - interpolate(field, field.second, x - h, y)
-    hy = interpolate(field, field.second, x, y + h) - interpolate(field, field.second, x, y - h)
-    size = max(math.sqrt(hx * hx + hy * hy), 1e-12)
-    other = _log_slope(max(second, 0.5 * widest) / reach) / reach
-    other /= size
-    return slope * gx + other * hx, slope * gy + other * hy, c + second
+        return scale * gx, scale * gy, np.inf
+    other = _log_slope(max(second, 0.5 * widest) / reach) / (reach * math.sqrt(hx * hx + hy * hy + LEAST))
+    return scale * gx + other * hx, scale * gy + other * hy, c + second
+
+
+def _slopes() -> Array:
+    """Derivative of log erf, times its argument, over [0, RANGE]."""
+    c = np.linspace(0.0, RANGE, ENTRIES + 1)
+    return np.array([1.0] + [2.0 / math.sqrt(math.pi) * v * math.exp(-v * v) / math.erf(v) for v in c[1:]])
+
+
+SLOPES = _slopes()
 
 
 @inlined
 def _log_slope(c):  # type: ignore[no-untyped-def]
-    """Derivative of log erf."""
-    return 2.0 / math.sqrt(math.pi) * math.exp(-c * c) / math.erf(c)
+    """Derivative of log erf, from a table: any guide will do as long as it is the same everywhere."""
+    place = min(c, RANGE) * (ENTRIES / RANGE)
+    i = min(int(place), ENTRIES - 1)
+    share = place - i
+    return ((1.0 - share) * SLOPES[i] + share * SLOPES[i + 1]) / c
 
 
 @kernel
@@ -171,9 +186,11 @@ def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  
     if near_wall or near_border:
         variance = _towards_wall(field, x, y, cov)
         alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2]) if near_border else 1.0
-        if near_wall and alive > 0.0:
-            alive *= _obstacle_survival(field, x, y, nx, ny, c0, c1, variance)
         state, u = uniform(state)
+        # Two walls at least as far as the nearest: no need to look where the second is, if this already tells.
+        certain = 1.0 - 2.0 * (1.0 - _survival(c0, c1, variance))
+        if near_wall and alive > 0.0 and (near_border or u >= certain):
+            alive *= _obstacle_survival(field, x, y, nx, ny, c0, c1, variance)
         if u >= alive:
             state, wall_time = first_crossing(max(min(c0, e0), LEAST), min(c1, e1), math.sqrt(variance), state)
     if near_goal:

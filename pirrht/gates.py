@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.jit import inlined, kernel
+from pirrht.memory import load_float64
 from pirrht.scene import Array
 
 PASSED = 0.03  # a gate counts as passed this far before it [m]
@@ -29,17 +30,15 @@ class Gates(NamedTuple):
     """Gates of H references, at most C each; plain arrays, so that kernels can take them."""
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) gates, the goal as the last one; 0: none
-    corner: Array  # (H, C, 2) [m]
-    ahead: Array  # (H, C, 2) unit normal of the gate, in the direction of travel
-    outward: Array  # (H, C, 2) unit vector along the gate, away from the obstacle
-    target: Array  # (H, C, 2) what follows, along `ahead` and `outward` from the corner [m]
+    place: Array  # (H, C, 8) corner [m]; unit normal in the direction of travel; unit vector along the gate, away
+    # from the obstacle; what follows, along these two from the corner [m]
     decay: float  # k, of psi per meter [1/m]
     mean: Array  # (ENTRIES + 1,) mean of s/sigma against s*/sigma
 
 
 @inlined
 def mean_offset(table, a):  # type: ignore[no-untyped-def]
-    """Mean of s under s exp(-(s - a)^2 / 2), s > 0."""
+    """Mean of s under s exp(-(s - a)^2 / 2), s > 0; `table` is the address of `Gates.mean`."""
     if a >= RANGE:
         return a + 1.0 / a
     if a <= -RANGE:
@@ -47,7 +46,7 @@ def mean_offset(table, a):  # type: ignore[no-untyped-def]
     place = (a + RANGE) * (ENTRIES / (2.0 * RANGE))
     i = int(place)
     share = place - i
-    return (1.0 - share) * table[i] + share * table[i + 1]
+    return (1.0 - share) * load_float64(table, i) + share * load_float64(table, i + 1)
 
 
 @inlined
@@ -59,26 +58,42 @@ def aim(along, side, far, beside, decay, table):  # type: ignore[no-untyped-def]
     crossing = (side * far + beside * along) / (along + far)
     off, rest = crossing - side, beside - crossing
     first, second = along * along + off * off, far * far + rest * rest
-    bend = along * along / (first * math.sqrt(first)) + far * far / (second * math.sqrt(second))
-    sigma = 1.0 / math.sqrt(decay * bend)
-    return sigma * mean_offset(table, crossing / sigma)
+    both = math.sqrt(first * second)
+    # l'' = along^2 / first^1.5 + far^2 / second^1.5, over one denominator
+    above = along * along * second * math.sqrt(second) + far * far * first * math.sqrt(first)
+    stiff = math.sqrt(decay * above / (both * both * both))
+    return mean_offset(table, crossing * stiff) / stiff
+
+
+@inlined
+def next_gate(place, mean, at, last, s, x, y, decay):  # type: ignore[no-untyped-def]
+    """The gate that comes next for (x, y), the s-th or the one after it, and the vector to where to head for on it.
+
+    Args: addresses of `Gates.place` and `Gates.mean`, index of the reference's first gate, number of its last one.
+    """
+    k = 8 * (at + s)
+    dx, dy = load_float64(place, k) - x, load_float64(place, k + 1) - y
+    along = dx * load_float64(place, k + 2) + dy * load_float64(place, k + 3)
+    if s < last and along < PASSED:
+        s, k = s + 1, k + 8
+        dx, dy = load_float64(place, k) - x, load_float64(place, k + 1) - y
+        along = max(dx * load_float64(place, k + 2) + dy * load_float64(place, k + 3), PASSED)
+    if s < last:
+        nx, ny = load_float64(place, k + 4), load_float64(place, k + 5)
+        far, beside = load_float64(place, k + 6), load_float64(place, k + 7)
+        shift = aim(along, -(dx * nx + dy * ny), far, beside, decay, mean)
+        dx, dy = dx + shift * nx, dy + shift * ny
+    return s, dx, dy
 
 
 @kernel
 def heading(gates, g, stage, x, y, out):  # type: ignore[no-untyped-def]
     """Write the unit vector from (x, y) towards the next gate of reference g, from `stage` on, to out; its number."""
-    dx, dy = gates.corner[g, stage, 0] - x, gates.corner[g, stage, 1] - y
-    last = gates.count[g] - 1
-    along = dx * gates.ahead[g, stage, 0] + dy * gates.ahead[g, stage, 1]
-    while stage < last and along < PASSED:
-        stage += 1
-        dx, dy = gates.corner[g, stage, 0] - x, gates.corner[g, stage, 1] - y
-        along = dx * gates.ahead[g, stage, 0] + dy * gates.ahead[g, stage, 1]
-    if stage < last:
-        nx, ny = gates.outward[g, stage, 0], gates.outward[g, stage, 1]
-        far, beside = gates.target[g, stage, 0], gates.target[g, stage, 1]
-        s = aim(along, -(dx * nx + dy * ny), far, beside, gates.decay, gates.mean)
-        dx, dy = dx + s * nx, dy + s * ny
+    place, mean, at = gates.place.ctypes.data, gates.mean.ctypes.data, g * gates.place.shape[1]
+    before, dx, dy = -1, 0.0, 0.0
+    while stage != before:
+        before = stage
+        stage, dx, dy = next_gate(place, mean, at, gates.count[g] - 1, before, x, y, gates.decay)
     scale = 1.0 / max(math.sqrt(dx * dx + dy * dy), 1e-9)
     out[0], out[1] = scale * dx, scale * dy
     return stage
@@ -95,14 +110,14 @@ def gates_of(lines: list[Array], x: Array, decay: float) -> Gates:
     merged = [_merged(np.asarray(line, dtype=float), x[:2], decay) for line in lines]
     C = max([len(line) for line in merged] + [1])
     H = len(lines)
-    corner, ahead, outward, target = (np.zeros((H, C, 2)) for _ in range(4))
-    ahead[..., 0] = 1.0
+    place = np.zeros((H, C, 8))
+    place[..., 2] = 1.0
     for h, line in enumerate(merged):
-        corner[h, : len(line)] = line
+        place[h, : len(line), :2] = line
         if len(line):
-            _place(line, x[:2], decay, ahead[h], outward[h], target[h])
+            _place(line, x[:2], decay, place[h, :, 2:4], place[h, :, 4:6], place[h, :, 6:8])
     count = np.array([len(line) for line in merged], dtype=np.int64).reshape(H)
-    return Gates(count, corner, ahead, outward, target, decay, _table())
+    return Gates(count, place, decay, _table())
 
 
 def _place(line: Array, x: Array, decay: float, ahead: Array, outward: Array, target: Array) -> None:
@@ -118,7 +133,7 @@ def _place(line: Array, x: Array, decay: float, ahead: Array, outward: Array, ta
         gap = follows - line[c]
         target[c] = max(float(gap @ ahead[c]), PASSED), float(gap @ outward[c])
         width = math.sqrt(float(np.hypot(*gap)) / (2.0 * decay))
-        follows = line[c] + width * mean_offset(_table(), 0.0) * outward[c]
+        follows = line[c] + width * _table()[ENTRIES // 2] * outward[c]
 
 
 def _merged(line: Array, x: Array, decay: float) -> Array:

@@ -58,7 +58,7 @@ class PathIntegral:
         self.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.trace(rollouts, np.zeros(1, dtype=np.int64))
         clearance(self.space.field, x[0], x[1])
-        survivors_slope(self.space.field, 1.0, 1.0, x[0], x[1], 1.0)
+        survivors_slope(self.space.field, 1.0, 1.0, x[0], x[1])
 
     def grid(self, reference_cost: float) -> Array:
         """Ends of the rollout steps (T+1,) [s], up to T_max = (c_ref + 40 lambda) / q_min where a path weighs nothing.
@@ -172,6 +172,7 @@ class PathIntegral:
             speed=self._speed(x),
             reach=self._reach(x) if feedback else 0.0,
             window=self._window(x, times) if feedback else 1,
+            mirrored=self.sampling.draws == "antithetic",
             law=law,
             led=led,
         )
@@ -205,7 +206,7 @@ class PathIntegral:
         B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
         widest = SHARPER * float(np.sqrt((B @ B.T).diagonal().max() * guides.times[1]))
-        slope = np.array(survivors_slope(field, guides.reach, widest, x[0], x[1], c)[:2])
+        slope = np.array(survivors_slope(field, guides.reach, widest, x[0], x[1])[:2])
         return np.asarray(np.linalg.solve(d.G_c(x), B @ B.T @ slope))
 
     def _speed(self, x: Array) -> float:

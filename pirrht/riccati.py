@@ -12,12 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pirrht.clearance import border
+from pirrht.clearance import border, with_slope
 from pirrht.curves import entry_of_piece
 from pirrht.cuts import key_of_segment
 from pirrht.exits import COLLISION, sweep_exit
 from pirrht.jit import inlined, kernel
-from pirrht.memory import load_float32
 
 STEEP = 6.0  # |u| of a guide stays below this
 LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
@@ -62,19 +61,6 @@ def _points(car, dt):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
-    """Bilinear value at (x, y) of the grid at an address, and its gradient."""
-    fx, fy = (x - field.x0) / field.spacing, (y - field.y0) / field.spacing
-    i = min(max(int(fx), 0), field.nx - 2)
-    j = min(max(int(fy), 0), field.ny - 2)
-    u, v, at = fx - i, fy - j, i * field.ny + j
-    a, b = load_float32(grid, at), load_float32(grid, at + 1)
-    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
-    low, high = a * (1.0 - v) + b * v, c * (1.0 - v) + d * v
-    return low * (1.0 - u) + high * u, (high - low) / field.spacing, ((b - a) * (1.0 - u) + (d - c) * u) / field.spacing
-
-
-@inlined
 def _barrier(c, margin, least):  # type: ignore[no-untyped-def]
     """c^(-2/3) with its tangent at the margin taken off, and its first two derivatives; quadratic below `least`."""
     if c >= margin:
@@ -102,11 +88,11 @@ def _price(field, margin, least, x, y):  # type: ignore[no-untyped-def]
             p, d, h = _barrier(c, margin, least)
             value, px, py = value + p, px + d * gx, py + d * gy
             xx, yy = xx + h * gx * gx, yy + h * gy * gy
-    c, gx, gy = _with_slope(field, field.nearest, x, y)
+    c, gx, gy = with_slope(field, field.nearest, x, y)
     if c < margin:
         for k in range(2):
             if k == 1:
-                c, gx, gy = _with_slope(field, field.second, x, y)
+                c, gx, gy = with_slope(field, field.second, x, y)
             p, d, h = _barrier(c, margin, least)
             value, px, py = value + p, px + d * gx, py + d * gy
             xx, xy, yy = xx + h * gx * gx, xy + h * gx * gy, yy + h * gy * gy

@@ -12,6 +12,7 @@ EXITS = ("bridge", "endpoint")
 WEIGHTS = ("balance", "average")
 GUIDES = ("feedback", "open-loop")
 ALLOCATIONS = ("contribution", "equal")
+DRAWS = ("antithetic", "independent")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +26,7 @@ class Sampling:
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
     guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
     window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
+    draws: str = "antithetic"  # pairs of samples with opposite noise, or "independent" ones (the paper's)
     rounds: int = 1  # the samples of a plan are drawn in so many; each corrects the guides of the next
     target: float | None = None  # sample on until u's standard error is no larger: consistent, not unbiased
     budget: int | None = None  # with a target, samples around each reference at most; None: 16 N
@@ -47,7 +49,7 @@ class Sampling:
             raise OptionError(f"budget is {self.budget}; it needs a target and at least the {self.samples} samples")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
-        choices = {"exit": EXITS, "weights": WEIGHTS, "guide": GUIDES, "allocation": ALLOCATIONS}
+        choices = {"exit": EXITS, "weights": WEIGHTS, "guide": GUIDES, "allocation": ALLOCATIONS, "draws": DRAWS}
         for name, known in choices.items():
             if getattr(self, name) not in known:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")

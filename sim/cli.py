@@ -131,6 +131,9 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
         help="samples of a puck go to the references by contribution in earlier plans, or equal (paper)",
     )
     planner.add_argument(
+        "--draws", metavar="RULE", help="samples in pairs of opposite noise (antithetic) or independent (paper)"
+    )
+    planner.add_argument(
         "--memory",
         action="store_true",
         default=None,
@@ -146,7 +149,7 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
     planner.add_argument(
         "--preset",
         metavar="NAME",
-        help="paper: dt = period = 0.1, its N, open loop, plain average, endpoint exit, equal allocation",
+        help="paper: dt = period = 0.1, its N, open loop, plain average, endpoint exit, equal, independent samples",
     )
     if "method" not in skip:
         planner.add_argument("--method", metavar="NAME", help=f"one of {', '.join(METHOD_NAMES)} (pi-rrht)")

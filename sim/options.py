@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.controller import BETWEEN, METHODS
 from pirrht.errors import OptionError
-from pirrht.sampling import ALLOCATIONS, EXITS, GUIDES, WEIGHTS
+from pirrht.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, WEIGHTS
 
 PLANTS = ("mujoco", "sde")
 PRESETS: dict[str, dict[str, Any]] = {
@@ -22,6 +22,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "weights": "average",
         "guide": "open-loop",
         "allocation": "equal",
+        "draws": "independent",
         "between": "hold",
     },
 }
@@ -54,6 +55,7 @@ class Settings:
     target_error: float | None = None
     budget: int | None = None
     allocation: str = "contribution"
+    draws: str = "antithetic"
     polish: bool = True
     max_time: float = 30.0
     threads: int | None = None
@@ -82,6 +84,7 @@ class Settings:
             "weights": WEIGHTS,
             "guide": GUIDES,
             "allocation": ALLOCATIONS,
+            "draws": DRAWS,
             "between": BETWEEN,
         }
         for name, known in choices.items():

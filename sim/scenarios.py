@@ -115,6 +115,7 @@ class Scenario:
             weights=s.weights,
             guide=s.guide,
             allocation=s.allocation,
+            draws=s.draws,
             memory=s.memory,
             rounds=s.rounds,
             target=s.target_error,

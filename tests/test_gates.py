@@ -26,7 +26,7 @@ def test_the_mean_offset_is_that_of_the_density_cut_off_at_the_corner(a):
         # Relative to its greatest exponent, or nothing is left of it far to the left.
         return quad(lambda s: s**n * np.exp(-0.5 * s * s + a * s), 0.0, max(a, 0.0) + 12.0, limit=200)[0]
 
-    table = gates_of([], np.zeros(2), 1.0).mean
+    table = gates_of([], np.zeros(2), 1.0).mean.ctypes.data
     if a < 20.0:
         assert mean_offset(table, a) == pytest.approx(moment(2) / moment(1), rel=5e-3)
     else:
@@ -51,16 +51,17 @@ def test_where_the_corner_is_not_in_the_way_they_head_straight_for_what_follows(
     gates = around_a_corner(1e4)
     high = np.array([0.0, 3.0])
     unit, _ = unit_towards(gates, 0, high)
-    follows = CORNER + gates.target[0, 0, 0] * gates.ahead[0, 0] + gates.target[0, 0, 1] * gates.outward[0, 0]
+    ahead, outward, (far, beside) = gates.place[0, 0, 2:].reshape(3, 2)
+    follows = CORNER + far * ahead + beside * outward
     straight = follows - high
     np.testing.assert_allclose(unit, straight / np.hypot(*straight), atol=2e-3)
 
 
 def test_a_gate_opens_away_from_the_obstacle_that_the_reference_bends_around():
     gates = around_a_corner(10.0)
-    np.testing.assert_allclose(gates.outward[0, 0], [0.0, 1.0], atol=1e-12)  # a turn to the right: it lies below
+    np.testing.assert_allclose(gates.place[0, 0, 4:6], [0.0, 1.0], atol=1e-12)  # a turn to the right: it lies below
     mirrored = gates_of([np.array([[1.0, 0.0], [2.0, 1.0]])], np.array([0.0, 1.0]), 10.0)
-    np.testing.assert_allclose(mirrored.outward[0, 0], [0.0, -1.0], atol=1e-12)
+    np.testing.assert_allclose(mirrored.place[0, 0, 4:6], [0.0, -1.0], atol=1e-12)
 
 
 def test_behind_its_gate_a_sample_heads_for_the_next_one():
@@ -83,5 +84,5 @@ def test_the_aim_is_the_mean_of_the_second_order_density_and_close_to_that_of_th
         return s * np.exp(-k * (np.hypot(along, s - side) + np.hypot(far, beside - s)))
 
     exact = quad(lambda s: s * weight(s), 0, 6)[0] / quad(weight, 0, 6)[0]
-    table = gates_of([], np.zeros(2), k).mean
+    table = gates_of([], np.zeros(2), k).mean.ctypes.data
     assert aim(along, side, far, beside, k, table) == pytest.approx(exact, rel=0.1)

@@ -55,7 +55,7 @@ def test_desirability_matches_cosh_for_interval_exit_with_feedback_guidance(side
     found = [at_strip(integral, x, sides, seed) for seed in range(SEEDS)]
     values = np.array([e.value for e in found])
     assert within(values, value)
-    assert values.mean() == pytest.approx(value, rel=0.01)
+    assert values.mean() == pytest.approx(value, rel=0.015)
     assert within([e.control for e in found], [control, 0.0])
 
 
