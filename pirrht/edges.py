@@ -8,7 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.clearance import BLOCKED, FREE, LEAST_STEP, UNSURE, Field, _surely_blocked, border, clearance
+from pirrht.clearance import (
+    BLOCKED,
+    FREE,
+    LEAST_STEP,
+    UNSURE,
+    Field,
+    _surely_blocked,
+    border,
+    certify_segment,
+    clearance,
+)
 from pirrht.collision import Collision
 from pirrht.curves import Curves, along, cut, entry_of_curve
 from pirrht.homology import Homology
@@ -45,21 +55,21 @@ class Inspector:
         k = len(curves.cost)
         status = np.empty(k, dtype=np.int8)
         first = np.empty(k + 1, dtype=np.int64)
-        length = np.empty_like(curves.length)
-        marker, turn = _inspect(
-            self.field, curves.start, curves.curvature, curves.length, np.ascontiguousarray(curves.heads[:, :2]),
-            into_goal, self.homology.cuts, self.goal.center, self.goal.radius, status, first, length,
+        length, cost = np.empty_like(curves.length), np.empty(k)
+        marker, turn, unsure = _inspect(
+            self.field, curves.start, curves.curvature, curves.length, curves.cost, curves.heads,
+            into_goal, self.homology.cuts, self.goal.center, self.goal.radius, status, first, length, cost,
         )  # fmt: skip
-        for i in np.flatnonzero(status == UNSURE):
+        for i in np.flatnonzero(status == UNSURE) if unsure else ():
             if self._ask(curves.start[i], curves.curvature[i], length[i]):
                 status[i] = FREE
-        whole = np.maximum(curves.length.sum(axis=1), 1e-300)
-        return Edges(
-            free=status == FREE,
-            cost=curves.cost * (length.sum(axis=1) / whole),
-            turns=Turns(first, marker, turn),
-            length=length,
-        )
+        return Edges(free=status == FREE, cost=cost, turns=Turns(first, marker, turn), length=length)
+
+    def point_free(self, x: Array) -> bool:
+        """Whether the robot may be at a state (n,)."""
+        if certify_segment(self.field, x[0], x[1], x[0], x[1]) == FREE:
+            return True
+        return bool(self.collision.free(x[None, :2])[0])
 
     def cut_at_goal(self, path: Curves) -> Curves:
         """A path whose last curve ends where it first enters the goal's disc."""
@@ -142,11 +152,11 @@ def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _inspect(field, start, curvature, length, heads, into_goal, cuts, goal, radius, status, first, cut_length):  # type: ignore[no-untyped-def] # fmt: skip
+def _inspect(field, start, curvature, length, price, heads, into_goal, cuts, goal, radius, status, first, cut_length, cost):  # type: ignore[no-untyped-def] # fmt: skip # noqa: E501
     room = length.shape[1] * cuts.M  # pairs that one curve can have
     marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
     total = np.zeros(cuts.M, np.int16)
-    used = 0
+    used, unsure = 0, 0
     for i in range(length.shape[0]):
         first[i] = used
         s = entry_of_curve(start[i], curvature[i], length[i], goal[0], goal[1], radius)
@@ -157,6 +167,11 @@ def _inspect(field, start, curvature, length, heads, into_goal, cuts, goal, radi
         status[i] = certify_curve(field, start[i], curvature[i], cut_length[i])
         if status[i] == BLOCKED:
             continue
+        unsure += status[i] == UNSURE
+        whole, left = 0.0, 0.0
+        for p in range(length.shape[1]):
+            whole, left = whole + length[i, p], left + cut_length[i, p]
+        cost[i] = price[i] * (left / max(whole, 1e-300))
         if used + room > marker.shape[0]:
             marker = np.concatenate((marker, np.empty_like(marker)))
             turn = np.concatenate((turn, np.empty_like(turn)))
@@ -165,4 +180,4 @@ def _inspect(field, start, curvature, length, heads, into_goal, cuts, goal, radi
         )
         used = summed(total, marker, turn, used, end)
     first[length.shape[0]] = used
-    return marker[:used].copy(), turn[:used].copy()
+    return marker[:used].copy(), turn[:used].copy(), unsure

@@ -140,7 +140,9 @@ class StraightLine(Steering):
         tails, heads = np.atleast_2d(tails), np.atleast_2d(heads)
         gap = heads - tails
         length = np.hypot(gap[:, 0], gap[:, 1])
-        start = np.column_stack([tails, np.arctan2(gap[:, 1], gap[:, 0])])
+        start = np.empty((len(gap), 3))
+        start[:, :2] = tails
+        np.arctan2(gap[:, 1], gap[:, 0], out=start[:, 2])
         return Curves(
             start=start,
             curvature=np.zeros((len(gap), 1)),
@@ -149,6 +151,12 @@ class StraightLine(Steering):
             tails=tails,
             heads=heads,
         )
+
+    def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
+        """Indices of the `count` nearest states; both directions cost the same."""
+        chosen = np.empty(min(count, len(states)), dtype=np.int64)
+        _nearest(states, x[0], x[1], chosen, np.empty(len(chosen)))
+        return chosen
 
     def controls(self, heading: Array, curvature: Array) -> Array:
         """Velocity along the heading; straight lines have no curvature."""
@@ -189,3 +197,23 @@ def _resample(controls, durations, times, out):  # type: ignore[no-untyped-def]
                 break
             i += 1
         now = end
+
+
+@kernel
+def _nearest(states, x, y, chosen, square):  # type: ignore[no-untyped-def]
+    """Fill `chosen` with the nearest states, nearest first; of equally near ones the earlier comes first."""
+    count = chosen.shape[0]
+    found, limit = 0, np.inf
+    for i in range(states.shape[0]):
+        dx, dy = states[i, 0] - x, states[i, 1] - y
+        d = dx * dx + dy * dy
+        if d >= limit:
+            continue
+        at = min(found, count - 1)
+        found = min(found + 1, count)
+        while at > 0 and square[at - 1] > d:
+            square[at], chosen[at] = square[at - 1], chosen[at - 1]
+            at -= 1
+        square[at], chosen[at] = d, i
+        if found == count:
+            limit = square[count - 1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from pirrht.curves import Curves
 from pirrht.edges import Edges
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.growth import REJECTED, attach_with
 from pirrht.homology import class_id, integers
 from pirrht.polish import polish
 from pirrht.scene import Array
@@ -83,6 +85,7 @@ class HomologyTree:
         self.inspector = space.inspector
         predicate = () if allowed is None else (relaxation.user_predicate(allowed),)
         self.kernels = relaxation.kernels(*predicate)
+        self._attach_kernel = attach_with(self.kernels)
         self._predicate = allowed is not None
         self.states = np.zeros((256, steering.n))
         self.in_goal = np.zeros(256, dtype=np.bool_)
@@ -111,26 +114,21 @@ class HomologyTree:
     def extend(self, x: Array) -> bool:
         """One iteration of Algorithm 1 with the state x (n,); whether it became a vertex."""
         self.draws += 1
-        if not self.space.collision.free(x[None, :2])[0]:
+        if not self.inspector.point_free(x):
             return False
         straight = self.space.homology.straight(x[None, :2])[0]
         if self.space.scene.goal.contains(x[:2]):
             self._add_vertex(x, straight, root=True)
             self._link_backward(self.size - 1)
         else:
-            near = self._near(x, forward=True)
-            edges = self._inspect(x, near, forward=True)
-            rows = np.flatnonzero(edges.free)
-            if self._classes_over(straight, near, edges, rows)[0] == 0:
-                return False
-            self._add_vertex(x, straight, root=False)
-            v = self.size - 1
-            self._add_edges(np.full(len(rows), v), near[rows], edges, rows)
-            self._refill(v)
+            status = self._attach(x, straight)
+            if status != relaxation.DONE:
+                if status == REJECTED:
+                    return False
+                self._relax()
             if self.steering.symmetric:
-                self._mirror(v, near, edges)
-            else:
-                self._link_backward(v)
+                return True
+            self._link_backward(self.size - 1)
         self._relax()
         return True
 
@@ -182,25 +180,38 @@ class HomologyTree:
             self._add_vertex(x, self.space.homology.straight(x[None, :2])[0], root=True)
 
     def _add_vertex(self, x: Array, straight: Array, *, root: bool) -> None:
+        v = self._place(x, root=root)
+        self.graph.straight[v] = straight
+        self.graph.size[0] = v + 1
+        if root:
+            self.graph.nodes[v] = 1
+
+    def _place(self, x: Array, *, root: bool) -> int:
+        """Write a state where the next vertex will be; its index."""
         v = self.size
         if v >= len(self.states):
             self.graph = g.doubled(self.graph, g.VERTICES + g.NODES)
             self.states = np.vstack([self.states, np.zeros_like(self.states)])
             self.in_goal = np.concatenate([self.in_goal, np.zeros_like(self.in_goal)])
         self.states[v], self.in_goal[v] = x, root
-        self.graph.straight[v] = straight
-        self.graph.size[0] = v + 1
-        if root:
-            self.graph.nodes[v] = 1
+        return v
 
-    def _add_edges(
-        self, tails: NDArray[np.int64], heads: NDArray[np.int64], edges: Edges, rows: NDArray[np.int64], sign: int = 1
-    ) -> None:
-        while self.graph.size[1] + len(rows) > len(self.graph.tail):
+    def _attach(self, x: Array, straight: Array) -> int:
+        """Make x (n,) a vertex if an allowed class reaches the goal from it; REJECTED, DONE or what must grow."""
+        near = self._near(x, forward=True)
+        edges = self._inspect(x, near, forward=True)
+        self._place(x, root=False)
+        self._make_room(2 * len(near), 2 * len(edges.turns.marker))
+        return self._attach_kernel(
+            self.graph, straight, near, self.in_goal[near], (edges.free, edges.cost, edges.turns), self._weights,
+            self.limit, self.classes, self.steering.symmetric,
+        )  # fmt: skip
+
+    def _make_room(self, edges: int, pairs: int) -> None:
+        while self.graph.size[1] + edges > len(self.graph.tail):
             self.graph = g.doubled(self.graph, g.EDGES)
-        while self.graph.size[4] + len(edges.turns.marker) > len(self.graph.edge_marker):
+        while self.graph.size[4] + pairs > len(self.graph.edge_marker):
             self.graph = g.doubled(self.graph, g.EDGE_PAIRS)
-        g.add_edges(self.graph, tails, heads, edges.cost[rows], edges.turns, rows, sign, self._weights)
 
     def _link_backward(self, v: int) -> None:
         """Rewire, lines 1-7: edges from the vertices near v to v."""
@@ -208,14 +219,11 @@ class HomologyTree:
         near = near[(near != v) & ~self.in_goal[near]]
         edges = self._inspect(self.states[v], near, forward=False, root=bool(self.in_goal[v]))
         rows = np.flatnonzero(edges.free)
-        self._add_edges(near[rows], np.full(len(rows), v), edges, rows)
+        self._make_room(len(rows), len(edges.turns.marker))
+        tails, heads = near[rows], np.full(len(rows), v)
+        g.add_edges(self.graph, tails, heads, edges.cost[rows], edges.turns, rows, 1, self._weights)
         for u in near[rows] if self.in_goal[v] else ():
             self._refill(int(u))
-
-    def _mirror(self, v: int, near: NDArray[np.int64], edges: Edges) -> None:
-        """The same edges the other way round, where steering is symmetric and the head is not in the goal."""
-        rows = np.flatnonzero(edges.free & ~self.in_goal[near])
-        self._add_edges(near[rows], np.full(len(rows), v), edges, rows, -1)
 
     def _refill(self, v: int) -> None:
         if not self.graph.waiting[v]:
@@ -243,11 +251,12 @@ class HomologyTree:
 
     def _near(self, x: Array, *, forward: bool) -> NDArray[np.int64]:
         """NearForward and NearBackward: the RRG's k nearest, k = e (1 + 1/n) log |V|."""
-        count = int(np.ceil(np.e * (1.0 + 1.0 / self.steering.n) * np.log(self.size + 1)))
+        count = math.ceil(math.e * (1.0 + 1.0 / self.steering.n) * math.log(self.size + 1))
         return self.steering.nearest(self.states[: self.size], x, count, forward=forward)
 
     def _inspect(self, x: Array, near: NDArray[np.int64], *, forward: bool, root: bool = False) -> Edges:
-        here = np.broadcast_to(x, (len(near), len(x)))
+        here = np.empty((len(near), len(x)))
+        here[:] = x
         if forward:
             return self.inspector.inspect(self.steering.connect(here, self.states[near]), self.in_goal[near])
         return self.inspector.inspect(self.steering.connect(self.states[near], here), np.full(len(near), root))

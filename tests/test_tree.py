@@ -16,7 +16,7 @@ from pirrht.graph import class_at
 from pirrht.homology import class_id
 from pirrht.polish import polish
 from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
-from pirrht.steering import StraightLine
+from pirrht.steering import Steering, StraightLine
 from pirrht.tree import HomologyTree, Reference
 from sim.scenarios import Scenario
 
@@ -322,3 +322,12 @@ def test_states_that_collide_or_reach_nothing_do_not_become_vertices(slit: Scena
     assert tree.extend(np.array([5.0, 4.0]))
     assert tree.extend(np.array([1.0, 3.4]))  # now it sees a vertex
     assert (tree.size, tree.draws) == (3, 5)
+
+
+def test_straight_lines_know_their_nearest_states_without_sorting_all():
+    rng = np.random.default_rng(4)
+    states, steering = rng.uniform(0.0, 5.0, (300, 2)), StraightLine()
+    for count in (1, 7, 300, 400):
+        for x in rng.uniform(0.0, 5.0, (20, 2)):
+            found = steering.nearest(states, x, count, forward=True)
+            assert np.array_equal(found, Steering.nearest(steering, states, x, count, forward=True))
