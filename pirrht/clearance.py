@@ -166,7 +166,7 @@ def border(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _cell(field, x, y):  # type: ignore[no-untyped-def]
+def cell_of(field, x, y):  # type: ignore[no-untyped-def]
     """Index of the cell's first sample in a grid, and where (x, y) lies in the cell, each from 0 to 1."""
     fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
     i = min(max(int(fx), 0), field.nx - 2)
@@ -175,22 +175,35 @@ def _cell(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def bilinear(a, b, c, d, u, v):  # type: ignore[no-untyped-def]
+    """Value in a cell with corner values a, b in the first column and c, d in the second."""
+    low, high = a * (1.0 - v) + b * v, c * (1.0 - v) + d * v
+    return low * (1.0 - u) + high * u
+
+
+@inlined
+def bilinear_slope(a, b, c, d, u, v, per):  # type: ignore[no-untyped-def]
+    """The same and its gradient, with `per` cells per meter."""
+    low, high = a * (1.0 - v) + b * v, c * (1.0 - v) + d * v
+    return low * (1.0 - u) + high * u, (high - low) * per, ((b - a) * (1.0 - u) + (d - c) * u) * per
+
+
+@inlined
 def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
     """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
-    at, u, v = _cell(field, x, y)
-    low = load_float32(grid, at) * (1.0 - v) + load_float32(grid, at + 1) * v
-    high = load_float32(grid, at + field.ny) * (1.0 - v) + load_float32(grid, at + field.ny + 1) * v
-    return low * (1.0 - u) + high * u
+    at, u, v = cell_of(field, x, y)
+    a, b = load_float32(grid, at), load_float32(grid, at + 1)
+    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
+    return bilinear(a, b, c, d, u, v)
 
 
 @inlined
 def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
     """The same and its gradient."""
-    at, u, v = _cell(field, x, y)
+    at, u, v = cell_of(field, x, y)
     a, b = load_float32(grid, at), load_float32(grid, at + 1)
     c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
-    low, high = a * (1.0 - v) + b * v, c * (1.0 - v) + d * v
-    return low * (1.0 - u) + high * u, (high - low) * field.per, ((b - a) * (1.0 - u) + (d - c) * u) * field.per
+    return bilinear_slope(a, b, c, d, u, v, field.per)
 
 
 @inlined

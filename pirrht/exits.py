@@ -77,19 +77,26 @@ def survivors_slope(field, reach, widest, x, y):  # type: ignore[no-untyped-def]
     Along it, times BB', surviving paths lean away from walls. Nearer than half of `widest`, the deviation of a step,
     it grows no more.
     """
-    c, gx, gy = with_slope(field, field.nearest, x, y)
+    nearest, second = with_slope(field, field.nearest, x, y), with_slope(field, field.second, x, y)
+    return away(field, reach, widest, x, y, nearest, second)
+
+
+@inlined
+def away(field, reach, widest, x, y, nearest, second):  # type: ignore[no-untyped-def]
+    """The same from the clearances of the nearest and the second nearest component, each with its gradient."""
+    c, gx, gy = nearest
     left, right, low, high = x - field.left, field.right - x, y - field.low, field.high - y
     beside, below = min(left, right), min(low, high)
-    if min(beside, below) < c:
-        c = min(beside, below)
-        gx = 0.0 if below < beside else (1.0 if left < right else -1.0)
-        gy = (1.0 if low < high else -1.0) if below < beside else 0.0
-    scale = _log_slope(max(c, 0.5 * widest) / reach) / (reach * math.sqrt(gx * gx + gy * gy + LEAST))
-    second, hx, hy = with_slope(field, field.second, x, y)
-    if second >= 3.0 * reach:
-        return scale * gx, scale * gy, np.inf
-    other = _log_slope(max(second, 0.5 * widest) / reach) / (reach * math.sqrt(hx * hx + hy * hy + LEAST))
-    return scale * gx + other * hx, scale * gy + other * hy, c + second
+    edge = min(beside, below)
+    side, level = 1.0 if left < right else -1.0, 1.0 if low < high else -1.0
+    gx = gx if edge >= c else (0.0 if below < beside else side)
+    gy = gy if edge >= c else (level if below < beside else 0.0)
+    scale = _log_slope(max(min(c, edge), 0.5 * widest) / reach) / (reach * math.sqrt(gx * gx + gy * gy + LEAST))
+    d, hx, hy = second
+    other = _log_slope(max(d, 0.5 * widest) / reach) / (reach * math.sqrt(hx * hx + hy * hy + LEAST))
+    far = d >= 3.0 * reach
+    other = 0.0 if far else other
+    return scale * gx + other * hx, scale * gy + other * hy, np.inf if far else min(c, edge) + d
 
 
 def _slopes() -> Array:

@@ -11,7 +11,6 @@ Without noise (k to infinity) it is the corner, or the straight line to what fol
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -33,24 +32,34 @@ class Gates(NamedTuple):
     place: Array  # (H, C, 8) corner [m]; unit normal in the direction of travel; unit vector along the gate, away
     # from the obstacle; what follows, along these two from the corner [m]
     decay: float  # k, of psi per meter [1/m]
-    mean: Array  # (ENTRIES + 1,) mean of s/sigma against s*/sigma
+
+
+def _means() -> Array:
+    """Mean of s/sigma against s*/sigma over [-RANGE, RANGE]."""
+    a = np.linspace(-RANGE, RANGE, ENTRIES + 1)
+    # With Mills' ratio, integral over density: the means of s^2 and s under the Gaussian cut off at 0.
+    mills = np.array([math.sqrt(0.5 * math.pi) * math.erfc(-v / math.sqrt(2.0)) * math.exp(0.5 * v * v) for v in a])
+    mean: Array = ((1.0 + a * a) * mills + a) / (a * mills + 1.0)
+    return mean
+
+
+MEANS = _means()
 
 
 @inlined
-def mean_offset(table, a):  # type: ignore[no-untyped-def]
-    """Mean of s under s exp(-(s - a)^2 / 2), s > 0; `table` is the address of `Gates.mean`."""
-    if a >= RANGE:
-        return a + 1.0 / a
-    if a <= -RANGE:
-        return -2.0 / a * (1.0 - 3.0 / (a * a))
-    place = (a + RANGE) * (ENTRIES / (2.0 * RANGE))
-    i = int(place)
+def mean_offset(a):  # type: ignore[no-untyped-def]
+    """Mean of s under s exp(-(s - a)^2 / 2), s > 0."""
+    place = (min(max(a, -RANGE), RANGE) + RANGE) * (ENTRIES / (2.0 * RANGE))
+    i = min(int(place), ENTRIES - 1)
     share = place - i
-    return (1.0 - share) * load_float64(table, i) + share * load_float64(table, i + 1)
+    inner = (1.0 - share) * MEANS[i] + share * MEANS[i + 1]
+    one = 1.0 / a
+    below = -2.0 * one * (1.0 - 3.0 * one * one)
+    return a + one if a >= RANGE else (below if a <= -RANGE else inner)
 
 
 @inlined
-def aim(along, side, far, beside, decay, table):  # type: ignore[no-untyped-def]
+def aim(along, side, far, beside, decay):  # type: ignore[no-untyped-def]
     """Where on the gate to head for, in meters outward of the corner.
 
     The state lies `along` before the gate and `side` outward of the corner, what follows `far` behind and `beside`.
@@ -62,14 +71,14 @@ def aim(along, side, far, beside, decay, table):  # type: ignore[no-untyped-def]
     # l'' = along^2 / first^1.5 + far^2 / second^1.5, over one denominator
     above = along * along * second * math.sqrt(second) + far * far * first * math.sqrt(first)
     stiff = math.sqrt(decay * above / (both * both * both))
-    return mean_offset(table, crossing * stiff) / stiff
+    return mean_offset(crossing * stiff) / stiff
 
 
 @inlined
-def next_gate(place, mean, at, last, s, x, y, decay):  # type: ignore[no-untyped-def]
+def next_gate(place, at, last, s, x, y, decay):  # type: ignore[no-untyped-def]
     """The gate that comes next for (x, y), the s-th or the one after it, and the vector to where to head for on it.
 
-    Args: addresses of `Gates.place` and `Gates.mean`, index of the reference's first gate, number of its last one.
+    Args: address of `Gates.place`, index of the reference's first gate, number of its last one.
     """
     k = 8 * (at + s)
     dx, dy = load_float64(place, k) - x, load_float64(place, k + 1) - y
@@ -81,7 +90,7 @@ def next_gate(place, mean, at, last, s, x, y, decay):  # type: ignore[no-untyped
     if s < last:
         nx, ny = load_float64(place, k + 4), load_float64(place, k + 5)
         far, beside = load_float64(place, k + 6), load_float64(place, k + 7)
-        shift = aim(along, -(dx * nx + dy * ny), far, beside, decay, mean)
+        shift = aim(along, -(dx * nx + dy * ny), far, beside, decay)
         dx, dy = dx + shift * nx, dy + shift * ny
     return s, dx, dy
 
@@ -89,11 +98,11 @@ def next_gate(place, mean, at, last, s, x, y, decay):  # type: ignore[no-untyped
 @kernel
 def heading(gates, g, stage, x, y, out):  # type: ignore[no-untyped-def]
     """Write the unit vector from (x, y) towards the next gate of reference g, from `stage` on, to out; its number."""
-    place, mean, at = gates.place.ctypes.data, gates.mean.ctypes.data, g * gates.place.shape[1]
+    place, at = gates.place.ctypes.data, g * gates.place.shape[1]
     before, dx, dy = -1, 0.0, 0.0
     while stage != before:
         before = stage
-        stage, dx, dy = next_gate(place, mean, at, gates.count[g] - 1, before, x, y, gates.decay)
+        stage, dx, dy = next_gate(place, at, gates.count[g] - 1, before, x, y, gates.decay)
     scale = 1.0 / max(math.sqrt(dx * dx + dy * dy), 1e-9)
     out[0], out[1] = scale * dx, scale * dy
     return stage
@@ -117,7 +126,7 @@ def gates_of(lines: list[Array], x: Array, decay: float) -> Gates:
         if len(line):
             _place(line, x[:2], decay, place[h, :, 2:4], place[h, :, 4:6], place[h, :, 6:8])
     count = np.array([len(line) for line in merged], dtype=np.int64).reshape(H)
-    return Gates(count, place, decay, _table())
+    return Gates(count, place, decay)
 
 
 def _place(line: Array, x: Array, decay: float, ahead: Array, outward: Array, target: Array) -> None:
@@ -133,7 +142,7 @@ def _place(line: Array, x: Array, decay: float, ahead: Array, outward: Array, ta
         gap = follows - line[c]
         target[c] = max(float(gap @ ahead[c]), PASSED), float(gap @ outward[c])
         width = math.sqrt(float(np.hypot(*gap)) / (2.0 * decay))
-        follows = line[c] + width * _table()[ENTRIES // 2] * outward[c]
+        follows = line[c] + width * MEANS[ENTRIES // 2] * outward[c]
 
 
 def _merged(line: Array, x: Array, decay: float) -> Array:
@@ -156,12 +165,3 @@ def _merged(line: Array, x: Array, decay: float) -> Array:
     if group:
         out.append(np.mean(group, axis=0))
     return np.array([*out, points[-1]])
-
-
-@cache
-def _table() -> Array:
-    a = np.linspace(-RANGE, RANGE, ENTRIES + 1)
-    # With Mills' ratio, integral over density: the means of s^2 and s under the Gaussian cut off at 0.
-    mills = np.array([math.sqrt(0.5 * math.pi) * math.erfc(-v / math.sqrt(2.0)) * math.exp(0.5 * v * v) for v in a])
-    mean: Array = ((1.0 + a * a) * mills + a) / (a * mills + 1.0)
-    return mean

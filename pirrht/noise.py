@@ -54,6 +54,12 @@ def twin(sample, first, mirrored):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def bits_of(state):  # type: ignore[no-untyped-def]
+    """The 64 random bits that belong to a state of a sequence."""
+    return _mix(state)
+
+
+@inlined
 def uniform(state):  # type: ignore[no-untyped-def]
     """The next state of a sequence and a number in [0, 1)."""
     state = state + GOLDEN
@@ -89,3 +95,16 @@ def normal(state):  # type: ignore[no-untyped-def]
         state, x, accepted = _slow_normal(state, layer, x)
         if accepted:
             return state, sign * x
+
+
+@kernel
+def normal_again(state):  # type: ignore[no-untyped-def]
+    """What `normal` returns if the draw that led to this state was not accepted at once."""
+    bits = _mix(state)
+    layer = np.int64(bits & np.uint64(255))
+    x = np.float64(bits >> np.uint64(11)) * UNIT * EDGE[layer]
+    sign = 1.0 - 2.0 * np.float64((bits >> np.uint64(8)) & np.uint64(1))
+    state, x, accepted = _slow_normal(state, layer, x)
+    if accepted:
+        return state, sign * x
+    return normal(state)

@@ -19,8 +19,8 @@ from pirrht.gates import Gates
 from pirrht.jit import as_jitable
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollout_any import any_path
+from pirrht.rollout_block import is_point, sample
 from pirrht.rollout_loops import Kernels, loops
-from pirrht.rollout_point import is_point, point_path, point_room
 from pirrht.scene import Array
 
 __all__ = ["Guides", "Kernels", "Paths", "World", "empty_paths", "kernels_for"]
@@ -90,10 +90,9 @@ def kernels_for(problem: Problem) -> Kernels:
     gain = None if constant else as_jitable(_function(d.control_block))
     noise = None if constant else as_jitable(_function(d.diffusion_block))
     q = as_jitable(problem.q) if callable(problem.q) else unit_rate
-    if constant and is_point(d) and not callable(problem.q):
-        return loops(point_path, point_room, 2)
     one_path, room = any_path(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
-    return loops(one_path, room, d.m)
+    kernels = loops(one_path, room, d.m)
+    return kernels._replace(sample=sample) if is_point(d) and not callable(problem.q) else kernels
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:

@@ -99,7 +99,7 @@ def any_path(
         field, goal, radius, p = world.field, world.goal, world.goal_radius, world.parameters
         cuts, times, drifts, controls = world.cuts, guides.times, guides.drift, guides.control
         count, decay, active = guides.gates.count, guides.gates.decay, guides.active
-        place, mean, C = guides.gates.place.ctypes.data, guides.gates.mean.ctypes.data, guides.gates.place.shape[1]
+        place, C = guides.gates.place.ctypes.data, guides.gates.place.shape[1]
         speed, reach = guides.speed, guides.reach
         law, led = guides.law, guides.led
         H, T = controls.shape[0], controls.shape[1]
@@ -142,7 +142,7 @@ def any_path(
             for g in range(0 if weigh else h, H if weigh else h + 1):
                 ends = count[g]
                 if ends > 0:
-                    stage[g], dx, dy = next_gate(place, mean, g * C, ends - 1, stage[g], x[0], x[1], decay)
+                    stage[g], dx, dy = next_gate(place, g * C, ends - 1, stage[g], x[0], x[1], decay)
                     scale = hurry * speed / max(math.sqrt(dx * dx + dy * dy), 1e-9)
                     for j in range(m):
                         a[g, j] = scale * (D[j, 0] * dx + (D[j, 1] * dy if m > 1 else 0.0))

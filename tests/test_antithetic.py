@@ -8,10 +8,6 @@ import numpy as np
 import pytest
 
 from pirrht.path_integral import PathIntegral
-from pirrht.problem import unit_rate
-from pirrht.rollout import Paths
-from pirrht.rollout_any import any_path
-from pirrht.rollout_loops import loops
 from pirrht.scene import Array
 from pirrht.tree import HomologyTree
 from sim.scenarios import Scenario
@@ -72,23 +68,3 @@ def test_pairs_leave_the_mean_of_psi_where_it_is_and_scatter_the_control_less(sl
     error = np.sqrt(sum(np.exp(logs - top).var(ddof=1) / PLANS for logs in psi.values()))
     assert abs(mean["antithetic"] - mean["independent"]) < 3.0 * error
     assert control["antithetic"].std(axis=0).mean() < 0.5 * control["independent"].std(axis=0).mean()
-
-
-@pytest.mark.parametrize(
-    ("guide", "exit"), [("feedback", "bridge"), ("open-loop", "endpoint"), ("feedback", "endpoint")]
-)
-def test_the_kernel_for_points_simulates_what_that_for_any_dynamics_does(slit, slit_tree, guide, exit):
-    source, d = of(slit, guide=guide, exit=exit, samples=500), slit.problem.dynamics
-    tapes, corners = around(slit, slit_tree)
-    one = source.rollout(slit.start, TIMES, tapes, 1, corners=corners)
-    source.kernels = loops(*any_path(d.drift, None, None, unit_rate, 2, 2, False, True), 2)
-    other = source.rollout(slit.start, TIMES, tapes, 1, corners=corners)
-    same(one.paths, other.paths)
-
-
-def same(a: Paths, b: Paths) -> None:
-    different: Array = a.steps != b.steps  # rounding may flip an exit, in one of many thousand steps
-    assert different.mean() < 2e-3
-    for name in Paths._fields:
-        one, other = getattr(a, name)[~different], getattr(b, name)[~different]
-        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9, err_msg=name)

@@ -26,11 +26,10 @@ def test_the_mean_offset_is_that_of_the_density_cut_off_at_the_corner(a):
         # Relative to its greatest exponent, or nothing is left of it far to the left.
         return quad(lambda s: s**n * np.exp(-0.5 * s * s + a * s), 0.0, max(a, 0.0) + 12.0, limit=200)[0]
 
-    table = gates_of([], np.zeros(2), 1.0).mean.ctypes.data
     if a < 20.0:
-        assert mean_offset(table, a) == pytest.approx(moment(2) / moment(1), rel=5e-3)
+        assert mean_offset(a) == pytest.approx(moment(2) / moment(1), rel=5e-3)
     else:
-        assert mean_offset(table, a) == pytest.approx(a, rel=1e-3)
+        assert mean_offset(a) == pytest.approx(a, rel=1e-3)
 
 
 def test_without_noise_samples_head_for_the_corner_itself():
@@ -84,5 +83,4 @@ def test_the_aim_is_the_mean_of_the_second_order_density_and_close_to_that_of_th
         return s * np.exp(-k * (np.hypot(along, s - side) + np.hypot(far, beside - s)))
 
     exact = quad(lambda s: s * weight(s), 0, 6)[0] / quad(weight, 0, 6)[0]
-    table = gates_of([], np.zeros(2), k).mean.ctypes.data
-    assert aim(along, side, far, beside, k, table) == pytest.approx(exact, rel=0.1)
+    assert aim(along, side, far, beside, k) == pytest.approx(exact, rel=0.1)

@@ -1,0 +1,63 @@
+"""The kernel that simulates points many abreast, against the one that simulates any dynamics path by path."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pirrht.path_integral import PathIntegral, Rollouts
+from pirrht.problem import unit_rate
+from pirrht.rollout import Paths
+from pirrht.rollout_any import any_path
+from pirrht.rollout_loops import loops
+from pirrht.scene import Array
+from pirrht.tree import HomologyTree
+from sim.scenarios import Scenario
+
+TIMES = np.concatenate([np.arange(10) * 0.01, np.arange(1, 40) * 0.1])
+RULES = [("feedback", "bridge"), ("open-loop", "bridge"), ("open-loop", "endpoint"), ("feedback", "endpoint")]
+
+
+def drawn(source: PathIntegral, tree: HomologyTree, counts: list[int]) -> Rollouts:
+    x = source.problem.scene.start[:2]
+    trajectories = [r.trajectory for r in tree.references(x)]
+    corners = [np.vstack([t.path.start[1:, :2], source.space.scene.goal.center]) for t in trajectories]
+    return source.rollout(x, TIMES, np.array([t.tape(TIMES) for t in trajectories]), 1, counts=counts, corners=corners)
+
+
+def both(scenario: Scenario, tree: HomologyTree, counts: list[int], **rules: str) -> tuple[Paths, Paths]:
+    source = PathIntegral(scenario.problem, scenario.space, replace(scenario.sampling, **rules))
+    block = drawn(source, tree, counts).paths
+    path = any_path(scenario.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True)
+    source.kernels = loops(*path, 2)
+    return block, drawn(source, tree, counts).paths
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.3])
+@pytest.mark.parametrize(("guide", "exit"), RULES)
+def test_blocks_hold_the_paths_that_one_by_one_come_out(slit, slit_tree, guide, exit, noise):
+    block, single = both(slit.with_settings(noise=noise), slit_tree, [301, 128, 1], guide=guide, exit=exit)
+    different: Array = block.steps != single.steps  # rounding may flip an exit, in one of many thousand steps
+    assert different.mean() < 5e-3
+    assert len(np.unique(block.outcome)) > 1
+    for name in Paths._fields:
+        one, other = getattr(block, name)[~different], getattr(single, name)[~different]
+        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9, err_msg=name)
+
+
+def test_a_sample_does_not_depend_on_how_many_others_there_are(slit, slit_tree):
+    source = PathIntegral(slit.problem, slit.space, replace(slit.sampling, threads=1))
+    few, many = drawn(source, slit_tree, [5, 1, 1]).paths, drawn(source, slit_tree, [300, 1, 1]).paths
+    for name in Paths._fields:
+        np.testing.assert_array_equal(getattr(few, name)[:5], getattr(many, name)[:5], err_msg=name)
+
+
+def test_threads_change_nothing(slit, slit_tree):
+    one, two = (
+        drawn(PathIntegral(slit.problem, slit.space, replace(slit.sampling, threads=t)), slit_tree, [200, 200, 200])
+        for t in (1, 2)
+    )
+    for name in Paths._fields:
+        np.testing.assert_array_equal(getattr(one.paths, name), getattr(two.paths, name), err_msg=name)
