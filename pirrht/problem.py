@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,6 +29,7 @@ class Problem:
     q: float | Callable[..., float] = 1.0  # state cost rate [cost/s]; or a function q(x, p) that numba compiles
     q_min: float | None = None  # a lower bound of q over the workspace; needed when q is a function
     phi: float = np.inf  # final cost off the goal; it is 0 at the goal
+    temperature: float = field(init=False)  # the scalar lambda of lambda G R^-1 G' = B B' [cost]
 
     def __post_init__(self) -> None:
         if callable(self.q) and self.q_min is None:
@@ -37,7 +38,7 @@ class Problem:
             raise OptionError(f"the least state cost rate is {self.least_rate:g}; first exit needs a positive one")
         if np.isnan(self.phi) or self.phi < 0:
             raise OptionError(f"the final cost phi is {self.phi:g}; it must be 0 or more (infinity is allowed)")
-        _ = self.temperature
+        object.__setattr__(self, "temperature", self._temperature())
 
     @property
     def least_rate(self) -> float:
@@ -55,9 +56,8 @@ class Problem:
         """R at x, (m, m)."""
         return np.asarray(self.R(x), dtype=float) if callable(self.R) else self.R
 
-    @property
-    def temperature(self) -> float:
-        """The scalar lambda of `lambda G R^-1 G' = B B'` [cost].
+    def _temperature(self) -> float:
+        """The scalar lambda of `lambda G R^-1 G' = B B'`.
 
         Raises:
             NotLinearlySolvable: no scalar fits, at some state of the workspace; both matrices are in the message.
