@@ -9,7 +9,7 @@ classes share left out). The control at any state between plans is then
     u(x) = sum_c w_c(x) u_c(x),    w(x) = softmax(log psi_c(x)).
 
 Its slope holds the spread of the u_c times R/lambda, as the exact law's does; the gain that Thijssen & Kappen (2015)
-read off the samples' covariance is the linear part of it, and noisier. Since psi_c and psi_c u_c are sums over
+read off the samples' covariance (`gain`) is the linear part of it, and noisier. Since psi_c and psi_c u_c are sums over
 samples, those of earlier plans simply add to those of the last one once carried along, at a weight that fades.
 """
 
@@ -95,7 +95,7 @@ class Law:
     def _at(self, x: Array, s: float) -> tuple[Array, Array]:
         """log psi (C,) and control (C, m) of every class."""
         d, controls = self.problem.dynamics, self._controls(x, s)
-        moved = _wrapped(x[-d.m :] - self.state[-d.m :] - s * self.drift, d.n)
+        moved = wrapped(x[-d.m :] - self.state[-d.m :] - s * self.drift, d.n)
         mean = 0.5 * (self.before + controls)
         pull = mean @ self.stiff
         log_psi = self.known + pull @ (self.inverse @ moved)
@@ -193,7 +193,7 @@ def along_guide(guide: Guide) -> Lead:
     def lead(x: Array, s: float) -> Array:
         i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.control) - 1)
         share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
-        off = _wrapped(x - (1.0 - share) * guide.states[i] - share * guide.states[i + 1], 3)
+        off = wrapped(x - (1.0 - share) * guide.states[i] - share * guide.states[i + 1], 3)
         return np.array([guide.control[i] + guide.gains[i] @ off])
 
     return lead
@@ -206,7 +206,7 @@ def _pooled(old: ClassLaw, new: ClassLaw) -> ClassLaw:
     return ClassLaw(log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest, lead=new.lead)
 
 
-def _wrapped(off: Array, n: int) -> Array:
+def wrapped(off: Array, n: int) -> Array:
     """Differences of states whose third entry, or only one of a car, is an angle."""
     if n == 3:
         off = off.copy()

@@ -9,6 +9,7 @@ from pirrht.between import Law, Memory, leads_of
 from pirrht.driven import Driven
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.gain import LinearLaw, linear_law
 from pirrht.guides import FEW, Guide
 from pirrht.homology import class_id, integers
 from pirrht.path_integral import Estimate, PathIntegral, Sampling
@@ -26,7 +27,7 @@ METHODS = {
     "passive": "no reference: sample the passive dynamics",
     "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
 }
-BETWEEN = ("classes", "hold")
+BETWEEN = ("classes", "gain", "hold")
 TREELESS = ("passive", "optimal")
 REMEMBERED = 4  # one in so many samples of a reference is drawn around the last plan's tape as well
 
@@ -42,7 +43,7 @@ class Controller:
         tree: grown beforehand; None only for the method "passive".
         rng: source of one seed per plan.
         polished: shorten references inside their class.
-        between: what the control does until the next plan: follow the state by "classes", or "hold" (the paper).
+        between: until the next plan follow the state by "classes" or a linear "gain", or "hold" the control (paper).
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class Controller:
             raise OptionError(f"the method {method!r} needs a tree")
         self.problem, self.space, self.tree, self.method = problem, space, tree, method
         self.path_integral = PathIntegral(problem, space, sampling)
-        self.polished, self.rng = polished, rng
+        self.polished, self.rng, self.between = polished, rng, between
         shared = sampling.allocation == "contribution" and self.path_integral.guidance is None
         self.allocation = Allocation(sampling.samples) if shared else None
         self.memory = Memory(problem) if between == "classes" else None
@@ -131,7 +132,7 @@ class Controller:
             instead=self._instead(tapes, guides, ids) if estimate is None else None,
             law=law,
             span=self.path_integral.sampling.dt,
-            shares=None if law is None else law.weights(x, 0.0),
+            shares=law.weights(x, 0.0) if isinstance(law, Law) else None,
         )
 
     def _estimate(
@@ -156,13 +157,19 @@ class Controller:
             self.allocation.learn(ids, estimate)
         return None if guides is not None and estimate.survivors == 0 else estimate
 
-    def _law(self, estimate: Estimate, ids: tuple[str, ...], guides: list[Guide | None] | None) -> Law | None:
+    def _law(
+        self, estimate: Estimate, ids: tuple[str, ...], guides: list[Guide | None] | None
+    ) -> Law | LinearLaw | None:
         """Feedback until the next plan; None if the control is held."""
+        steered = estimate.rollouts.guides
+        leads = leads_of(ids, steered, guides)
+        if self.between == "gain":
+            return linear_law(estimate, [leads.get(name) for name in ids])
         if self.memory is None:
             return None
         elapsed, self._unpooled = self._unpooled, 0.0
-        source, steered = estimate.source, estimate.rollouts.guides
-        return self.memory.law(estimate, leads_of(ids, steered, guides), lambda x, s: source.push(x, steered), elapsed)
+        source = estimate.source
+        return self.memory.law(estimate, leads, lambda x, s: source.push(x, steered), elapsed)
 
     def _with_last(
         self,

@@ -143,7 +143,7 @@ def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] 
         control=_mean(weight, paths) + source.push(rollouts.x0, rollouts.guides),
         log_psi=log_psi,
         value=-source.problem.temperature * log_psi,
-        value_error=source.problem.temperature * _deviation(weight, first, paired),
+        value_error=source.problem.temperature * deviation(weight, first, paired),
         control_error=_control_error(weight, paths, first, paired),
         ess=float(1.0 / np.sum(weight**2)),
         weight=weight[ends[shown] - rollouts.size : ends[shown]],
@@ -186,7 +186,7 @@ def _mean(weight: Array, paths: Paths) -> Array:
     return mean
 
 
-def _deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> float:
+def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> float:
     """Standard deviation of a sum of terms (S,), those around one reference being distributed alike.
 
     Terms are independent, or those of antithetic pairs are only so together. What stands alone around its reference
@@ -208,7 +208,7 @@ def _control_error(weight: Array, paths: Paths, first: NDArray[np.int64], paired
     """Standard error (m,) of the control, a ratio of sums over samples, to first order (delta method)."""
     off = weight[:, None] * (paths.now - paths.span[:, None] * _mean(weight, paths))
     span = max(float(weight @ paths.span), 1e-300)
-    return np.array([_deviation(column, first, paired) for column in off.T]) / span
+    return np.array([deviation(column, first, paired) for column in off.T]) / span
 
 
 def _groups(key: NDArray[np.int64], names: Mapping[int, str]) -> dict[str, NDArray[np.bool_]]:
