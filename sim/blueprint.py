@@ -15,7 +15,7 @@ BACKGROUND = (20, 22, 26)
 def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     """Three tabs: Drive, Why and, if there is a tree, Tree; `live` has the time cursor follow the data."""
     scene = subject.space.scene
-    tabs = [_drive(scene), _why()]
+    tabs = [_drive(scene), _why(truth=subject.truth)]
     if subject.lifted:
         views = [_tree(scene, path, title, subject.turn) for _, path, title in subject.lifted]
         tabs.append(rrb.Horizontal(*views, name="Tree"))
@@ -54,7 +54,7 @@ def _drive(scene: Scene) -> rrb.Container:
     return rrb.Horizontal(view, side, column_shares=[3, 1], name="Drive")
 
 
-def _why() -> rrb.Container:
+def _why(*, truth: bool) -> rrb.Container:
     plots = rrb.Vertical(
         _weights(legend=True),
         _series(
@@ -67,7 +67,15 @@ def _why() -> rrb.Container:
     )
     columns = rrb.TextLogColumns(text_log_columns=["body"])
     log = rrb.TextLogView(origin="/log", name="What happened", columns=columns)
-    return rrb.Horizontal(plots, log, column_shares=[3, 1], name="Why")
+    if not truth:
+        return rrb.Horizontal(plots, log, column_shares=[3, 1], name="Why")
+    beside = rrb.Vertical(
+        _series("/why/optimum/control", "Distance from the optimal control", "RightTop"),
+        _series("/why/optimum/value", "Value beside the exact one, which is 0 here [cost]", "RightTop"),
+        log,
+        row_shares=[3, 3, 1],
+    )
+    return rrb.Horizontal(plots, beside, column_shares=[3, 2], name="Why")
 
 
 def _weights(*, legend: bool) -> rrb.View:

@@ -160,6 +160,9 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
 
 
 def _run_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--truth", action="store_true", help="hold every control against the optimal one, solved for on a grid"
+    )
     recording = parser.add_argument_group("recording")
     recording.add_argument("--record", type=Path, metavar="FILE.rrd", help="write a Rerun recording")
     recording.add_argument(

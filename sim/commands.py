@@ -23,6 +23,7 @@ from sim import episode, present, warm
 from sim.colors import title
 from sim.mjcf import load, scene_names
 from sim.scenarios import Scenario, prepare
+from sim.truth import Truth, Witness
 
 
 def scenes(_: argparse.Namespace) -> int:
@@ -80,29 +81,33 @@ def run(arguments: argparse.Namespace) -> int:
     scenario = _scenario(arguments)
     settings = scenario.settings
     optimal = settings.method == "optimal"
+    truth = scenario.truth() if arguments.truth else None
+    witness = None if truth is None else Witness(truth)
     compiling = None if optimal else warm.start(scenario.loaded.dynamics_name)
     tree, references = (None, []) if settings.method in TREELESS else _planned(scenario)
     if references:
         print(present.class_table(references))
     if compiling is not None:
         compiling.wait()
-    controller = scenario.optimal() if optimal else scenario.controller(tree)
+    exact = truth if truth is not None and truth.dt is None else None
+    controller = scenario.optimal(exact) if optimal else scenario.controller(tree)
     if not optimal:
         controller.path_integral.warm_up()
     tally = episode.Tally(settings.period)
     plant = scenario.plant()
     frames = episode.run(plant, controller, scenario.start, scenario.plant_rng(), max_time=settings.max_time)
     recorder = _recorder(arguments, scenario, tree, controller.path_integral)
-    with recorder, _bar("drive", settings.max_time, "s") as bar:
+    with recorder or nullcontext(), _bar("drive", settings.max_time, "s") as bar:
         for frame in frames:
             news = tally.add(frame)
-            if arguments.record or arguments.connect or arguments.view:
-                recorder.log(frame, news)
+            known = None if witness is None else witness.add(frame.plan)
+            if recorder is not None:
+                recorder.log(frame, news, known)
             if news:
                 bar.write(news)
             bar.update(round(frame.end_time - bar.n, 6))
             bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
-    result = tally.result()
+    result = {**tally.result(), **({} if witness is None else {"truth": witness.result()})}
     _print_summary(result)
     if arguments.record:
         print(f"recording: {arguments.record}  (open it with: rerun {arguments.record})")
@@ -216,10 +221,9 @@ def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
     return tree, convergence
 
 
-def _truth(scenario: Scenario, x: Array) -> present.Truth:
+def _truth(scenario: Scenario, x: Array) -> Truth:
     """The grid's value and control at x (n,)."""
-    exact = scenario.truth()
-    return present.Truth(value=float(exact.value(x)), control=exact.control(x))
+    return Truth.at(scenario.truth(), x)
 
 
 def _state(at: list[float], scenario: Scenario) -> Array:
@@ -237,7 +241,7 @@ def _state(at: list[float], scenario: Scenario) -> Array:
 
 def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any) -> Any:
     if not (arguments.record or arguments.connect or arguments.view):
-        return nullcontext()
+        return None
     from sim.recorder import Recorder
 
     s = scenario.settings
@@ -251,6 +255,7 @@ def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyT
         view=arguments.view,
         hz=arguments.record_hz,
         samples=arguments.record_samples,
+        truth=arguments.truth,
         settings={
             "scene": scenario.loaded.scene.name,
             "robot": scenario.loaded.robot,
@@ -292,3 +297,9 @@ def _print_summary(result: dict[str, Any]) -> None:
         f"{result['steps']} control steps: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, max {ms['max']:.1f}, "
         f"{result['deadline_misses']} longer than the period"
     )
+    if "truth" in result:
+        exact = result["truth"]
+        print(
+            f"beside the optimal control: |u - u*| {exact['mean_control_error']:.3f} on average, "
+            f"{exact['max_control_error']:.3f} at most; exact value at the start {exact['value']:.4f}"
+        )

@@ -8,7 +8,6 @@ import os
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
 from sim.colors import title
 from sim.scenarios import Scenario
+from sim.truth import Truth
 
 FEW_CLASSES = 4
 
@@ -46,18 +46,6 @@ def class_table(references: Sequence[Reference]) -> str:
         return table(["class", "cost", "length [m]"], rows)
     rows = [[r.id, f"{r.cost:.4f}", f"{r.length:.3f}", " ".join(f"{h:+.2f}" for h in r.signature)] for r in references]
     return table(["class", "cost", "length [m]", "H"], rows)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Truth:
-    """What a grid knows about one state."""
-
-    value: float  # v
-    control: Array  # u*, (m,)
-
-    def errors(self, e: Estimate) -> tuple[float, float]:
-        """How far an estimate's value and control are off."""
-        return e.value - self.value, float(np.linalg.norm(e.control - self.control))
 
 
 def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None) -> str:

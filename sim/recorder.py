@@ -23,8 +23,10 @@ from sim.blueprint import layout
 from sim.episode import Frame
 from sim.mjcf import Loaded
 from sim.stage import Subject
+from sim.steps import Row
 from sim.stream import Stream, forget_lost_viewers
-from sim.writer import Row, Writer
+from sim.truth import Truth
+from sim.writer import Writer
 
 SAMPLES = ("all", "some", "none")
 ROOM = 256  # rows a queue holds
@@ -44,6 +46,7 @@ class Recorder:
         view: start a viewer.
         hz: how often references and samples are drawn, per simulated second.
         samples: which sampled paths are drawn: "all", "some" or "none".
+        truth: whether every frame comes with the exact value and the optimal control.
         settings: what the drive was made with; kept as properties of the recording.
 
     Raises:
@@ -62,6 +65,7 @@ class Recorder:
         view: bool = False,
         hz: float = 5.0,
         samples: str = "some",
+        truth: bool = False,
         settings: dict[str, object],
     ) -> None:
         if not (math.isfinite(hz) and hz > 0):
@@ -80,6 +84,7 @@ class Recorder:
             path_integral=path_integral,
             samples=samples,
             settings=settings,
+            truth=truth,
         )
         path_integral.warm_up()
         self._interval, self._due = 1.0 / hz, 0.0
@@ -102,8 +107,8 @@ class Recorder:
         """Frames that a viewer could not take."""
         return sum(target.dropped for target in self._live)
 
-    def log(self, frame: Frame, news: str | None = None) -> None:
-        """Record a control step, with a line for the log if there is news.
+    def log(self, frame: Frame, news: str | None = None, truth: Truth | None = None) -> None:
+        """Record a control step, with a line for the log if there is news, and the truth if it is known.
 
         Raises:
             OptionError: the file can no longer be written.
@@ -111,7 +116,7 @@ class Recorder:
         drawn = frame.time >= self._due - 1e-9 or frame.outcome is not None
         if drawn:
             self._due = max(self._due + self._interval, frame.time)
-        row = Row.of(frame, drawn, news)
+        row = Row.of(frame, drawn, news, truth)
         for target in self._live:
             target.put(row)
         if self._file is not None:

@@ -27,6 +27,7 @@ GOAL = (44, 118, 66)
 BORDER = (120, 128, 138)
 CONTROL = (250, 246, 232)
 DRIVEN = (255, 200, 60)
+OPTIMUM = (150, 235, 60)
 
 Log = Callable[[str, rr.AsComponents], None]
 
@@ -41,6 +42,7 @@ class Subject:
     path_integral: PathIntegral
     samples: str  # "all", "some" or "none"
     settings: Mapping[str, object]
+    truth: bool = False  # whether its steps come with the optimal control
 
     @property
     def name(self) -> str:
@@ -83,7 +85,7 @@ def stage(subject: Subject, log: Log) -> None:
     ):
         for name, solid in solids.solids(model, mask).items():
             log(f"{folder}/{name}", solid)
-    log("/world/robot", rr.Arrows3D.from_fields(origins=[(0, 0, 0.12)], colors=[CONTROL], radii=[0.022]))
+    log("/world/robot", _arrows(truth=subject.truth))
     log("/world/tape", rr.LineStrips3D.from_fields(colors=[CONTROL], radii=[0.01]))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
     log(
@@ -92,6 +94,13 @@ def stage(subject: Subject, log: Log) -> None:
     )
     for obstacle, path, _ in subject.lifted:
         _tree(subject, obstacle, path, log)
+
+
+def _arrows(*, truth: bool) -> rr.Arrows3D:
+    """The control chosen; below it and thicker, so that neither hides the other, the optimal one."""
+    looks = [((0, 0, 0.12), CONTROL, 0.022), ((0, 0, 0.07), OPTIMUM, 0.034)]
+    origins, colors, radii = (list(part) for part in zip(*looks[: 1 + truth], strict=True))
+    return rr.Arrows3D.from_fields(origins=origins, colors=colors, radii=radii)
 
 
 def _ground(subject: Subject, log: Log) -> None:
@@ -138,6 +147,7 @@ def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
 
 def _legend(subject: Subject) -> str:
     """What the colours and lines of the drive mean, and the settings, in Markdown."""
+    optimum = "\n\n**Green arrow**: the optimal control, solved for on a grid." if subject.truth else ""
     rows = "\n".join(f"| {name} | {_text(value)} |" for name, value in properties(subject.settings).items())
     return f"""\
 **Thick lines**: the best path of each homology class, with its share of the weight.
@@ -145,7 +155,7 @@ def _legend(subject: Subject) -> str:
 **Thin lines**: sampled paths in the colour of their own class; the brighter, the heavier.
 Grey ones hit an obstacle, left the workspace or ran out of time.
 
-**White arrow and line**: the control chosen now, and where its tape alone would lead.
+**White arrow and line**: the control chosen now, and where its tape alone would lead.{optimum}
 
 **Yellow line**: the path driven.
 

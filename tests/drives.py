@@ -1,0 +1,86 @@
+"""A drive to record, and recordings read back."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from rerun.chunk import RrdReader
+
+from pirrht.controller import Controller
+from pirrht.dynamics import SingleIntegrator
+from pirrht.freespace import FreeSpace
+from pirrht.path_integral import Sampling
+from pirrht.problem import Problem
+from pirrht.steering import StraightLine
+from pirrht.tree import HomologyTree
+from sim.episode import Frame, Tally, run
+from sim.executor import Executor
+from sim.mjcf import load
+from sim.recorder import Recorder
+
+PERIOD, MAX_TIME = 0.01, 0.5
+
+
+class Drive:
+    """The slit under noise, with everything a recorder wants to know; the same every time."""
+
+    def __init__(self, seed: int = 0) -> None:
+        self.loaded = load("slit")
+        self.scene = self.loaded.scene
+        self.space = FreeSpace.of(self.scene)
+        problem = Problem(dynamics=SingleIntegrator(b=0.3), scene=self.scene, R=2 * np.eye(2))
+        self.tree = HomologyTree(self.space, StraightLine(), limit=0.6, rng=np.random.default_rng(seed))
+        self.tree.grow(200)
+        self.controller = Controller(
+            problem, self.space, self.tree, Sampling(samples=60), rng=np.random.default_rng(seed)
+        )
+        self.plant = Executor(self.loaded, problem, period=PERIOD)
+        self.plant_rng = np.random.default_rng(seed)
+
+    def recorder(self, file: Path | None = None, **options) -> Recorder:
+        settings = {"scene": "slit", "seed": 0, "noise": 0.3, "method": "pi-rrht"}
+        integral = self.controller.path_integral
+        return Recorder(self.loaded, self.space, self.tree, integral, file=file, settings=settings, **options)
+
+    def frames(self, max_time: float = MAX_TIME) -> Iterator[Frame]:
+        return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time)
+
+
+def record(file: Path) -> tuple[list[Frame], list[str], list[float]]:
+    drive, tally = Drive(), Tally(PERIOD)
+    frames, news, spent = [], [], []
+    with drive.recorder(file) as recorder:
+        for frame in drive.frames():
+            line = tally.add(frame)
+            began = time.perf_counter()
+            recorder.log(frame, line)
+            spent.append(time.perf_counter() - began)
+            frames.append(frame)
+            news += [line] if line else []
+    return frames, news, spent
+
+
+def columns(file: Path) -> dict[str, dict[str, list]]:
+    """All temporal rows by entity and column, in the order of the file."""
+    table: dict[str, dict[str, list]] = defaultdict(lambda: defaultdict(list))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a file without footer is what one of the tests is about
+        for chunk in RrdReader(str(file)).stream():
+            if not chunk.is_static:
+                batch = chunk.to_record_batch()
+                for name in batch.schema.names:
+                    table[chunk.entity_path][name] += batch.column(name).to_pylist()
+    return table
+
+
+def rerun(*arguments: str | Path) -> subprocess.CompletedProcess:
+    command = [sys.executable, "-m", "rerun", *map(str, arguments)]
+    return subprocess.run(command, env={**os.environ, "CI": "1"}, capture_output=True, text=True, timeout=60)
