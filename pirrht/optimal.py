@@ -17,6 +17,7 @@ from pirrht.path_integral import PathIntegral, Sampling
 from pirrht.plan import Plan
 from pirrht.problem import Problem
 from pirrht.scene import Array
+from pirrht.tree import HomologyTree
 
 DRAWN = 0.5  # a recording draws where the control now would lead in this time [s]
 
@@ -28,6 +29,8 @@ class Optimal:
         desirability: of the problem in continuous time.
         sampling: of the sampler that a recording draws with; drives do not use it.
     """
+
+    tree: HomologyTree | None = None  # it needs none
 
     def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
         self.desirability, self._sampling = desirability, sampling

@@ -160,7 +160,11 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
 
 
 def _run_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    drive = parser.add_argument_group("drive")
+    drive.add_argument(
+        "--grow", type=int, metavar="N", help="vertices that the tree gains between two plans of the drive (0)"
+    )
+    drive.add_argument(
         "--truth", action="store_true", help="hold every control against the optimal one, solved for on a grid"
     )
     recording = parser.add_argument_group("recording")

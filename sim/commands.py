@@ -95,7 +95,14 @@ def run(arguments: argparse.Namespace) -> int:
         controller.path_integral.warm_up()
     tally = episode.Tally(settings.period)
     plant = scenario.plant()
-    frames = episode.run(plant, controller, scenario.start, scenario.plant_rng(), max_time=settings.max_time)
+    frames = episode.run(
+        plant,
+        controller,
+        scenario.start,
+        scenario.plant_rng(),
+        max_time=settings.max_time,
+        grow=settings.grow,
+    )
     recorder = _recorder(arguments, scenario, tree, controller.path_integral)
     with recorder or nullcontext(), _bar("drive", settings.max_time, "s") as bar:
         for frame in frames:

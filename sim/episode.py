@@ -15,6 +15,7 @@ from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER
 from pirrht.plan import Plan
 from pirrht.scene import Array
+from pirrht.tree import HomologyTree
 from sim.colors import title
 from sim.executor import Advance, Plant
 
@@ -33,6 +34,7 @@ class Frame:
     clearance: float  # FCL's clearance at the start of the period [m]
     driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
     plan_seconds: float  # wall time the plan took [s]
+    vertices: int = 0  # of the tree that the plan was made with
 
     @property
     def end_time(self) -> float:
@@ -49,6 +51,7 @@ class Driver(Protocol):
     """Who decides during a drive: `pirrht.Controller` or `pirrht.Optimal`."""
 
     space: FreeSpace
+    tree: HomologyTree | None
 
     def begin(self, x: Array) -> None:
         """Forget the drive so far; a new one starts at x (n,)."""
@@ -64,9 +67,12 @@ class Driver(Protocol):
 
 
 def run(
-    plant: Plant, controller: Driver, start: Array, rng: np.random.Generator, *, max_time: float
+    plant: Plant, controller: Driver, start: Array, rng: np.random.Generator, *, max_time: float, grow: int = 0
 ) -> Iterator[Frame]:
     """Drive from start until the goal, a collision or max_time [s] of simulated time (Algorithm 4).
+
+    Args:
+        grow: vertices that the controller's tree gains between two plans.
 
     Raises:
         NoReference: already the start has no reference.
@@ -79,6 +85,7 @@ def run(
         began = time.perf_counter()
         plan = controller.plan(plant.state)
         seconds = time.perf_counter() - began
+        vertices = size_of(controller.tree)
         clearance = controller.space.clearance(plan.state)
         advance = plant.advance(plan.at, rng)
         controller.observe(advance.states, advance.time)
@@ -97,8 +104,16 @@ def run(
             clearance=clearance,
             driven_class=controller.driven_class(),
             plan_seconds=seconds,
+            vertices=vertices,
         )
+        if controller.tree is not None and outcome is None and grow:
+            controller.tree.grow(vertices + grow)
         now, step = now + advance.time, step + 1
+
+
+def size_of(tree: HomologyTree | None) -> int:
+    """Vertices of a tree; 0 if there is none."""
+    return 0 if tree is None else tree.size
 
 
 @dataclass(slots=True)
@@ -162,6 +177,7 @@ class Tally:
             "cost": self.last.cost,
             "path_length": self.last.length,
             "steps": self.last.step + 1,
+            "vertices": self.last.vertices,
             "min_clearance": self.min_clearance,
             "value_estimate": self.first.exact if estimate is None else estimate.value,
             "executed_class": class_id(self.last.driven_class) if reached else None,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.controller import BETWEEN, METHODS
+from pirrht.controller import BETWEEN, METHODS, TREELESS
 from pirrht.errors import OptionError
 from pirrht.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, WEIGHTS
 
@@ -39,6 +39,7 @@ class Settings:
     phi: float = np.inf
     seed: int = 0
     vertices: int = 1000
+    grow: int = 0
     classes: int = 16
     samples: int = 200
     dt: float = 0.1
@@ -68,7 +69,8 @@ class Settings:
                 raise OptionError(f"--{_flag(name)} is {value:g}; it must be a positive number")
         if np.isnan(self.phi) or self.phi < 0:
             raise OptionError(f"--phi is {self.phi:g}; it must be 0 or more ('inf' is allowed)")
-        least = {"seed": 0, "vertices": 1, "classes": 0, "samples": 1, "rounds": 1, "threads": 1, "plan_seed": 0}
+        least = {"vertices": 1, "samples": 1, "rounds": 1, "threads": 1}
+        least |= {"seed": 0, "grow": 0, "classes": 0, "plan_seed": 0}
         for name, bound in least.items():
             value = getattr(self, name)
             if value is not None and value < bound:
@@ -77,6 +79,8 @@ class Settings:
             raise OptionError(f"--target-error is {self.target_error:g}; it must be a positive number")
         if self.budget is not None and (self.target_error is None or self.budget < self.samples):
             raise OptionError(f"--budget is {self.budget}; it needs --target-error and at least --samples")
+        if self.grow and self.method in TREELESS:
+            raise OptionError(f"--grow is {self.grow}; --method {self.method} has no tree that could grow")
         choices = {
             "method": METHODS,
             "plant": PLANTS,

@@ -146,6 +146,7 @@ def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[s
         "samples": s.samples,
         "dt": s.dt,
         "period": s.period,
+        "grow": s.grow,
         **result,
         "obstacles": obstacles_json(scenario.space),
         "classes": classes_json(references),

@@ -37,6 +37,7 @@ COLUMNS = (
     Column(name="cost", unit="cost", text="integral of q + u'Ru/2 up to the end of the step"),
     Column(name="length", unit="m", text="driven up to the end of the step"),
     Column(name="clearance", unit="m", text="room around the robot at the start of the step"),
+    Column(name="vertices", unit="1", text="vertices of the tree that the plan was made with"),
     Column(name="value", unit="cost", text="estimate of v = -lambda log psi; infinite without surviving samples"),
     Column(name="value_error", unit="cost", text="its standard error; 0 for a value that is exact"),
     Column(name="control_error", unit="control", text="standard error of u; infinite where it is not known"),
@@ -62,6 +63,7 @@ class Row:
     cost: float
     length: float
     clearance: float
+    vertices: int  # of the tree
     ids: tuple[str, ...]  # classes of the references
     weights: dict[str, float]  # by class; empty in a fallback
     sizes: dict[str, float]  # effective sample size by class
@@ -93,6 +95,7 @@ class Row:
             cost=frame.cost,
             length=frame.length,
             clearance=frame.clearance,
+            vertices=frame.vertices,
             ids=plan.ids,
             weights=estimate.class_weights if estimate else {},
             sizes=estimate.class_ess if estimate else {},
@@ -119,6 +122,7 @@ def columns(rows: Sequence[Row]) -> list[Any]:
         *_values(cost=[r.cost for r in rows]),
         *_values(length=[r.length for r in rows]),
         *_values(clearance=[r.clearance for r in rows]),
+        *_values(vertices=[r.vertices for r in rows]),
         *_values(value=[r.value for r in rows]),
         *_values(value_error=[r.value_error for r in rows]),
         *_values(control_error=[r.control_error for r in rows]),
