@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pirrht.errors import OptionError, PirrhtError
+from sim.columns import explained
 
 METHOD_NAMES = ("pi-rrht", "single", "passive", "optimal")
 
@@ -65,6 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument("scenes", nargs="+", metavar="SCENE", help="built-in names or MJCF files")
     _common_options(sweep, skip=("noise", "method", "seed"))
     _sweep_options(sweep)
+    _export_options(commands)
     world = commands.add_parser("import", help="turn a Gazebo world of static primitives into an MJCF scene")
     world.add_argument("world", type=Path, metavar="WORLD", help="an SDF file: .world or .sdf")
     world.add_argument("-o", "--output", type=Path, required=True, metavar="SCENE.xml", help="the scene to write")
@@ -184,7 +186,25 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
     )
     recording.add_argument("--view", action="store_true", help="open the Rerun viewer")
     recording.add_argument(
+        "--serve",
+        action="store_true",
+        help="serve viewer and data to browsers of this machine; from a terminal until Ctrl-C",
+    )
+    recording.add_argument(
         "--connect", metavar="URL", help="stream to a running viewer, rerun+http://127.0.0.1:9876/proxy"
+    )
+
+
+def _export_options(commands: Any) -> None:
+    export = commands.add_parser(
+        "export",
+        help="turn a recording into a table: Parquet or NumPy",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=f"columns, one row per control step (K = 1, 2, ..., ID a homology class):\n{explained()}",
+    )
+    export.add_argument("recording", type=Path, metavar="FILE.rrd", help="made by `pirrht run --record`, whole or not")
+    export.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="TABLE", help="the table to write, .parquet or .npz"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -116,10 +117,16 @@ def run(arguments: argparse.Namespace) -> int:
             bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
     result = {**tally.result(), **({} if witness is None else {"truth": witness.result()})}
     _print_summary(result)
+    if recorder is not None and recorder.live:
+        result["dropped_frames"] = recorder.dropped
+        print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
     if arguments.record:
         print(f"recording: {arguments.record}  (open it with: rerun {arguments.record})")
     if arguments.json:
         present.write_json(arguments.json, present.run_json(scenario, references, result))
+    if recorder is not None and recorder.server is not None and sys.stdout.isatty():
+        print("served until Ctrl-C", flush=True)
+        recorder.server.stay()
     return 0 if tally.outcome is Outcome.GOAL else 1
 
 
@@ -175,6 +182,22 @@ def import_world(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def export(arguments: argparse.Namespace) -> int:
+    """Turn a recording into a table."""
+    from sim import export as engine
+    from sim import recording
+
+    _check_outputs(arguments, "output")
+    engine.check_format(arguments.output)
+    known = recording.read(arguments.recording)
+    columns = engine.table(known)
+    engine.write(arguments.output, columns, known.settings)
+    print(f"{arguments.output}: {len(known.steps)} control steps, {len(columns)} columns")
+    if not known.whole:
+        print(f"{arguments.recording} ends at {known.steps[-1][1]:.2f} s without an outcome; what it holds is exported")
+    return 0
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "scenes": scenes,
     "plan": plan,
@@ -182,6 +205,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "estimate": estimate,
     "sweep": sweep,
     "import": import_world,
+    "export": export,
 }
 
 
@@ -247,12 +271,12 @@ def _state(at: list[float], scenario: Scenario) -> Array:
 
 
 def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any) -> Any:
-    if not (arguments.record or arguments.connect or arguments.view):
+    if not (arguments.record or arguments.connect or arguments.view or arguments.serve):
         return None
     from sim.recorder import Recorder
 
     s = scenario.settings
-    return Recorder(
+    recorder = Recorder(
         scenario.loaded,
         scenario.space,
         tree,
@@ -260,6 +284,7 @@ def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyT
         file=arguments.record,
         connect=arguments.connect,
         view=arguments.view,
+        serve=arguments.serve,
         hz=arguments.record_hz,
         samples=arguments.record_samples,
         truth=arguments.truth,
@@ -275,6 +300,9 @@ def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyT
             "period": s.period,
         },
     )
+    if recorder.server is not None:
+        print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
+    return recorder
 
 
 def _check_outputs(arguments: argparse.Namespace, *options: str) -> None:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ from pirrht.path_integral import Estimate
 from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
 from sim.colors import title
+from sim.files import replaced
 from sim.scenarios import Scenario
 from sim.truth import Truth
 
@@ -217,22 +216,5 @@ def check_writable(path: Path, option: str) -> None:
 def write_json(path: Path, value: Any) -> None:
     """Write JSON so that the old file stays until the new one is complete."""
     text = json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
-    try:
-        handle, name = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.resolve().parent)
-    except OSError as error:
-        raise OptionError(f"--json {path}: {error.strerror}; choose another place") from None
-    try:
-        with os.fdopen(handle, "w") as stream:
-            stream.write(text)
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
-    except OSError as error:
-        with suppress(OSError):
-            os.unlink(name)
-        raise OptionError(f"--json {path}: {error.strerror}; choose another place") from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    with replaced(path, "--json") as stream:
+        stream.write(text.encode())

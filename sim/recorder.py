@@ -44,6 +44,7 @@ class Recorder:
         file: where to write an .rrd; an existing one is replaced when the first frame comes.
         connect: URL of a running viewer.
         view: start a viewer.
+        serve: serve browsers of this machine; `server` tells where.
         hz: how often references and samples are drawn, per simulated second.
         samples: which sampled paths are drawn: "all", "some" or "none".
         truth: whether every frame comes with the exact value and the optimal control.
@@ -63,6 +64,7 @@ class Recorder:
         file: Path | None = None,
         connect: str | None = None,
         view: bool = False,
+        serve: bool = False,
         hz: float = 5.0,
         samples: str = "some",
         truth: bool = False,
@@ -76,7 +78,11 @@ class Recorder:
             _check_writable(file)
         if connect is not None:
             viewer.probe(connect)
-        urls = [url for url in (connect, viewer.spawn() if view else None) if url is not None]
+        self.server = viewer.Server.start() if serve else None
+        found = (connect, viewer.spawn() if view else None, None if self.server is None else self.server.url)
+        urls = [url for url in found if url is not None]
+        if truth:
+            settings = {**settings, "truth": True}
         subject = Subject(
             loaded=loaded,
             space=space,
@@ -101,6 +107,11 @@ class Recorder:
         """Close, however the drive ended; what ended it is reported first."""
         with suppress(OptionError) if error is not None else nullcontext():
             self.close()
+
+    @property
+    def live(self) -> bool:
+        """Whether a viewer is shown the drive."""
+        return bool(self._live)
 
     @property
     def dropped(self) -> int:
@@ -182,6 +193,8 @@ class _Target:
         connected = False
         try:
             while self._rows or not self._closing.is_set():
+                if connected and self._url is None and self._writer.secure():
+                    self._deliver(self._writer.stream)
                 if not self._rows:
                     time.sleep(NAP)
                     continue

@@ -1,4 +1,11 @@
-"""A control step in a recording, and the table that all of them make: what its columns mean, in which unit."""
+"""A control step in a recording, and the numbers that are kept of it at `/steps`.
+
+At its start: state [m, m, rad], control, clearance [m], vertices of the tree, value, value_error and control_error
+(one standard error), where a grid was solved exact_value and exact_control, and class by class in the same order
+classes (ids and "other"), weights, ess. Over it: duration [s], noise (sum of the Brownian increments) [sqrt(s)]. Up to
+its end: cost, length [m]. The last one has the state where the drive ended, and the outcome. `columns.py` has them as
+a table.
+"""
 
 from __future__ import annotations
 
@@ -16,37 +23,6 @@ from pirrht.plan import Plan
 from pirrht.scene import Array
 from sim.episode import Frame
 from sim.truth import Truth
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """A column of the table of steps."""
-
-    name: str
-    unit: str
-    text: str
-
-
-COLUMNS = (
-    Column(name="step", unit="1", text="number of the control step, from 0"),
-    Column(name="sim_time", unit="s", text="simulated time at its start"),
-    Column(name="state", unit="m, m, rad", text="where it began: x, y and, of a car, heading"),
-    Column(name="control", unit="control", text="u chosen there"),
-    Column(name="noise", unit="sqrt(s)", text="sum of the Brownian increments over the step"),
-    Column(name="duration", unit="s", text="simulated time the step took"),
-    Column(name="cost", unit="cost", text="integral of q + u'Ru/2 up to the end of the step"),
-    Column(name="length", unit="m", text="driven up to the end of the step"),
-    Column(name="clearance", unit="m", text="room around the robot at the start of the step"),
-    Column(name="vertices", unit="1", text="vertices of the tree that the plan was made with"),
-    Column(name="value", unit="cost", text="estimate of v = -lambda log psi; infinite without surviving samples"),
-    Column(name="value_error", unit="cost", text="its standard error; 0 for a value that is exact"),
-    Column(name="control_error", unit="control", text="standard error of u; infinite where it is not known"),
-    Column(name="classes", unit="id", text='homology classes of the samples, "other" for those without a reference'),
-    Column(name="weights", unit="1", text="share of psi of each of these classes"),
-    Column(name="ess", unit="1", text="effective sample size of each of these classes"),
-    Column(name="exact_value", unit="cost", text="v, solved for on a grid (only with --truth)"),
-    Column(name="exact_control", unit="control", text="the optimal control u* (only with --truth)"),
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,6 +107,8 @@ def columns(rows: Sequence[Row]) -> list[Any]:
         *_ragged("ess", [list(r.sizes.values()) for r in rows]),
         *(_values(exact_value=[t.value for t in truths]) if truths else ()),
         *(_values(exact_control=[t.control for t in truths]) if truths else ()),
+        *_ragged("end", [r.states[-1].tolist() if r.outcome is not None and len(r.states) else [] for r in rows]),
+        *_ragged("outcome", [[] if r.outcome is None else [r.outcome.name.lower()] for r in rows]),
     ]
 
 

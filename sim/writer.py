@@ -1,6 +1,6 @@
 """What a recording holds of a drive, batch by batch: numbers at every step, pictures where they are due.
 
-/steps        a row per control step, described in `steps.COLUMNS`
+/steps        a row per control step, described in `steps.py`
 /world/robot  pose, and as an arrow where the control would take it, as a second one, where it is known, where the
               optimal control would; one row more for where the drive ended
 /world/path   position after every physics step
@@ -10,12 +10,14 @@
 /why/optimum  control: the length of u's standard error, and |u - u*| of the control chosen;
               value: one standard error below and above the estimate's error, that error, and 0 for the exact one
 /log          what happened
-/timing/plan  wall time of a plan [ms]
+/timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Sequence
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -31,6 +33,7 @@ from sim.steps import Row, columns
 from sim.stream import Stream
 
 BATCH_STEPS = 32  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
+WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
 BATCH_LEAST, BATCH_TIME = 8, 0.32  # fewer will do once they span so much simulated time [s]
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
 
@@ -44,6 +47,7 @@ class Writer:
         self._pictures = Pictures(stream, subject, colors)
         self._plots = Plots(stream, subject.path_integral.temperature, colors, truth=subject.truth)
         self._batch: list[Row] = []
+        self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
 
     def begin(self) -> None:
         """Everything that stays as it is."""
@@ -55,11 +59,21 @@ class Writer:
     def add(self, row: Row) -> bool:
         """Take in a step; whether its batch was written, which depends on steps and simulated time alone."""
         self._batch.append(row)
+        self._waiting_since = min(self._waiting_since, time.monotonic())
         count, span = len(self._batch), row.time + row.duration - self._batch[0].time
         long_enough = count >= BATCH_LEAST and span >= BATCH_TIME - 1e-9
         if count < BATCH_STEPS and not long_enough and row.outcome is None:
             return False
         self._write()
+        return True
+
+    def secure(self) -> bool:
+        """Write the steps ahead that have waited too long, lest a crash lose them; whether there were any."""
+        if time.monotonic() - self._waiting_since < WAIT:
+            return False
+        rows = self._batch[self._secured :]
+        self._columns("/timing/plan", rows, columns(rows))
+        self._secured, self._waiting_since = len(self._batch), inf
         return True
 
     def end(self) -> None:
@@ -70,6 +84,7 @@ class Writer:
 
     def _write(self) -> None:
         rows, self._batch = self._batch, []
+        self._secured, self._waiting_since = 0, inf
         self._columns("/steps", rows, columns(rows))
         self._robot(rows)
         self._plots.draw(rows)

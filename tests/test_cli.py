@@ -323,7 +323,7 @@ def test_a_good_result_replaces_the_old_one(folder, capsys):
     assert json.loads((folder / "good.json").read_text()).keys() >= PLAN
 
 
-@pytest.mark.parametrize("command", ["", "plan", "run", "estimate", "sweep", "scenes"])
+@pytest.mark.parametrize("command", ["", "plan", "run", "estimate", "sweep", "scenes", "export", "import"])
 def test_help_ends_well(capsys, command):
     with pytest.raises(SystemExit) as caught:
         main([*command.split(), "--help"])
