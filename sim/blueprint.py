@@ -81,7 +81,7 @@ def _why(*, truth: bool) -> rrb.Container:
 def _weights(*, legend: bool) -> rrb.View:
     return rrb.TimeSeriesView(
         origin="/why/weight",
-        name="Class weights (share of psi)",
+        name="Class weights (shares of psi, stacked)",
         axis_y=rrb.ScalarAxis(range=(-0.03, 1.1)),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=legend),
     )

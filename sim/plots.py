@@ -12,6 +12,7 @@ import numpy as np
 import rerun as rr
 
 from pirrht.path_integral import OTHER
+from pirrht.scene import Array
 from sim.colors import ClassColors, title
 from sim.stage import CONTROL, OPTIMUM
 from sim.steps import Row
@@ -19,6 +20,7 @@ from sim.stream import Stream
 
 LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
 BAND = "one standard error"
+STROKE, THINNEST = 0.01, 0.002  # time between strokes that fill an area [s], the least share that is drawn
 DIM = (120, 122, 128)
 
 
@@ -74,8 +76,11 @@ class Plots:
         titles = [OTHER, *(f"class {title(name)}" for name in self._lines), *[OTHER] * spare]
         colors = [self._colors[name] for name in [OTHER, *self._lines, *[OTHER] * spare]]
         widths = [2.5] * len(titles)
-        for path in ("/why/weight", "/why/ess"):
-            self._stream.static(path, rr.SeriesLines(names=titles, colors=colors, widths=widths))
+        lines = {"names": titles, "colors": colors}
+        self._stream.static(
+            "/why/weight", rr.SeriesLines(**lines, widths=[3.5] * len(titles), aggregation_policy="Off")
+        )
+        self._stream.static("/why/ess", rr.SeriesLines(**lines, widths=widths))
         titles = ["all paths" if name == OTHER else name for name in titles]
         colors = [CONTROL if color == self._colors[OTHER] else color for color in colors]
         titles[1:1], colors[1:1], widths[1:1] = [BAND] * 2, [CONTROL] * 2, [0.8] * 2
@@ -85,19 +90,36 @@ class Plots:
 
     def _classes(self, rows: Sequence[Row]) -> None:
         names, spare = self._lines, [inf] * (LINES - len(self._lines))
-        weights, sizes, values = [], [], []
+        sizes, values = [], []
         for r in rows:
             share = [r.weights.get(name, 0.0) for name in names]
-            other = sum(r.weights.values()) - sum(share)
-            weights.append([other, *share, *spare])
             sizes.append([r.sizes.get(OTHER, 0.0), *(r.sizes.get(name, 0.0) for name in names), *spare])
             # Infinite where no path was found: NaN would make equal recordings compare unequal.
             by_class = [r.value - self._temperature * log(w) if w > 0 else inf for w in share]
             band = [r.value - r.value_error, r.value + r.value_error] if r.value < inf else [inf, inf]
             exact = [] if r.truth is None else [r.truth.value]
             values.append([r.value, *band, *by_class, *spare, *exact])
-        for path, table in (("/why/weight", weights), ("/why/ess", sizes), ("/why/value", values)):
-            self._lines_of(path, rows, table)
+        self._lines_of("/why/ess", rows, sizes)
+        self._lines_of("/why/value", rows, values)
+        self._stack(rows)
+
+    def _stack(self, rows: Sequence[Row]) -> None:
+        """Class weights on top of each other: the viewer fills no areas, so strokes up and down cover them."""
+        at: list[tuple[int, float]] = []
+        table: list[Array] = []
+        for r in rows:
+            share = np.zeros(LINES + 1)
+            share[1 : 1 + len(self._lines)] = [r.weights.get(name, 0.0) for name in self._lines]
+            upper = np.cumsum(share)
+            share[0] = sum(r.weights.values()) - upper[-1]  # all other classes are on top
+            upper[0] = upper[-1] + share[0]
+            seen = share > THINNEST
+            edges = [np.where(seen, upper - share, inf), np.where(seen, upper, inf)]
+            strokes = 2 * max(1, round(r.duration / STROKE))
+            at += [(r.step, r.time + r.duration * k / strokes) for k in range(strokes)]
+            table += edges * (strokes // 2)
+        columns = rr.Scalars.columns(scalars=np.ravel(table)).partition([LINES + 1] * len(table))
+        self._stream.columns("/why/weight", [step for step, _ in at], [time for _, time in at], columns)
 
     def _optimum(self, rows: Sequence[Row]) -> None:
         known = [(r, r.truth) for r in rows if r.truth is not None]

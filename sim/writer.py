@@ -4,7 +4,9 @@
 /world/robot  pose, and as an arrow where the control would take it, as a second one, where it is known, where the
               optimal control would; one row more for where the drive ended
 /world/path   position after every physics step
-/why/weight   one line for all other classes, then one for each of a few classes as they gain weight; so `ess`
+/why/weight   lower and upper edges, in turn, of all other classes and of each of a few classes as they gain weight,
+              on top of each other; `switch` below it where another class has come to weigh most
+/why/ess      effective sample size of the same classes
 /why/value    -lambda log psi of all paths, one standard error below and above it, then of each of those classes;
               last, where it is known, the exact one
 /why/optimum  control: the length of u's standard error, and |u - u*| of the control chosen;

@@ -65,8 +65,9 @@ def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded
     assert np.allclose(np.array(robot["Transform3D:translation"])[-1, 0, :2], frames[-1].state, atol=1e-6)
     assert len(robot["step"]) == len(frames) + 1
     assert [text for line in table["/log"]["TextLog:text"] for text in line] == news
-    for path in ("/world/path", "/why/weight", "/why/value", "/why/ess", "/timing/plan"):
+    for path in ("/world/path", "/why/value", "/why/ess"):
         assert len(table[path]["step"]) == len(frames), path
+    assert len(table["/timing/plan"]["Scalars:scalars"]) == len(frames)
     for path in ("/world/references", "/world/tape", "/tree/1/references", "/world/samples/dead"):
         assert 2 <= len(table[path]["step"]) <= 2 + 5 * MAX_TIME, path
     entities = {chunk.entity_path for chunk in RrdReader(str(file)).stream()}
@@ -75,6 +76,21 @@ def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded
     timelines = {name for chunk in RrdReader(str(file)).stream() for name in chunk.timeline_names}
     assert timelines == {"step", "sim_time"}
     assert RrdReader(str(file)).blueprints()
+
+
+def test_class_weights_are_stacked_by_strokes_from_edge_to_edge(recorded):
+    file, frames, _, _ = recorded
+    stack = columns(file)["/why/weight"]
+    edges = np.array(stack["Scalars:scalars"]).reshape(len(frames), 2, -1)
+    assert stack["step"] == [frame.step for frame in frames for _ in range(2)]
+    for frame, (lower, upper) in zip(frames, edges, strict=True):
+        drawn = np.isfinite(upper)
+        assert np.array_equal(drawn, np.isfinite(lower))
+        weights = [w for w in frame.plan.estimate.class_weights.values() if w > 0.002]
+        assert np.allclose(np.sort(upper[drawn] - lower[drawn]), np.sort(weights), atol=1e-12)
+        order = np.argsort(lower[drawn])
+        gaps = lower[drawn][order][1:] - upper[drawn][order][:-1]  # as thick as what is too thin to be drawn
+        assert np.all((gaps > -1e-12) & (gaps < 0.01))
 
 
 def test_a_closed_recording_is_whole(recorded):
