@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from pirrht.allocation import Allocation
@@ -90,12 +92,24 @@ class Controller:
         self._since += duration
         self._unpooled += duration
 
+    def expect(self, states: Array, duration: float) -> None:
+        """Suppose that the robot will drive through the states (k, n) next; `duration` [s] since the last plan's start.
+
+        The next plan is made for the end of them. What is observed afterwards takes their place, at no duration.
+        """
+        self._driven.expect(states)
+        self._since += duration
+        self._unpooled += duration
+
     def driven_class(self) -> tuple[int, ...]:
         """Class of the driven path, completed by the straight line to the goal point."""
         return self._driven.winding()
 
-    def plan(self, x: Array) -> Plan:
+    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,).
+
+        Args:
+            left: time left for sampling [s]; samples are drawn until it is up.
 
         Raises:
             NoReference: no class reaches the goal, and there is no earlier plan to go on with.
@@ -109,18 +123,19 @@ class Controller:
             references = self._kept(x, set())
             if not references:
                 return self._previous.rest(x, self._since)
-        plan = self._around(x, references)
+        plan = self._around(x, references, left)
         self._previous, self._since = plan, 0.0
         return plan
 
-    def _around(self, x: Array, references: list[Reference]) -> Plan:
+    def _around(self, x: Array, references: list[Reference], left: Callable[[], float] | None) -> Plan:
         """The plan at x (n,) that samples around references make."""
         ids = tuple(class_id(whole) for whole in self._from_start(references))
         trajectories = [reference.trajectory for reference in references]
         times = self.path_integral.grid(self._least_cost(x, trajectories))
         tapes = np.array([t.tape(times) for t in trajectories] or [np.zeros((len(times) - 1, self.problem.dynamics.m))])
         guides, counts = self._lead(x, times, references)
-        estimate = self._estimate(x, times, references, ids, (tapes, counts, self._corners(trajectories), guides))
+        proposals = (tapes, counts, self._corners(trajectories), guides)
+        estimate = self._estimate(x, times, references, ids, proposals, left)
         law = None if estimate is None else self._law(estimate, ids, guides)
         return Plan(
             state=x,
@@ -136,7 +151,13 @@ class Controller:
         )
 
     def _estimate(
-        self, x: Array, times: Array, references: list[Reference], ids: tuple[str, ...], proposals: Proposals
+        self,
+        x: Array,
+        times: Array,
+        references: list[Reference],
+        ids: tuple[str, ...],
+        proposals: Proposals,
+        left: Callable[[], float] | None,
     ) -> Estimate | None:
         """What samples say; None if none survives."""
         tapes, counts, corners, guides = proposals
@@ -149,8 +170,9 @@ class Controller:
         seed = int(self.rng.integers(2**63))
         try:
             estimate = sample(
-                self.path_integral, x, times, tapes, seed, counts=counts, corners=corners, guides=led, classes=names
-            )
+                self.path_integral, x, times, tapes, seed, counts=counts, corners=corners, guides=led, classes=names,
+                left=left,
+            )  # fmt: skip
         except NoSurvivingSample:
             return None
         if self.allocation is not None:

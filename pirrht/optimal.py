@@ -6,6 +6,7 @@ held against that of the optimal control under the same noise. It needs neither 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -53,12 +54,16 @@ class Optimal:
         """Take note of the states (k, n) just driven through; the time it took [s] does not matter."""
         self._driven.observe(states)
 
+    def expect(self, states: Array, duration: float) -> None:
+        """Suppose that the robot will drive through the states (k, n) next."""
+        self._driven.expect(states)
+
     def driven_class(self) -> tuple[int, ...]:
         """Class of the driven path, completed by the straight line to the goal point."""
         return self._driven.winding()
 
-    def plan(self, x: Array) -> Plan:
-        """The law from state x (n,) on; it does not change."""
+    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
+        """The law from state x (n,) on; it does not change and takes no time."""
 
         def law(state: Array, since: float = 0.0) -> Array:
             return self.desirability.control(state)

@@ -3,7 +3,8 @@
 Every round is weighed by its own proposals. Those of a fixed number of rounds were fixed before they were drawn, so
 the mean of psi over all rounds is unbiased however the guides were corrected in between. A number of rounds that
 depends on what they found (`Sampling.target`) is another matter: it tends to stop when heavy samples have not been met
-yet, so that the estimate is consistent, for ever more samples exact, but not unbiased.
+yet, so that the estimate is consistent, for ever more samples exact, but not unbiased. So it is where time decides,
+as far as the time that samples take depends on what becomes of them.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from pirrht.path_integral import NEGLIGIBLE, PathIntegral
 from pirrht.scene import Array
 
 DOUBT = 10.0  # a correction found by so many effective samples is halved
+FILLED = 0.6  # of the time left is used by the next round, since the pace changes; with the last, it is all used
+MOST = 1_000_000  # samples of a plan in memory, if time never ends
 SMOOTH = 0.2  # corrections are averaged over about this time [s]
 
 Draw = Callable[[NDArray[np.int64], Array | None], Rollouts]  # by counts (H,) and correction (H, T, m)
@@ -36,8 +39,12 @@ def sample(
     corners: Sequence[Array] | None = None,
     guides: Sequence[Guide | None] | None = None,
     classes: Mapping[int, str] | None = None,
+    left: Callable[[], float] | None = None,
 ) -> Estimate:
     """Sample paths as `PathIntegral.rollout` does, in the rounds that its settings ask for, and weigh them all.
+
+    Args:
+        left: time left [s]; more rounds are drawn until it is up.
 
     Raises:
         NoSurvivingSample: no sample has any weight.
@@ -52,7 +59,10 @@ def sample(
             correction=correction,
         )  # fmt: skip
 
+    before = 0.0 if left is None else left()
     correction = _in_rounds(integral, number, draw, parts)
+    if left is not None:
+        _until(left, before - left(), number, lambda number: parts.append(draw(number, correction)))
     if settings.target is None:
         return weigh(integral, parts, classes)
     drawn, most = 1.0, max(1.0, settings.most / settings.samples)
@@ -61,6 +71,20 @@ def sample(
         parts.append(draw(np.maximum(1, np.rint(more * number)).astype(np.int64), correction))
         drawn += more
     return weigh(integral, parts, classes)
+
+
+def _until(
+    left: Callable[[], float], pace: float, number: NDArray[np.int64], draw: Callable[[NDArray[np.int64]], None]
+) -> None:
+    """Draw rounds of `number` (H,) samples and more while time is left; `pace` is what the first of them took [s]."""
+    drawn, most = 1.0, MOST / float(number.sum())
+    while drawn < most:
+        before = left()
+        more = min(2.0 * drawn, most - drawn, FILLED * before / max(pace, 1e-6))
+        if more < 1.0:  # as few as that are not worth their overhead
+            return
+        draw(np.rint(more * number).astype(np.int64))
+        pace, drawn = (before - left()) / more, drawn + more
 
 
 def _in_rounds(integral: PathIntegral, number: NDArray[np.int64], draw: Draw, parts: list[Rollouts]) -> Array | None:

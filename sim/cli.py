@@ -164,7 +164,17 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
 def _run_options(parser: argparse.ArgumentParser) -> None:
     drive = parser.add_argument_group("drive")
     drive.add_argument(
-        "--grow", type=int, metavar="N", help="vertices that the tree gains between two plans of the drive (0)"
+        "--real-time",
+        action="store_true",
+        default=None,
+        help="drive against the clock and plan ahead meanwhile, with as many samples as there is time for, --samples "
+        "at least; results depend on the machine and differ from run to run",
+    )
+    drive.add_argument(
+        "--grow",
+        type=int,
+        metavar="N",
+        help="vertices that the tree gains between two plans (0; with --real-time at most, in the time that is left)",
     )
     drive.add_argument(
         "--truth", action="store_true", help="hold every control against the optimal one, solved for on a grid"

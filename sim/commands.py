@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Generator
+from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,9 @@ from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER, Estimate
 from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
-from sim import episode, present, warm
+from sim import episode, present, realtime, timing, warm
 from sim.colors import title
+from sim.executor import Plant
 from sim.mjcf import load, scene_names
 from sim.scenarios import Scenario, prepare
 from sim.truth import Truth, Witness
@@ -96,16 +97,9 @@ def run(arguments: argparse.Namespace) -> int:
         controller.path_integral.warm_up()
     tally = episode.Tally(settings.period)
     plant = scenario.plant()
-    frames = episode.run(
-        plant,
-        controller,
-        scenario.start,
-        scenario.plant_rng(),
-        max_time=settings.max_time,
-        grow=settings.grow,
-    )
+    frames = _frames(plant, controller, scenario)
     recorder = _recorder(arguments, scenario, tree, controller.path_integral)
-    with recorder or nullcontext(), _bar("drive", settings.max_time, "s") as bar:
+    with closing(frames), recorder or nullcontext(), _bar("drive", settings.max_time, "s") as bar:
         for frame in frames:
             news = tally.add(frame)
             known = None if witness is None else witness.add(frame.plan)
@@ -252,6 +246,14 @@ def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
     return tree, convergence
 
 
+def _frames(plant: Plant, controller: episode.Driver, scenario: Scenario) -> Generator[episode.Frame]:
+    """The drive, as fast as it goes or in real time."""
+    s, start, rng = scenario.settings, scenario.start, scenario.plant_rng()
+    if s.real_time:
+        return realtime.run(plant, controller, start, rng, period=s.period, max_time=s.max_time, grow=s.grow)
+    return episode.run(plant, controller, start, rng, max_time=s.max_time, grow=s.grow or 0)
+
+
 def _truth(scenario: Scenario, x: Array) -> Truth:
     """The grid's value and control at x (n,)."""
     return Truth.at(scenario.truth(), x)
@@ -328,9 +330,11 @@ def _print_summary(result: dict[str, Any]) -> None:
         f"class {executed}, {result['class_switches']} class switches, {result['fallbacks']} fallbacks, "
         f"least clearance {result['min_clearance']:.3f} m"
     )
+    if "real_time" in result:
+        print(timing.summary(result["real_time"]))
     print(
         f"{result['steps']} control steps: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, max {ms['max']:.1f}, "
-        f"{result['deadline_misses']} longer than the period"
+        f"{result['deadline_misses']} {'late' if 'real_time' in result else 'longer than the period'}"
     )
     if "truth" in result:
         exact = result["truth"]

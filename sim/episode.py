@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -14,10 +14,12 @@ from pirrht.homology import class_id
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER
 from pirrht.plan import Plan
+from pirrht.problem import Problem
 from pirrht.scene import Array
 from pirrht.tree import HomologyTree
 from sim.colors import title
 from sim.executor import Advance, Plant
+from sim.timing import Timing, figures
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,6 +37,7 @@ class Frame:
     driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
     plan_seconds: float  # wall time the plan took [s]
     vertices: int = 0  # of the tree that the plan was made with
+    timing: Timing | None = None  # of real-time drives only
 
     @property
     def end_time(self) -> float:
@@ -50,17 +53,21 @@ class Frame:
 class Driver(Protocol):
     """Who decides during a drive: `pirrht.Controller` or `pirrht.Optimal`."""
 
+    problem: Problem
     space: FreeSpace
     tree: HomologyTree | None
 
     def begin(self, x: Array) -> None:
         """Forget the drive so far; a new one starts at x (n,)."""
 
-    def plan(self, x: Array) -> Plan:
-        """Decide at state x (n,)."""
+    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
+        """Decide at state x (n,); `left` tells the time left for sampling [s], where that is limited."""
 
     def observe(self, states: Array, duration: float) -> None:
         """Take note of the states (k, n) just driven through and the time it took [s]."""
+
+    def expect(self, states: Array, duration: float) -> None:
+        """Suppose that the robot will drive through the states (k, n) next, until the next plan begins."""
 
     def driven_class(self) -> tuple[int, ...]:
         """Class of the driven path, completed by the straight line to the goal point."""
@@ -68,7 +75,7 @@ class Driver(Protocol):
 
 def run(
     plant: Plant, controller: Driver, start: Array, rng: np.random.Generator, *, max_time: float, grow: int = 0
-) -> Iterator[Frame]:
+) -> Generator[Frame]:
     """Drive from start until the goal, a collision or max_time [s] of simulated time (Algorithm 4).
 
     Args:
@@ -129,6 +136,7 @@ class Tally:
     min_clearance: float = np.inf
     favourite: str | None = None
     plan_seconds: list[float] = field(default_factory=list)
+    timings: list[Timing] = field(default_factory=list)
 
     def add(self, frame: Frame) -> str | None:
         """Take a frame into account; a line for the log if something happened that a person wants to know."""
@@ -143,7 +151,11 @@ class Tally:
             self.favourite = frame.plan.favourite
         self.min_clearance = min(self.min_clearance, frame.clearance)
         self.plan_seconds.append(frame.plan_seconds)
-        self.misses += frame.plan_seconds > self.period
+        if frame.timing is None:
+            self.misses += frame.plan_seconds > self.period
+        else:
+            self.misses += frame.timing.missed
+            self.timings.append(frame.timing)
         self.last = frame
         return news
 
@@ -189,4 +201,5 @@ class Tally:
                 "max": float(milliseconds.max()),
             },
             "deadline_misses": self.misses,
+            **({"real_time": figures(self.timings, self.period)} if self.timings else {}),
         }

@@ -39,7 +39,8 @@ class Settings:
     phi: float = np.inf
     seed: int = 0
     vertices: int = 1000
-    grow: int = 0
+    grow: int | None = None  # vertices per period of a drive; None: 0, in real time as many as there is time for
+    real_time: bool = False
     classes: int = 16
     samples: int = 200
     dt: float = 0.1
@@ -81,6 +82,8 @@ class Settings:
             raise OptionError(f"--budget is {self.budget}; it needs --target-error and at least --samples")
         if self.grow and self.method in TREELESS:
             raise OptionError(f"--grow is {self.grow}; --method {self.method} has no tree that could grow")
+        if self.real_time and self.target_error is not None:
+            raise OptionError("--real-time and --target-error both say when to stop sampling; leave one of them out")
         choices = {
             "method": METHODS,
             "plant": PLANTS,

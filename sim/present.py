@@ -145,7 +145,7 @@ def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[s
         "samples": s.samples,
         "dt": s.dt,
         "period": s.period,
-        "grow": s.grow,
+        "grow": s.grow if s.real_time else s.grow or 0,
         **result,
         "obstacles": obstacles_json(scenario.space),
         "classes": classes_json(references),
