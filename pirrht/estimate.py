@@ -171,7 +171,7 @@ def normalised(log_weight: Array) -> tuple[Array, float]:
 def _log_mean(log_ratio: Array, share: Array) -> Array:
     """log sum_g share_g exp(log_ratio_g), row by row."""
     top = log_ratio.max(axis=1)
-    mean: Array = top + np.log(np.exp(log_ratio - top[:, None]) @ share)
+    mean: Array = top + np.log(np.einsum("sh,h->s", np.exp(log_ratio - top[:, None]), share))
     return mean
 
 
@@ -182,7 +182,8 @@ def _ess(weight: Array) -> float:
 
 def _mean(weight: Array, paths: Paths) -> Array:
     """Control now (m,) of weighted samples, as a mean over the time in which they are on their way."""
-    mean: Array = weight @ paths.now / max(float(weight @ paths.span), 1e-300)
+    # Not `@`: waiting for each other costs the threads of a BLAS far more than such short sums do.
+    mean: Array = np.einsum("s,sm->m", weight, paths.now) / max(float(np.einsum("s,s->", weight, paths.span)), 1e-300)
     return mean
 
 
@@ -207,7 +208,7 @@ def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> float:
 def _control_error(weight: Array, paths: Paths, first: NDArray[np.int64], paired: bool) -> Array:
     """Standard error (m,) of the control, a ratio of sums over samples, to first order (delta method)."""
     off = weight[:, None] * (paths.now - paths.span[:, None] * _mean(weight, paths))
-    span = max(float(weight @ paths.span), 1e-300)
+    span = max(float(np.einsum("s,s->", weight, paths.span)), 1e-300)
     return np.array([deviation(column, first, paired) for column in off.T]) / span
 
 

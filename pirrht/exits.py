@@ -83,20 +83,27 @@ def survivors_slope(field, reach, widest, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def away(field, reach, widest, x, y, nearest, second):  # type: ignore[no-untyped-def]
-    """The same from the clearances of the nearest and the second nearest component, each with its gradient."""
-    c, gx, gy = nearest
-    left, right, low, high = x - field.left, field.right - x, y - field.low, field.high - y
+    """The same from the clearances of the nearest and the second nearest component, each with its gradient.
+
+    In single precision, which suffices for a guide.
+    """
+    c, gx, gy = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
+    left, right = np.float32(x - field.left), np.float32(field.right - x)
+    low, high = np.float32(y - field.low), np.float32(field.high - y)
+    per, least = ONE / np.float32(reach), HALF * np.float32(widest)
     beside, below = min(left, right), min(low, high)
     edge = min(beside, below)
-    side, level = 1.0 if left < right else -1.0, 1.0 if low < high else -1.0
-    gx = gx if edge >= c else (0.0 if below < beside else side)
-    gy = gy if edge >= c else (level if below < beside else 0.0)
-    scale = _log_slope(max(min(c, edge), 0.5 * widest) / reach) / (reach * math.sqrt(gx * gx + gy * gy + LEAST))
-    d, hx, hy = second
-    other = _log_slope(max(d, 0.5 * widest) / reach) / (reach * math.sqrt(hx * hx + hy * hy + LEAST))
-    far = d >= 3.0 * reach
-    other = 0.0 if far else other
-    return scale * gx + other * hx, scale * gy + other * hy, np.inf if far else min(c, edge) + d
+    side, level = ONE if left < right else -ONE, ONE if low < high else -ONE
+    gx = gx if edge >= c else (NONE if below < beside else side)
+    gy = gy if edge >= c else (level if below < beside else NONE)
+    c = min(c, edge)
+    scale = _slope(max(c, least), per) / math.sqrt(gx * gx + gy * gy + TINY)
+    d, hx, hy = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
+    far = d * per >= WIDE
+    other = _slope(max(d, least), per) / math.sqrt(hx * hx + hy * hy + TINY)
+    other = NONE if far else other
+    width = np.inf if far else np.float64(c + d)
+    return np.float64(scale * gx + other * hx), np.float64(scale * gy + other * hy), width
 
 
 def _slopes() -> Array:
@@ -105,16 +112,18 @@ def _slopes() -> Array:
     return np.array([1.0] + [2.0 / math.sqrt(math.pi) * v * math.exp(-v * v) / math.erf(v) for v in c[1:]])
 
 
-SLOPES = _slopes()
+SLOPES = _slopes().astype(np.float32)
+NONE, HALF, ONE, WIDE, TINY = (np.float32(v) for v in (0.0, 0.5, 1.0, 3.0, 1e-12))
+LAST, PER = np.float32(RANGE), np.float32(ENTRIES / RANGE)
 
 
 @inlined
-def _log_slope(c):  # type: ignore[no-untyped-def]
-    """Derivative of log erf, from a table: any guide will do as long as it is the same everywhere."""
-    place = min(c, RANGE) * (ENTRIES / RANGE)
+def _slope(c, per):  # type: ignore[no-untyped-def]
+    """Derivative of log erf(c per), from a table."""
+    place = min(c * per, LAST) * PER
     i = min(int(place), ENTRIES - 1)
-    share = place - i
-    return ((1.0 - share) * SLOPES[i] + share * SLOPES[i + 1]) / c
+    share = place - np.float32(i)
+    return (SLOPES[i] + share * (SLOPES[i + 1] - SLOPES[i])) / c
 
 
 @kernel

@@ -13,7 +13,7 @@ from pirrht.cuts import key_of_step
 from pirrht.dynamics import no_drift
 from pirrht.exits import GOAL as REACHED
 from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, survivors_slope, sweep_exit
-from pirrht.gates import next_gate
+from pirrht.gates import next_gate, towards
 from pirrht.jit import kernel
 from pirrht.noise import normal, stream, twin
 from pirrht.riccati import STEEP, homing, wrapped
@@ -143,7 +143,7 @@ def any_path(
                 ends = count[g]
                 if ends > 0:
                     stage[g], dx, dy = next_gate(place, g * C, ends - 1, stage[g], x[0], x[1], decay)
-                    scale = hurry * speed / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+                    scale = hurry * speed * towards(dx, dy)
                     for j in range(m):
                         a[g, j] = scale * (D[j, 0] * dx + (D[j, 1] * dy if m > 1 else 0.0))
                 elif car and led[g] > i:

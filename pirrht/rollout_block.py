@@ -9,6 +9,7 @@ up to rounding: the same numbers are drawn in the same order.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -16,14 +17,16 @@ from pirrht.clearance import bilinear, bilinear_slope, border, cell_of
 from pirrht.cuts import FEW, key_of_step, turn_at_cut
 from pirrht.dynamics import Dynamics, no_drift
 from pirrht.exits import COLLISION, FAR, GOAL, INSIDE, at_crossing, away, bridge_exit
-from pirrht.gates import PASSED, aim
+from pirrht.gates import PASSED, aim, towards
 from pirrht.jit import inlined, kernel
 from pirrht.memory import load_float32, load_float64, load_int64
 from pirrht.noise import EDGE, GOLDEN, UNIT, bits_of, normal_again, stream, twin
+from pirrht.scene import Array
 
-L = 128  # lanes; all rows together stay within the nearest cache
+LANES = 256  # of a block; all rows together stay within the nearest cache
 WIDE = 8  # lanes of a vector: loops run over whole vectors, the last of which may hold lanes that have ended
-# Rows of a block's numbers, each of L lanes: position, noise, where the step leads, what is close before and after.
+L = LANES + WIDE  # from row to row: not a power of two, or rows would compete for the same places in the cache
+# Rows of a block's numbers, each of all lanes: position, noise, where the step leads, what is close before and after.
 # A cell's place and corners, nearest and second, are scratch: looked up by lane, since addresses defy vector loads.
 X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, HURRY, SUM0, SUM1, SIGN = (L * row for row in range(18))
 U, V, CORNER = 18 * L, 19 * L, 20 * L
@@ -45,7 +48,7 @@ def is_point(d: Dynamics) -> bool:
 @kernel
 def draw(random, whole, f, row, n):  # type: ignore[no-untyped-def]
     """The next normal number of each lane."""
-    n = min(n, L)
+    n = min(n, LANES)
     rejected = 0
     for k in range(n):
         state = random[k] + GOLDEN
@@ -67,7 +70,7 @@ def draw(random, whole, f, row, n):  # type: ignore[no-untyped-def]
 @kernel
 def corners(field, grid, at, f, whole, row, n):  # type: ignore[no-untyped-def]
     """Values of the grid at the corners of the lanes' cells."""
-    n = min(n, L)
+    n = min(n, LANES)
     for k in range(n):
         cell = whole[at + k]
         f[row + k], f[row + L + k] = load_float32(grid, cell), load_float32(grid, cell + 1)
@@ -78,7 +81,7 @@ def corners(field, grid, at, f, whole, row, n):  # type: ignore[no-untyped-def]
 @kernel
 def place(field, x, y, f, whole, n):  # type: ignore[no-untyped-def]
     """Cells that the lanes' points, in the rows x and y, lie in, and where in them."""
-    n = min(n, L)
+    n = min(n, LANES)
     for k in range(n):
         whole[CELL + k], f[U + k], f[V + k] = cell_of(field, f[x + k], f[y + k])
 
@@ -86,7 +89,7 @@ def place(field, x, y, f, whole, n):  # type: ignore[no-untyped-def]
 @kernel
 def look(field, goal, radius, f, whole, n):  # type: ignore[no-untyped-def]
     """How far the ends of the steps are from obstacles, border and goal, as `distances` says."""
-    n = min(n, L)
+    n = min(n, LANES)
     gx, gy = goal
     place(field, NX, NY, f, whole, n)
     corners(field, field.nearest, CELL, f, whole, CORNER, n)
@@ -103,7 +106,7 @@ def look(field, goal, radius, f, whole, n):  # type: ignore[no-untyped-def]
 @kernel
 def lean(field, reach, widest, decay, B, f, whole, n):  # type: ignore[no-untyped-def]
     """The push B' grad log h away from the nearest walls, and how much faster samples are in a channel."""
-    n = min(n, L)
+    n = min(n, LANES)
     b00, b01, b10, b11 = B[0, 0], B[0, 1], B[1, 0], B[1, 1]
     narrow, wide = math.pi / decay, 3.0 * reach
     place(field, X, Y, f, whole, n)
@@ -125,7 +128,7 @@ def lean(field, reach, widest, decay, B, f, whole, n):  # type: ignore[no-untype
 @kernel
 def follow(gates, count, decay, speed, g, one, two, D, f, whole, a, n):  # type: ignore[no-untyped-def]
     """a_g = B_c^-1 G_c u_g of one reference at the lanes' states: its tape (one, two), its gates, the push."""
-    n = min(n, L)
+    n = min(n, LANES)
     row = 2 * g * L
     if count == 0:
         for k in range(n):
@@ -136,7 +139,7 @@ def follow(gates, count, decay, speed, g, one, two, D, f, whole, a, n):  # type:
     d00, d01, d10, d11 = D[0, 0], D[0, 1], D[1, 0], D[1, 1]
     for k in range(n):
         dx, dy = f[DX + k], f[DY + k]
-        scale = f[HURRY + k] * speed / max(math.sqrt(dx * dx + dy * dy), 1e-9)
+        scale = f[HURRY + k] * speed * towards(dx, dy)
         a[row + k] = scale * (d00 * dx + d01 * dy) + one + f[PUSH0 + k]
         a[row + L + k] = scale * (d10 * dx + d11 * dy) + two + f[PUSH1 + k]
 
@@ -144,16 +147,20 @@ def follow(gates, count, decay, speed, g, one, two, D, f, whole, a, n):  # type:
 @kernel
 def head(gates, last, decay, g, f, whole, n):  # type: ignore[no-untyped-def]
     """Vectors from the lanes to where to head for on their next gates, as `next_gate` says, gate by gate."""
-    n = min(n, L)
+    n = min(n, LANES)
     stage, least, most = (STAGES + g) * L, last, 0
     for k in range(n):
         least, most = min(least, whole[stage + k]), max(most, whole[stage + k])
     for s in range(min(most, last - 1), least - 1, -1):  # from the last one, so that no lane passes two at once
         cx, cy, ax, ay = gates[g, s, 0], gates[g, s, 1], gates[g, s, 2], gates[g, s, 3]
+        passed = 0
         for k in range(n):
             along = (cx - f[X + k]) * ax + (cy - f[Y + k]) * ay
-            whole[stage + k] += 1 if (whole[stage + k] == s) & (along < PASSED) else 0
-    for s in range(least, min(most + 1, last) + 1):
+            step = 1 if (whole[stage + k] == s) & (along < PASSED) else 0
+            whole[stage + k] += step
+            passed += step
+        most = s + 1 if s == most and passed > 0 else most
+    for s in range(least, most + 1):
         cx, cy, ax, ay = gates[g, s, 0], gates[g, s, 1], gates[g, s, 2], gates[g, s, 3]
         ox, oy, far, beside = gates[g, s, 4], gates[g, s, 5], gates[g, s, 6], gates[g, s, 7]
         if s == last:
@@ -173,7 +180,7 @@ def head(gates, last, decay, g, f, whole, n):  # type: ignore[no-untyped-def]
 @kernel
 def move(h, dt, B, f, a, n):  # type: ignore[no-untyped-def]
     """Where the step leads; its noise Z becomes y = a dt + dw."""
-    n = min(n, L)
+    n = min(n, LANES)
     row, root = 2 * h * L, math.sqrt(dt)
     b00, b01, b10, b11 = B[0, 0], B[0, 1], B[1, 0], B[1, 1]
     for k in range(n):
@@ -188,7 +195,7 @@ def move(h, dt, B, f, a, n):  # type: ignore[no-untyped-def]
 @kernel
 def cross(cuts, f, whole, n):  # type: ignore[no-untyped-def]
     """Add the turns of the cuts that are crossed to the keys."""
-    n = min(n, L)
+    n = min(n, LANES)
     if cuts.M > FEW:
         for k in range(n):
             whole[KEY + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
@@ -203,7 +210,7 @@ def cross(cuts, f, whole, n):  # type: ignore[no-untyped-def]
 @kernel
 def judge(goal, radius, f, whole, n):  # type: ignore[no-untyped-def]
     """Flag the lanes whose step ends outside the free space or in the goal; how many."""
-    n = min(n, L)
+    n = min(n, LANES)
     gx, gy = goal
     ended = 0
     for k in range(n):
@@ -222,7 +229,7 @@ def bridge(variance, random, f, whole, n):  # type: ignore[no-untyped-def]
 
     Most that are merely close to a wall survive for sure: exp(-e) <= (1 + e/16)^-16, and no second wall is nearer.
     """
-    n = min(n, L)
+    n = min(n, LANES)
     reach = FAR * variance
     slow = 0
     for k in range(n):
@@ -250,7 +257,7 @@ def bridge(variance, random, f, whole, n):  # type: ignore[no-untyped-def]
 @kernel
 def weigh(H, dt, f, a, ratio, n):  # type: ignore[no-untyped-def]
     """Add the step to log dQ_g/dP of the lanes that go on."""
-    n = min(n, L)
+    n = min(n, LANES)
     for g in range(H):
         row, own = 2 * g * L, g * L
         for k in range(n):
@@ -261,7 +268,7 @@ def weigh(H, dt, f, a, ratio, n):  # type: ignore[no-untyped-def]
 @kernel
 def advance(h, dt, averaged, f, a, n):  # type: ignore[no-untyped-def]
     """The lanes that go on take their step; what noise did is summed up while it is `averaged`."""
-    n = min(n, L)
+    n = min(n, LANES)
     row = 2 * h * L
     if averaged:
         for k in range(n):
@@ -294,8 +301,8 @@ def leave(rate, times, window, inverse, H, h, i, share, outcome, base, k, f, who
 @inlined
 def fill_up(k, last, H, random, f, whole, a, ratio):  # type: ignore[no-untyped-def]
     """Move the last lane to where one has left."""
-    for row in range(ROWS if k < last else 0):
-        f[row * L + k] = f[row * L + last]
+    for row in (Z0, Z1, NX, NY, C1, E1, G1, SUM0, SUM1, SIGN):
+        f[row + k] = f[row + last]
     random[k], whole[KEY + k], whole[SAMPLE + k] = random[last], whole[KEY + last], whole[SAMPLE + last]
     for g in range(H if k < last else 0):
         whole[(STAGES + g) * L + k], ratio[g * L + k] = whole[(STAGES + g) * L + last], ratio[g * L + last]
@@ -338,7 +345,7 @@ def block(world, guides, h, x0, seed, start, stop, paths, random, f, whole, a, r
     for k in range(n):
         first, f[SIGN + k] = twin(start + k, guides.first[h], guides.mirrored)
         random[k], whole[SAMPLE + k] = stream(seed, first), start + k
-    look(field, goal, radius, f, whole, L)
+    look(field, goal, radius, f, whole, LANES)
     f[C0:C1] = f[C1:PUSH0]
     for i in range(T):
         dt = times[i + 1] - times[i]
@@ -376,15 +383,29 @@ def block(world, guides, h, x0, seed, start, stop, paths, random, f, whole, a, r
         leave(world.rate, times, window, inverse, H, h, T - 1, 1.0, INSIDE, base, k, f, whole, a, ratio, paths)
 
 
-@kernel
-def sample(world, guides, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
+def aligned(count: int) -> Array:
+    """So many zeros, the first of which begins a vector: what lies across the cache's lines loads at half the speed."""
+    raw = np.zeros(count + WIDE)
+    first = -(raw.ctypes.data // 8) % WIDE
+    return raw[first : first + count]
+
+
+def sample(world: Any, guides: Any, x0: Array, seed: np.uint64, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples, block by block."""
-    H, h, s = guides.control.shape[0], 0, start
-    random, f, whole = np.zeros(L, np.uint64), np.empty(ROWS * L), np.empty((STAGES + H) * L, np.int64)
-    a, ratio = np.zeros(2 * H * L), np.empty(H * L)
+    H = len(guides.control)
+    blocks(
+        world, guides, x0, seed, start, stop, paths, aligned(L).view(np.uint64), aligned(ROWS * L),
+        aligned((STAGES + H) * L).view(np.int64), aligned(2 * H * L), aligned(H * L),
+    )  # fmt: skip
+
+
+@kernel
+def blocks(world, guides, x0, seed, start, stop, paths, random, f, whole, a, ratio):  # type: ignore[no-untyped-def]
+    """The same in scratch that begins at vectors."""
+    h, s = 0, start
     while s < stop:
         while s >= guides.first[h + 1]:
             h += 1
-        end = min(min(stop, guides.first[h + 1]), s + L)
+        end = min(min(stop, guides.first[h + 1]), s + LANES)
         block(world, guides, h, x0, seed, s, end, paths, random, f, whole, a, ratio)
         s = end
