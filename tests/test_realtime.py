@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ import pytest
 from pirrht.driven import Driven
 from pirrht.errors import NoReference
 from pirrht.outcome import Outcome
+from pirrht.path_integral import Rollouts
 from pirrht.plan import Plan
 from pirrht.scene import Array
+from pirrht.tree import HomologyTree
 from sim import realtime
 from sim.ahead import Handover, Planner, Ready, foreseen
 from sim.cli import main
@@ -226,6 +229,30 @@ def test_the_tree_grows_in_the_time_that_is_left(slit: Scenario, grow: int | Non
     planner._grow(share, clock.now() + 0.02)
     assert driver.tree.size == 10 + expected  # type: ignore[attr-defined]
     assert clock.now() <= 100.0 + 0.02
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.05, 1.0])
+def test_samples_are_drawn_until_their_time_is_up(
+    slit: Scenario, slit_tree: HomologyTree, monkeypatch: pytest.MonkeyPatch, seconds: float
+):
+    """A sample takes 0.1 ms here; the first round has 60 of them."""
+    controller = slit.with_settings(samples=20).controller(slit_tree)
+    spent, rollout = [0.0], controller.path_integral.rollout
+
+    def timed(*arguments: Any, **options: Any) -> Rollouts:
+        rollouts = rollout(*arguments, **options)
+        spent[0] += 1e-4 * rollouts.size
+        return rollouts
+
+    monkeypatch.setattr(controller.path_integral, "rollout", timed)
+    estimate = controller.plan(slit.start, lambda: seconds - spent[0]).estimate
+    assert estimate is not None
+    drawn = sum(part.size for part in estimate.parts)
+    assert 60 <= drawn <= max(60.0, 1e4 * seconds)
+    assert drawn > 1e4 * seconds - 60 / 0.6 - 10  # what is left would not do for another round
+    shares = [np.diff(part.guides.first) / part.size for part in estimate.parts]
+    np.testing.assert_allclose(shares, shares[:1] * len(shares), atol=0.02)
+    assert estimate.class_weights.keys() >= {"0,0", "-1,0", "0,1"}
 
 
 def test_a_short_drive_against_the_real_clock(tmp_path, capsys):
