@@ -3,7 +3,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
-prepare ".[test,figures]"
+prepare ".[test,figures,video]"
 ruff check .
 ruff format --check .
 mypy

@@ -194,6 +194,8 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
         default="some",
         help="sampled paths to record (some)",
     )
+    recording.add_argument("--video", type=Path, metavar="FILE.mp4", help="film the drive in MuJoCo (extra `video`)")
+    recording.add_argument("--png", type=Path, metavar="FILE.png", help="its last picture (extra `video`)")
     recording.add_argument("--view", action="store_true", help="open the Rerun viewer")
     recording.add_argument(
         "--serve",

@@ -77,12 +77,13 @@ def plan(arguments: argparse.Namespace) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, drive, record and sum up."""
-    _check_outputs(arguments, "json", "record")
+    _check_outputs(arguments, "json", "record", "video", "png")
     if not (np.isfinite(arguments.record_hz) and arguments.record_hz > 0):
         raise OptionError(f"--record-hz is {arguments.record_hz:g}; it must be a positive number")
     scenario = _scenario(arguments)
     settings = scenario.settings
     optimal = settings.method == "optimal"
+    film = _film(arguments, scenario)
     truth = scenario.truth() if arguments.truth else None
     witness = None if truth is None else Witness(truth)
     compiling = None if optimal else warm.start(scenario.loaded.dynamics_name)
@@ -105,6 +106,8 @@ def run(arguments: argparse.Namespace) -> int:
             known = None if witness is None else witness.add(frame.plan)
             if recorder is not None:
                 recorder.log(frame, news, known)
+            if film is not None:
+                film.add(frame)
             if news:
                 bar.write(news)
             bar.update(round(frame.end_time - bar.n, 6))
@@ -116,6 +119,10 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
     if arguments.record:
         print(f"recording: {arguments.record}  (open it with: rerun {arguments.record})")
+    if film is not None:
+        with _bar("film", film.length, " pictures") as bar:
+            film.save(bar.update)
+        print("film:", *(file for file in (arguments.video, arguments.png) if file is not None))
     if arguments.json:
         present.write_json(arguments.json, present.run_json(scenario, references, result))
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
@@ -305,6 +312,14 @@ def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyT
     if recorder.server is not None:
         print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
     return recorder
+
+
+def _film(arguments: argparse.Namespace, scenario: Scenario) -> Any:
+    if arguments.video is None and arguments.png is None:
+        return None
+    from sim.film import Film
+
+    return Film(scenario.loaded, video=arguments.video, still=arguments.png)
 
 
 def _check_outputs(arguments: argparse.Namespace, *options: str) -> None:
