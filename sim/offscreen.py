@@ -19,6 +19,7 @@ from sim.colors import Color
 Picture = NDArray[np.uint8]  # (height, width, 3)
 
 BACKENDS = ("egl", "osmesa")
+CHOSEN = os.environ.get("MUJOCO_GL")  # by the user; MuJoCo's bindings have heeded it when they were imported
 MOST = 6000  # shapes in a picture
 SLICES, STACKS = 28, 8  # corners of round shapes
 
@@ -87,7 +88,7 @@ class Offscreen:
 
 def _context(width: int, height: int, option: str) -> Any:
     """An OpenGL context, the first that can be had."""
-    chosen = os.environ.get("MUJOCO_GL") or ("" if sys.platform.startswith("linux") else "window system")
+    chosen = CHOSEN or ("" if sys.platform.startswith("linux") else "window system")
     reasons = []
     for name in ("",) if chosen else BACKENDS:
         try:

@@ -67,6 +67,7 @@ def test_every_robot_is_drawn_where_it_is(graphics, robot):
 
 
 def test_where_one_way_of_drawing_fails_the_next_is_tried(graphics, monkeypatch):
+    monkeypatch.setattr(offscreen, "CHOSEN", None)
     monkeypatch.setattr(offscreen, "BACKENDS", ("nothing", *offscreen.BACKENDS))
     offscreen.Offscreen(load("slit").model, width=8, height=8, option="--video").close()
 
@@ -94,7 +95,7 @@ def test_a_missing_library_is_named_with_the_extra_that_brings_it(tmp_path, monk
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere there is one way of drawing")
 def test_without_graphics_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
     pytest.importorskip("PIL")
-    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(offscreen, "CHOSEN", None)
     monkeypatch.setattr(offscreen, "BACKENDS", ("nothing", "nowhere"))
     assert main([*SHORT, "--png", str(tmp_path / "a.png")]) == 2
     said = capsys.readouterr().err
