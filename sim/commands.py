@@ -119,12 +119,12 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
     if arguments.record:
         print(f"recording: {arguments.record}  (open it with: rerun {arguments.record})")
+    if arguments.json:
+        present.write_json(arguments.json, present.run_json(scenario, references, result))
     if film is not None:
         with _bar("film", film.length, " pictures") as bar:
             film.save(bar.update)
         print("film:", *(file for file in (arguments.video, arguments.png) if file is not None))
-    if arguments.json:
-        present.write_json(arguments.json, present.run_json(scenario, references, result))
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
