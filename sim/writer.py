@@ -35,7 +35,7 @@ from sim.steps import Row, columns
 from sim.stream import Stream
 
 BATCH_STEPS = 32  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
-WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
+WAIT = 0.12  # how long a step may wait for its batch before it is written ahead of it [s]
 BATCH_LEAST, BATCH_TIME = 8, 0.32  # fewer will do once they span so much simulated time [s]
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
 
