@@ -133,8 +133,8 @@ def test_kernels_over_a_users_functions_are_built_once_and_not_kept():
     """A file of the user may change without this package noticing, so their machine code is not kept on disk."""
     kernels = [kernels_for(uneven(0.5, Uneven(b=b), two)) for b in (0.3, 0.5)]
     assert kernels[0] is kernels[1]
-    assert kernels[0].sample.stats.cache_path is None
-    assert kernels_for(strip(0.5, 0.5)).sample.stats.cache_path is not None
+    assert kernels[0].control.stats.cache_path is None
+    assert kernels_for(strip(0.5, 0.5)).control.stats.cache_path is not None
 
 
 def test_a_rate_given_as_a_function_needs_its_least_value(slit):
