@@ -5,7 +5,7 @@
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
     python scripts/benchmark.py ess         effective samples along a drive of the car, and log psi against a million
-    python scripts/benchmark.py quality --part grid|control|samples|psi|shares|drives   how far from the optimum
+    python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
 
 Times depend on the machine: quote ratios from one run.
 """
@@ -19,7 +19,7 @@ from pathlib import Path
 from sim import present
 
 PARTS = {
-    "quality": ("control", "grid", "samples", "psi", "shares", "drives"),  # the first is the default
+    "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
     "speed": (None, "rollouts", "planners", "drive"),
 }
 TABLES = ("speed", "obstacles", "choice", "ess", "quality")

@@ -18,13 +18,18 @@ from scipy.stats.qmc import Halton
 
 from pirrht.desirability import Desirability
 from pirrht.desirability_check import convergence
-from pirrht.path_integral import PathIntegral
-from pirrht.scene import Array
+from pirrht.dynamics import Unicycle
+from pirrht.estimate import weigh
+from pirrht.freespace import FreeSpace
+from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.problem import Problem
+from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
 from sim.scenarios import Scenario, prepare
 
 NOISES = (0.1, 0.2, 0.3)
 POINTS, REPEATS = 20, 40
 MANY, CHUNK = 10_000_000, 100_000
+PATHS = 1_000_000
 PLANS = 1000
 VARIANTS: dict[str, dict[str, Any]] = {
     # Same kernel and same exit rule as the default.
@@ -40,6 +45,7 @@ def rows(options: argparse.Namespace) -> Table:
     """Header, table and JSON of one part."""
     parts = {
         "grid": grid,
+        "car": car,
         "control": control,
         "samples": samples,
         "psi": desirability,
@@ -64,6 +70,42 @@ def grid(_: argparse.Namespace) -> Table:
             values.append(row)
             table.append(["-" if v is None else f"{v:.3g}" for v in row.values()])
     return ["b", "h [m]", "kh", "error of v", "error of u", "order of u"], table, values
+
+
+def car(_: argparse.Namespace) -> Table:
+    """v of a car in a room of 4 x 4 m at b = 0.3: the grid's against a million passive paths of small steps."""
+    posts = [(1.8, 2.2, 0.3), (2.6, 1.2, 0.25)]
+    room = Scene(
+        name="room", lower=np.zeros(2), upper=np.full(2, 4.0), start=np.array([0.5, 2.0, 0.0]), robot_radius=0.1,
+        goal=Goal(center=np.array([3.4, 2.0]), radius=0.3),
+        obstacles=tuple(
+            Obstacle(name=f"post{i}", kind=Kind.CYLINDER, size=np.array([r, 0.25, 0.0]),
+                position=np.array([x, y, 0.25]), rotation=np.eye(3))
+            for i, (x, y, r) in enumerate(posts)
+        ),
+    )  # fmt: skip
+    problem, space = Problem(dynamics=Unicycle(b=0.3), scene=room, R=np.eye(1)), FreeSpace.of(room)
+    exact, sampler = Desirability.of(problem, space), PathIntegral(problem, space, Sampling(dt=0.05, guide="open-loop"))
+    times = sampler.grid(4.0)
+    tape = np.zeros((1, len(times) - 1, 1))
+    table, values = [], []
+    for x in _states(space, POINTS):
+        parts = [sampler.rollout(x, times, tape, seed, counts=[CHUNK]) for seed in range(PATHS // CHUNK)]
+        estimate, v = weigh(sampler, parts), float(exact.value(x))
+        values.append({"x": x.tolist(), "grid": v, "sampled": estimate.value, "stderr": estimate.value_error})
+        found = [v, estimate.value, estimate.value_error, 100.0 * abs(v - estimate.value) / estimate.value]
+        table.append([" ".join(f"{c:.2f}" for c in x), *[f"{c:.4f}" for c in found[:3]], f"{found[3]:.2f}"])
+    return ["x, y, theta", "v grid", "v sampled (1e6)", "its s.e.", "off [%]"], table, values
+
+
+def _states(space: FreeSpace, count: int) -> list[Array]:
+    """The first states of the Halton sequence (bases 2, 3, 5) with room."""
+    scene, found = space.scene, []
+    for unit in Halton(d=3, scramble=False).random(500):
+        x = np.concatenate([scene.lower + unit[:2] * (scene.upper - scene.lower), [np.pi * (2.0 * unit[2] - 1.0)]])
+        if len(found) < count and space.clearance(x) >= 0.05 and not scene.goal.contains(x[:2]):
+            found.append(x)
+    return found
 
 
 def control(_: argparse.Namespace) -> Table:
