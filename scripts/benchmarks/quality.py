@@ -16,14 +16,17 @@ import numpy as np
 from benchmarks import plots
 from scipy.stats.qmc import Halton
 
+from pirrht.controller import Controller
 from pirrht.desirability import Desirability
 from pirrht.desirability_check import convergence
+from pirrht.dubins import Dubins
 from pirrht.dynamics import Unicycle
-from pirrht.estimate import weigh
+from pirrht.errors import NoReference
 from pirrht.freespace import FreeSpace
 from pirrht.path_integral import PathIntegral, Sampling
 from pirrht.problem import Problem
 from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
+from pirrht.tree import HomologyTree
 from sim.scenarios import Scenario, prepare
 
 NOISES = (0.1, 0.2, 0.3)
@@ -85,27 +88,44 @@ def car(_: argparse.Namespace) -> Table:
         ),
     )  # fmt: skip
     problem, space = Problem(dynamics=Unicycle(b=0.3), scene=room, R=np.eye(1)), FreeSpace.of(room)
-    exact, sampler = Desirability.of(problem, space), PathIntegral(problem, space, Sampling(dt=0.05, guide="open-loop"))
-    times = sampler.grid(4.0)
-    tape = np.zeros((1, len(times) - 1, 1))
+    exact = Desirability.of(problem, space)
+    # Noise turns the car more tightly than |u| <= 1 does; ways that need it get references of a smaller radius.
+    tree = HomologyTree(space, Dubins(rho=0.4), limit=0.8, classes=4, rng=np.random.default_rng(0))
+    tree.grow(500)
+    sampling = Sampling(dt=0.05, samples=CHUNK // 4)
+    controller = Controller(problem, space, tree, sampling, between="hold", rng=np.random.default_rng(1))
     table, values = [], []
-    for x in _states(space, POINTS):
-        parts = [sampler.rollout(x, times, tape, seed, counts=[CHUNK]) for seed in range(PATHS // CHUNK)]
-        estimate, v = weigh(sampler, parts), float(exact.value(x))
-        values.append({"x": x.tolist(), "grid": v, "sampled": estimate.value, "stderr": estimate.value_error})
-        found = [v, estimate.value, estimate.value_error, 100.0 * abs(v - estimate.value) / estimate.value]
-        table.append([" ".join(f"{c:.2f}" for c in x), *[f"{c:.4f}" for c in found[:3]], f"{found[3]:.2f}"])
+    for x in _states(controller, POINTS):
+        logs, drawn = [], 0
+        while drawn < PATHS:
+            estimate = controller.plan(x).estimate
+            assert estimate is not None
+            logs.append(estimate.log_psi)
+            drawn += len(estimate.weight)
+        psi = np.exp(np.array(logs) - max(logs))
+        v, error = float(exact.value(x)), problem.temperature * float(psi.std(ddof=1) / psi.mean() / len(psi) ** 0.5)
+        sampled = -problem.temperature * (max(logs) + float(np.log(psi.mean())))
+        values.append({"x": x.tolist(), "grid": v, "sampled": sampled, "stderr": error})
+        figures = [f"{v:.4f}", f"{sampled:.4f}", f"{error:.4f}", f"{100.0 * abs(v - sampled) / sampled:.2f}"]
+        table.append([" ".join(f"{c:.2f}" for c in x), *figures])
     return ["x, y, theta", "v grid", "v sampled (1e6)", "its s.e.", "off [%]"], table, values
 
 
-def _states(space: FreeSpace, count: int) -> list[Array]:
-    """The first states of the Halton sequence (bases 2, 3, 5) with room."""
-    scene, found = space.scene, []
+def _states(controller: Controller, count: int) -> Iterator[Array]:
+    """The first states of the Halton sequence (bases 2, 3, 5) with room, and with a way that the car can go."""
+    scene, found = controller.space.scene, 0
     for unit in Halton(d=3, scramble=False).random(500):
         x = np.concatenate([scene.lower + unit[:2] * (scene.upper - scene.lower), [np.pi * (2.0 * unit[2] - 1.0)]])
-        if len(found) < count and space.clearance(x) >= 0.05 and not scene.goal.contains(x[:2]):
-            found.append(x)
-    return found
+        if found == count or controller.space.clearance(x) < 0.05 or scene.goal.contains(x[:2]):
+            continue
+        controller.begin(x)
+        try:
+            usable = controller.plan(x).estimate is not None
+        except NoReference:
+            usable = False
+        if usable:
+            found += 1
+            yield x
 
 
 def control(_: argparse.Namespace) -> Table:
