@@ -98,10 +98,9 @@ def car(_: argparse.Namespace) -> Table:
     for x in _states(controller, POINTS):
         logs, drawn = [], 0
         while drawn < PATHS:
-            estimate = controller.plan(x).estimate
-            assert estimate is not None
-            logs.append(estimate.log_psi)
-            drawn += len(estimate.weight)
+            plan = controller.plan(x)
+            logs.append(-np.inf if plan.estimate is None else plan.estimate.log_psi)
+            drawn += sampling.samples * len(plan.ids)
         psi = np.exp(np.array(logs) - max(logs))
         v, error = float(exact.value(x)), problem.temperature * float(psi.std(ddof=1) / psi.mean() / len(psi) ** 0.5)
         sampled = -problem.temperature * (max(logs) + float(np.log(psi.mean())))
