@@ -154,6 +154,8 @@ def estimate(arguments: argparse.Namespace) -> int:
     if any(e is None for e in estimates):
         dead = sum(e is None for e in estimates)
         print(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples")
+    for line in present.doubts(estimates, [r.id for r in references], scenario.settings.target_error):
+        print(line)
     if arguments.json:
         present.write_json(arguments.json, present.estimate_json(scenario, references, estimates, truth))
     return 0

@@ -23,6 +23,8 @@ from sim.scenarios import Scenario
 from sim.truth import Truth
 
 FEW_CLASSES = 4
+LONE = 1.5  # effective samples of a class of which no more than one has any weight
+WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -71,6 +73,27 @@ def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], tru
         exact = [f"{truth.value:.4f}", "-", _vector(truth.control), "-"]
         rows.append(["truth", *exact, *["-"] * (len(ids) + 4)])
     return table(header, rows)
+
+
+def doubts(estimates: Sequence[Estimate | None], ids: Sequence[str], target: float | None) -> list[str]:
+    """What standard errors do not tell: classes that next to no sample was of, and targets that were not reached."""
+    known = [e for e in estimates if e is not None]
+    lines = []
+    for name in ids:
+        thin = sum(e.class_ess.get(name, 0.0) < LONE for e in known)
+        if thin and max(e.class_weights.get(name, 0.0) for e in known) >= WORTH:
+            lines.append(
+                f"class {title(name)}: hardly a sample in {thin} of {len(known)} repeats; standard errors do not know "
+                "what it is worth, try more --samples"
+            )
+    if target is not None:
+        missed = sum(float(e.control_error.max()) > target for e in known)
+        drawn = [sum(part.size for part in e.parts) for e in known]
+        lines.append(
+            f"--target-error {target:g}: not reached in {missed} of {len(known)} repeats, "
+            f"at most {max(drawn, default=0)} samples drawn"
+        )
+    return lines
 
 
 def _vector(values: Array) -> str:
@@ -166,6 +189,7 @@ def estimate_json(
         "value_stderr": [None if e is None else e.value_error for e in estimates],
         "control_stderr": [None if e is None else e.control_error.tolist() for e in estimates],
         "ess": [None if e is None else e.ess for e in estimates],
+        "samples": [None if e is None else sum(part.size for part in e.parts) for e in estimates],
         "class_weights": [None if e is None else e.class_weights for e in estimates],
         "class_ess": [None if e is None else e.class_ess for e in estimates],
         "proposal_weights": [None if e is None else e.proposal_weights for e in estimates],

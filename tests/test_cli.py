@@ -343,3 +343,12 @@ def test_plan_tells_the_lengths_per_class_while_the_tree_grew(tmp_path: Path):
         lengths = watched["lengths"][known["id"]]
         assert len(lengths) == len(watched["iterations"])
         assert known["length"] <= lengths[-1] + 1e-9
+
+
+def test_estimate_says_what_its_standard_errors_do_not_know(capsys):
+    words = ["estimate", "slit", "--at", "2.2", "2.6", "--noise", "0.3", "--repeat", "4", "--vertices", "200"]
+    assert main([*words, "--target-error", "0.001", "--budget", "400"]) == 0
+    told = capsys.readouterr().out
+    assert "class 0,0: hardly a sample in" in told
+    assert "not reached in 4 of 4 repeats" in told
+    assert "1200 samples drawn" in told
