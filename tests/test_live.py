@@ -27,7 +27,12 @@ SERVED = re.compile(r"http://127\.0\.0\.1:(\d+)/\?url=rerun%2Bhttp%3A%2F%2F127\.
 
 def drive(*options: str, **popen) -> subprocess.Popen:
     popen = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, **popen}
-    return subprocess.Popen([sys.executable, "-m", "sim.cli", "run", *SHORT, *options], **popen)
+    # What was started in the background of a script ignores Ctrl-C, and would pass that on.
+    return subprocess.Popen(
+        [sys.executable, "-m", "sim.cli", "run", *SHORT, *options],
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        **popen,
+    )
 
 
 def family(pid: int) -> Iterator[int]:
