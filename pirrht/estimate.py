@@ -118,10 +118,7 @@ def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] 
     Raises:
         NoSurvivingSample: no sample has any weight.
     """
-    paths = (
-        parts[0].paths if len(parts) == 1 else Paths(*map(np.concatenate, zip(*(p.paths for p in parts), strict=True)))
-    )
-    log_weight = np.concatenate([part.log_weight for part in parts])
+    paths, log_weight, first = joined(parts)
     top = float(log_weight.max())
     if not np.isfinite(top):
         raise NoSurvivingSample(
@@ -133,14 +130,12 @@ def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] 
     weight = relative / total
     log_psi = top + float(np.log(total)) - float(np.log(len(log_weight)))
     groups = _groups(paths.key, dict(classes or {}))
-    number = np.concatenate([np.diff(part.guides.first) for part in parts])
-    first = np.concatenate([[0], np.cumsum(number)])
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     ends = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
     rollouts, paired = parts[shown], parts[0].guides.mirrored
     return Estimate(
-        control=_mean(weight, paths) + source.push(rollouts.x0, rollouts.guides),
+        control=mean_control(weight, paths) + source.push(rollouts.x0, rollouts.guides),
         log_psi=log_psi,
         value=-source.problem.temperature * log_psi,
         value_error=source.problem.temperature * deviation(weight, first, paired),
@@ -149,7 +144,7 @@ def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] 
         weight=weight[ends[shown] - rollouts.size : ends[shown]],
         class_weights={name: float(weight[mask].sum()) for name, mask in groups.items()},
         class_ess={name: _ess(weight[mask]) for name, mask in groups.items()},
-        class_controls={name: _mean(np.where(mask, weight, 0.0), paths) for name, mask in groups.items()},
+        class_controls={name: mean_control(np.where(mask, weight, 0.0), paths) for name, mask in groups.items()},
         proposal_weights=drawn_around.reshape(len(parts), -1).sum(axis=0).tolist(),
         survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
         rollouts=rollouts,
@@ -168,6 +163,15 @@ def normalised(log_weight: Array) -> tuple[Array, float]:
     return weight, float(1.0 / np.sum(weight**2))
 
 
+def joined(parts: Sequence[Rollouts]) -> tuple[Paths, Array, NDArray[np.int64]]:
+    """All paths, their log weights (S,), and where those around each reference of each part begin; the last is S."""
+    paths = (
+        parts[0].paths if len(parts) == 1 else Paths(*map(np.concatenate, zip(*(p.paths for p in parts), strict=True)))
+    )
+    number = np.concatenate([np.diff(part.guides.first) for part in parts])
+    return paths, np.concatenate([part.log_weight for part in parts]), np.concatenate([[0], np.cumsum(number)])
+
+
 def _log_mean(log_ratio: Array, share: Array) -> Array:
     """log sum_g share_g exp(log_ratio_g), row by row."""
     top = log_ratio.max(axis=1)
@@ -180,7 +184,7 @@ def _ess(weight: Array) -> float:
     return float(weight.sum()) ** 2 / square if square > 0 else 0.0
 
 
-def _mean(weight: Array, paths: Paths) -> Array:
+def mean_control(weight: Array, paths: Paths) -> Array:
     """Control now (m,) of weighted samples, as a mean over the time in which they are on their way."""
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such short sums do.
     mean: Array = np.einsum("s,sm->m", weight, paths.now) / max(float(np.einsum("s,s->", weight, paths.span)), 1e-300)
@@ -207,7 +211,7 @@ def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> float:
 
 def _control_error(weight: Array, paths: Paths, first: NDArray[np.int64], paired: bool) -> Array:
     """Standard error (m,) of the control, a ratio of sums over samples, to first order (delta method)."""
-    off = weight[:, None] * (paths.now - paths.span[:, None] * _mean(weight, paths))
+    off = weight[:, None] * (paths.now - paths.span[:, None] * mean_control(weight, paths))
     span = max(float(np.einsum("s,s->", weight, paths.span)), 1e-300)
     return np.array([deviation(column, first, paired) for column in off.T]) / span
 

@@ -22,9 +22,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pirrht.between import Lead, wrapped
-from pirrht.estimate import Estimate, Rollouts, deviation, normalised
+from pirrht.estimate import Estimate, Rollouts, deviation, joined, mean_control, normalised
 from pirrht.problem import Problem
 from pirrht.rollout import Guides
 from pirrht.scene import Array
@@ -74,14 +75,13 @@ def linear_law(estimate: Estimate, leads: Sequence[Lead | None]) -> LinearLaw:
 
 def curvature(problem: Problem, parts: Sequence[Rollouts]) -> tuple[Array, Array]:
     """Slope of u* in the actuated states beyond what samples followed, and the standard error of each entry, (m, m)."""
-    x, paths = parts[0].x0, [part.paths for part in parts]
-    weight, _ = normalised(np.concatenate([part.log_weight for part in parts]))
-    now, span = np.concatenate([p.now for p in paths]), np.concatenate([p.span for p in paths])
-    first = np.concatenate([[0], np.cumsum(np.concatenate([np.diff(part.guides.first) for part in parts]))])
-    s = float(weight @ span)
+    x, (paths, log_weight, first) = parts[0].x0, joined(parts)
+    weight, _ = normalised(log_weight)
+    now, span = paths.now, paths.span
+    s = float(np.einsum("s,s->", weight, span))
     R = problem.control_cost(x)
     noise: Array = problem.temperature * np.asarray(np.linalg.inv(R), dtype=float)
-    terms = weight[:, None, None] * _spread(now - span[:, None] * (weight @ now) / s, span, noise)
+    terms = weight[:, None, None] * _spread(now - span[:, None] * mean_control(weight, paths), span, noise)
     if not any(part.guides.led.any() for part in parts):  # there, the noise of samples is not that of the robot
         terms -= _expected(weight, now, span, first, noise)
     scale, G = R / problem.temperature, problem.dynamics.G_c(x)
@@ -115,7 +115,7 @@ def _spread(off: Array, span: Array, noise: Array) -> Array:
     return off[:, :, None] * off[:, None, :] - span[:, None, None] * noise
 
 
-def _expected(weight: Array, now: Array, span: Array, first: Array, noise: Array) -> Array:
+def _expected(weight: Array, now: Array, span: Array, first: NDArray[np.int64], noise: Array) -> Array:
     """Terms that add up to zero on average, and, where weights are even, to the error of the others.
 
     Around each reference the squares of all the noise drawn are what they should be; a sample that deviates from that

@@ -34,7 +34,8 @@ EDGE, DENSITY = _layers()
 
 
 @inlined
-def _mix(z):  # type: ignore[no-untyped-def]
+def bits_of(z):  # type: ignore[no-untyped-def]
+    """The 64 random bits that belong to a state of a sequence."""
     z = (z ^ (z >> np.uint64(30))) * MIX_1
     z = (z ^ (z >> np.uint64(27))) * MIX_2
     return z ^ (z >> np.uint64(31))
@@ -43,7 +44,7 @@ def _mix(z):  # type: ignore[no-untyped-def]
 @kernel
 def stream(seed, sample):  # type: ignore[no-untyped-def]
     """Start of the sequence of one sample."""
-    return _mix(np.uint64(seed) ^ _mix((np.uint64(sample) + np.uint64(1)) * GOLDEN))
+    return bits_of(np.uint64(seed) ^ bits_of((np.uint64(sample) + np.uint64(1)) * GOLDEN))
 
 
 @inlined
@@ -54,16 +55,19 @@ def twin(sample, first, mirrored):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def bits_of(state):  # type: ignore[no-untyped-def]
-    """The 64 random bits that belong to a state of a sequence."""
-    return _mix(state)
+def candidate(state):  # type: ignore[no-untyped-def]
+    """Layer, size and sign of the normal number that a state draws; it stands below the layer's inner edge."""
+    bits = bits_of(state)
+    layer = np.int64(bits & np.uint64(255))
+    sign = 1.0 - 2.0 * np.float64((bits >> np.uint64(8)) & np.uint64(1))
+    return layer, np.float64(bits >> np.uint64(11)) * UNIT * EDGE[layer], sign
 
 
 @inlined
 def uniform(state):  # type: ignore[no-untyped-def]
     """The next state of a sequence and a number in [0, 1)."""
     state = state + GOLDEN
-    return state, np.float64(_mix(state) >> np.uint64(11)) * UNIT
+    return state, np.float64(bits_of(state) >> np.uint64(11)) * UNIT
 
 
 @kernel
@@ -86,10 +90,7 @@ def normal(state):  # type: ignore[no-untyped-def]
     """The next state of a sequence and a standard normal number."""
     while True:
         state = state + GOLDEN
-        bits = _mix(state)
-        layer = np.int64(bits & np.uint64(255))
-        x = np.float64(bits >> np.uint64(11)) * UNIT * EDGE[layer]
-        sign = 1.0 - 2.0 * np.float64((bits >> np.uint64(8)) & np.uint64(1))
+        layer, x, sign = candidate(state)
         if x < EDGE[layer + 1]:
             return state, sign * x
         state, x, accepted = _slow_normal(state, layer, x)
@@ -100,10 +101,7 @@ def normal(state):  # type: ignore[no-untyped-def]
 @kernel
 def normal_again(state):  # type: ignore[no-untyped-def]
     """What `normal` returns if the draw that led to this state was not accepted at once."""
-    bits = _mix(state)
-    layer = np.int64(bits & np.uint64(255))
-    x = np.float64(bits >> np.uint64(11)) * UNIT * EDGE[layer]
-    sign = 1.0 - 2.0 * np.float64((bits >> np.uint64(8)) & np.uint64(1))
+    layer, x, sign = candidate(state)
     state, x, accepted = _slow_normal(state, layer, x)
     if accepted:
         return state, sign * x

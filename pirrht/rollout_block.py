@@ -20,7 +20,7 @@ from pirrht.exits import COLLISION, FAR, GOAL, INSIDE, at_crossing, away, bridge
 from pirrht.gates import PASSED, aim, towards
 from pirrht.jit import inlined, kernel
 from pirrht.memory import load_float32, load_float64, load_int64
-from pirrht.noise import EDGE, GOLDEN, UNIT, bits_of, normal_again, stream, twin
+from pirrht.noise import EDGE, GOLDEN, candidate, normal_again, stream, twin, uniform
 from pirrht.scene import Array
 
 LANES = 256  # of a block; all rows together stay within the nearest cache
@@ -53,10 +53,7 @@ def draw(random, whole, f, row, n):  # type: ignore[no-untyped-def]
     for k in range(n):
         state = random[k] + GOLDEN
         random[k] = state
-        bits = bits_of(state)
-        layer = np.int64(bits & np.uint64(255))
-        x = np.float64(bits >> np.uint64(11)) * UNIT * EDGE[layer]
-        sign = 1.0 - 2.0 * np.float64((bits >> np.uint64(8)) & np.uint64(1))
+        layer, x, sign = candidate(state)
         good = x < EDGE[layer + 1]
         f[row + k] = sign * x
         whole[FLAG + k] = 0 if good else 1
@@ -239,8 +236,7 @@ def bridge(variance, random, f, whole, n):  # type: ignore[no-untyped-def]
         past = (e1 <= 0.0) | (g1 <= 0.0) | (c1 <= 0.0) | (2.0 * e0 * e1 < reach) | (2.0 * g0 * g1 < reach)
         past |= ((c0 + c1) * (c0 + c1) < square) | ((g0 + g1) * (g0 + g1) < square)
         near = 2.0 * c0 * c1 < reach
-        state = random[k] + GOLDEN
-        u = np.float64(bits_of(state) >> np.uint64(11)) * UNIT
+        state, u = uniform(random[k])
         term = 1.0 + max(c0 * c1, 0.0) / (8.0 * variance)
         term *= term
         term *= term
