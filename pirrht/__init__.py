@@ -20,6 +20,7 @@ _HOME = {
     "Homology": "homology",
     "HomologyTree": "tree",
     "Kind": "scene",
+    "Mppi": "mppi",
     "NoReference": "errors",
     "NoSurvivingSample": "errors",
     "NotLinearlySolvable": "errors",

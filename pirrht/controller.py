@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pirrht.allocation import Allocation
+from pirrht.best_class import CONSISTENCY, alone, best_class
 from pirrht.between import Law, Memory, leads_of
 from pirrht.driven import Driven
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
@@ -14,6 +15,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.gain import LinearLaw, linear_law
 from pirrht.guides import FEW, Guide
 from pirrht.homology import class_id, integers
+from pirrht.methods import METHODS, SAMPLING, TREELESS
 from pirrht.path_integral import Estimate, PathIntegral, Sampling
 from pirrht.plan import Plan, shifted
 from pirrht.problem import Problem
@@ -23,14 +25,9 @@ from pirrht.steering import Trajectory, running_cost
 from pirrht.threads import mapped
 from pirrht.tree import HomologyTree, Reference
 
-METHODS = {
-    "pi-rrht": "sample around one reference per homology class and let the weights decide (PI-RRHT*)",
-    "single": "importance sampling around the cheapest reference only",
-    "passive": "no reference: sample the passive dynamics",
-    "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
-}
+__all__ = ["BETWEEN", "METHODS", "TREELESS", "Controller"]
+
 BETWEEN = ("classes", "gain", "hold")
-TREELESS = ("passive", "optimal")
 REMEMBERED = 4  # one in so many samples of a reference is drawn around the last plan's tape as well
 
 Proposals = tuple[
@@ -43,8 +40,10 @@ class Controller:
 
     Args:
         tree: grown beforehand; None only for the method "passive".
+        method: one of `methods.SAMPLING`.
         rng: source of one seed per plan.
         polished: shorten references inside their class.
+        consistency: share of its value that the class followed so far counts under the method "best-class".
         between: until the next plan follow the state by "classes" or a linear "gain", or "hold" the control (paper).
     """
 
@@ -57,19 +56,21 @@ class Controller:
         *,
         method: str = "pi-rrht",
         polished: bool = True,
+        consistency: float = CONSISTENCY,
         between: str = "classes",
         rng: np.random.Generator,
     ) -> None:
         if between not in BETWEEN:
             raise OptionError(f"unknown feedback {between!r} between plans; known are {', '.join(BETWEEN)}")
-        if method not in METHODS or method == "optimal":
-            raise OptionError(f"unknown method {method!r}; known are {', '.join(METHODS)}")
-        if tree is None and method != "passive":
+        if method not in SAMPLING:
+            raise OptionError(f"unknown method {method!r}; known here are {', '.join(SAMPLING)}")
+        self.method = SAMPLING[method]
+        if tree is None and self.method.most != 0:
             raise OptionError(f"the method {method!r} needs a tree")
-        self.problem, self.space, self.tree, self.method = problem, space, tree, method
+        self.problem, self.space, self.tree, self.consistency = problem, space, tree, consistency
         self.path_integral = PathIntegral(problem, space, sampling)
         self.polished, self.rng, self.between = polished, rng, between
-        shared = sampling.allocation == "contribution" and self.path_integral.guidance is None
+        shared = self.method.mixes and sampling.allocation == "contribution" and self.path_integral.guidance is None
         self.allocation = Allocation(sampling.samples) if shared else None
         self.memory = Memory(problem) if between == "classes" else None
         self.begin(problem.scene.start[: problem.dynamics.n])
@@ -78,6 +79,7 @@ class Controller:
         """Forget the drive so far; a new one starts at x (n,)."""
         self._driven = Driven(self.space.homology, x)
         self._previous: Plan | None = None
+        self._followed: str | None = None  # class, where only one is
         self._since = self._unpooled = 0.0  # since the last plan, and since the last one with an estimate [s]
         if self.memory is not None:
             self.memory.forget()
@@ -148,6 +150,7 @@ class Controller:
             law=law,
             span=self.path_integral.sampling.dt,
             shares=law.weights(x, 0.0) if isinstance(law, Law) else None,
+            followed=self._followed,
         )
 
     def _estimate(
@@ -177,7 +180,17 @@ class Controller:
             return None
         if self.allocation is not None:
             self.allocation.learn(ids, estimate)
+        if self.method.alone and ids:
+            estimate = self._alone(estimate, ids, names)
         return None if guides is not None and estimate.survivors == 0 else estimate
+
+    def _alone(self, estimate: Estimate, ids: tuple[str, ...], names: dict[int, str]) -> Estimate:
+        """What the samples of the best class say; what earlier ones said of another class is forgotten."""
+        best = best_class(estimate, ids, self._followed, consistency=self.consistency)
+        if self._followed != ids[best] and self.memory is not None:
+            self.memory.forget()
+        self._followed = ids[best]
+        return alone(estimate, best, {key: name for key, name in names.items() if name == ids[best]})
 
     def _law(
         self, estimate: Estimate, ids: tuple[str, ...], guides: list[Guide | None] | None
@@ -214,13 +227,10 @@ class Controller:
         )
 
     def _references(self, x: Array) -> list[Reference]:
-        if self.method == "passive" or self.tree is None:
+        if self.tree is None or self.method.most == 0:
             return []
-        references = self.tree.references(x, polished=self.polished)
-        if self.method == "single":
-            return references[:1]
-        kept = self._kept(x, set(self._from_start(references)))
-        return sorted(references + kept, key=lambda reference: reference.cost) if kept else references
+        found = self.tree.references(x, polished=self.polished)
+        return self.method.around(found, self._kept(x, set(self._from_start(found))))
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
         """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""

@@ -9,7 +9,8 @@ visit the classes of the others. Only the estimate of psi is unbiased; u is a ra
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from pirrht.exits import survivors_slope
 from pirrht.freespace import FreeSpace
 from pirrht.gates import gates_of
 from pirrht.guides import Guidance, Guide
+from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollout import Guides, Kernels, World, empty_paths, kernels_for
 from pirrht.sampling import EXITS, GUIDES, WEIGHTS, Sampling
@@ -37,10 +39,22 @@ NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to the tape
 
 
 class PathIntegral:
-    """Draws and weighs samples around references; the problem and its scene stay fixed."""
+    """Draws and weighs samples around references; the problem and its scene stay fixed.
 
-    def __init__(self, problem: Problem, space: FreeSpace, sampling: Sampling) -> None:
-        self.problem, self.space, self.sampling = problem, space, sampling
+    Args:
+        beyond: costs (k,) of going on from states (k, n) at the end of the grid; None: a path that has not arrived
+            by then weighs nothing.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        space: FreeSpace,
+        sampling: Sampling,
+        *,
+        beyond: Callable[[Array], Array] | None = None,
+    ) -> None:
+        self.problem, self.space, self.sampling, self.beyond = problem, space, sampling, beyond
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
         self.world = _world(problem, space, sampling.exit == "bridge")
@@ -66,8 +80,11 @@ class PathIntegral:
         A control read off the first step is the mean over that step. Where the plan is made anew more often than
         every dt, the first dt is cut finer, since near a wall the mean over dt is much weaker than the control now.
         """
+        return self.steps((reference_cost + TAIL * self.temperature) / self.problem.least_rate)
+
+    def steps(self, horizon: float) -> Array:
+        """Ends of the rollout steps (T+1,) [s] up to a horizon [s], the first dt cut finer where it is to be."""
         dt = self.sampling.dt
-        horizon = (reference_cost + TAIL * self.temperature) / self.problem.least_rate
         steps = max(1, int(np.ceil(horizon / dt)))
         parts = 1 if self.sampling.first is None else max(1, round(dt / self.sampling.first))
         fine = np.arange(parts) * (dt / parts)
@@ -110,7 +127,20 @@ class PathIntegral:
 
         _in_parallel(work, S, self.threads)
         log_weight = log_weights(self.problem, self.sampling.weights, paths, number)
-        return Rollouts(x0=x0, seed=seed, guides=leads, paths=paths, log_weight=log_weight)
+        rollouts = Rollouts(x0=x0, seed=seed, guides=leads, paths=paths, log_weight=log_weight)
+        return rollouts if self.beyond is None else self._completed(rollouts, self.beyond)
+
+    def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Rollouts:
+        """The same, with paths that are under way at the end of the grid charged what the rest costs."""
+        paths, number = rollouts.paths, np.diff(rollouts.guides.first)
+        under_way = np.flatnonzero(paths.outcome == Outcome.TIMEOUT)
+        if len(under_way) == 0:
+            return rollouts
+        work, outcome = paths.work.copy(), paths.outcome.copy()
+        work[under_way] += beyond(self.trace(rollouts, under_way)[0][:, -1])
+        outcome[under_way] = Outcome.GOAL
+        arrived = paths._replace(work=work, outcome=outcome)
+        return replace(rollouts, log_weight=log_weights(self.problem, self.sampling.weights, arrived, number))
 
     def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
         """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.

@@ -26,6 +26,7 @@ class Plan:
     law: Callable[[Array, float], Array] | None = None  # control (m,) at state (n,), s after the plan [s]
     span: float = np.inf  # how long the law is followed [s]; then the tape
     shares: dict[str, float] | None = None  # weight of every class under the law
+    followed: str | None = None  # the class that the control is of, where it is of one alone
     exact: float | None = None  # v at the state, where it is known without samples
 
     @property
@@ -72,9 +73,11 @@ class Plan:
 
     @property
     def favourite(self) -> str | None:
-        """Class of greatest weight; without an estimate that of the reference followed."""
+        """Class of greatest weight, or that of the one reference that is followed."""
         if self.estimate is None:
             return self.ids[0] if self.ids else None
+        if self.followed is not None:
+            return self.followed
         weights = self.shares or self.estimate.class_weights
         return max(weights, key=lambda name: weights[name]) if weights else None
 

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pirrht.errors import OptionError, PirrhtError
+from pirrht.methods import METHODS
 from sim.columns import explained
 
-METHOD_NAMES = ("pi-rrht", "single", "passive", "optimal")
+EXPLAINED = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
 
 
 class _Parser(argparse.ArgumentParser):
@@ -58,6 +59,8 @@ def _parser() -> argparse.ArgumentParser:
     estimate.add_argument("--at", type=float, nargs="+", required=True, metavar="X", help="state: X Y [TH]")
     estimate.add_argument("--repeat", type=int, default=1, metavar="N", help="repeats with independent samples (1)")
     estimate.add_argument("--truth", action="store_true", help="add the exact value and control, solved for on a grid")
+    for command in (run, estimate):
+        _explain_methods(command)
     for command in (plan, run, estimate):
         command.add_argument("scene", metavar="SCENE", help="built-in name or MJCF file")
         _common_options(command)
@@ -66,6 +69,7 @@ def _parser() -> argparse.ArgumentParser:
     sweep.add_argument("scenes", nargs="+", metavar="SCENE", help="built-in names or MJCF files")
     _common_options(sweep, skip=("noise", "method", "seed"))
     _sweep_options(sweep)
+    _explain_methods(sweep)
     _export_options(commands)
     world = commands.add_parser("import", help="turn a Gazebo world of static primitives into an MJCF scene")
     world.add_argument("world", type=Path, metavar="WORLD", help="an SDF file: .world or .sdf")
@@ -154,11 +158,26 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
         help="paper: dt = period = 0.1, its N, open loop, plain average, endpoint exit, equal, independent samples",
     )
     if "method" not in skip:
-        planner.add_argument("--method", metavar="NAME", help=f"one of {', '.join(METHOD_NAMES)} (pi-rrht)")
+        planner.add_argument("--method", metavar="NAME", help=f"one of {', '.join(METHODS)} (pi-rrht)")
+    planner.add_argument(
+        "--consistency",
+        type=float,
+        metavar="C",
+        help="of best-class: the value of the class followed so far counts C times, 1 for no preference (0.8)",
+    )
+    planner.add_argument("--horizon", type=float, metavar="S", help="of mppi: length of its tape (3)")
+    planner.add_argument(
+        "--exploration", type=float, metavar="X", help="of mppi: noise of its samples over the robot's (puck 1, car 10)"
+    )
     planner.add_argument("--plant", metavar="NAME", help="mujoco, or sde: the analytic equation (mujoco)")
     planner.add_argument(
         "--max-time", type=float, metavar="S", help="end of the drive in simulated time (puck 30, car 60)"
     )
+
+
+def _explain_methods(parser: argparse.ArgumentParser) -> None:
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = EXPLAINED
 
 
 def _run_options(parser: argparse.ArgumentParser) -> None:
@@ -221,7 +240,7 @@ def _export_options(commands: Any) -> None:
 
 
 def _sweep_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--methods", default="pi-rrht", metavar="A,B", help=f"of {', '.join(METHOD_NAMES)} (pi-rrht)")
+    parser.add_argument("--methods", default="pi-rrht", metavar="A,B", help=f"of {', '.join(METHODS)} (pi-rrht)")
     parser.add_argument("--noise", metavar="B1,B2", help="noise levels (the scene's own)")
     parser.add_argument("--seeds", default="0:10", metavar="A:B", help="seeds A to B-1 (0:10)")
     parser.add_argument("--plan-seed", type=int, default=0, metavar="N", help="seed of the trees (0)")

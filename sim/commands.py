@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from pirrht.controller import TREELESS
 from pirrht.convergence import Convergence
 from pirrht.errors import OptionError, SceneError
+from pirrht.methods import TREELESS
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER, Estimate
 from pirrht.scene import Array

@@ -8,8 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.controller import BETWEEN, METHODS, TREELESS
+from pirrht.best_class import CONSISTENCY
+from pirrht.controller import BETWEEN
 from pirrht.errors import OptionError
+from pirrht.methods import METHODS, TREELESS
+from pirrht.mppi import HORIZON
 from pirrht.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, WEIGHTS
 
 PLANTS = ("mujoco", "sde")
@@ -26,6 +29,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "between": "hold",
     },
 }
+BASELINES = ("consistency", "horizon", "exploration")  # options of one of the methods each
 PAPER_SAMPLES = {"single_integrator": 200, "unicycle": 300}
 
 
@@ -47,6 +51,9 @@ class Settings:
     period: float = 0.01
     limit: float = 0.6
     method: str = "pi-rrht"
+    consistency: float = CONSISTENCY  # of "best-class"
+    horizon: float = HORIZON  # of "mppi" [s]
+    exploration: float = 1.0  # of "mppi": noise of its samples over that of the robot
     plant: str = "mujoco"
     exit: str = "bridge"
     weights: str = "balance"
@@ -64,7 +71,7 @@ class Settings:
     plan_seed: int | None = None  # seed of the tree alone; None: derived from `seed`
 
     def __post_init__(self) -> None:
-        for name in ("noise", "speed", "rho", "dt", "period", "limit", "max_time"):
+        for name in ("noise", "speed", "rho", "dt", "period", "limit", "max_time", *BASELINES):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise OptionError(f"--{_flag(name)} is {value:g}; it must be a positive number")
@@ -101,7 +108,16 @@ class Settings:
 
 ROBOT_DEFAULTS = {
     "single_integrator": Settings(),
-    "unicycle": Settings(noise=0.03, phi=1000.0, vertices=2000, samples=300, period=0.1, limit=0.8, max_time=60.0),
+    "unicycle": Settings(
+        noise=0.03,
+        phi=1000.0,
+        vertices=2000,
+        samples=300,
+        period=0.1,
+        limit=0.8,
+        max_time=60.0,
+        exploration=10.0,  # with the robot's own noise tapes hardly move, and none of a few drives arrives
+    ),
 }
 
 

@@ -14,6 +14,7 @@ from pirrht.desirability import Desirability
 from pirrht.dynamics import Dynamics, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.mppi import Mppi
 from pirrht.optimal import Optimal
 from pirrht.problem import Problem
 from pirrht.sampling import Sampling
@@ -89,8 +90,33 @@ class Scenario:
         """The grid's feedback law, in continuous time; `truth` if it has been solved for before."""
         return Optimal(truth or Desirability.of(self.problem, self.space), self.sampling)
 
-    def controller(self, tree: HomologyTree | None) -> Controller:
-        """The receding-horizon controller over a grown tree."""
+    def mppi(self) -> Mppi:
+        """MPPI, with at least as many samples as "pi-rrht" draws from the start."""
+        s = self.settings
+        sampling = replace(
+            self.sampling,
+            samples=s.samples * self._classes_at_start(),
+            first=None,
+            guide="open-loop",
+            draws="independent",
+            memory=False,
+            budget=None if s.budget is None else s.budget * self._classes_at_start(),
+        )
+        loud = replace(s, noise=s.exploration * s.noise)
+        problem = pose(self.loaded.dynamics_name, self.loaded.scene, loud)
+        return Mppi(problem, self.space, sampling, horizon=s.horizon, rng=np.random.default_rng(self.seeds()[1]))
+
+    def _classes_at_start(self) -> int:
+        """Classes with |1 - H_i| <= H_limit at the start, `settings.classes` at most."""
+        straight, limit = self.space.homology.straight(self.start[None, :2])[0], self.settings.limit
+        most = self.settings.classes or Settings().classes
+        number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
+        return int(np.clip(np.prod(number), 1, most))
+
+    def controller(self, tree: HomologyTree | None) -> Controller | Mppi:
+        """The receding-horizon controller over a grown tree; MPPI if that is the method."""
+        if self.settings.method == "mppi":
+            return self.mppi()
         return Controller(
             self.problem,
             self.space,
@@ -98,6 +124,7 @@ class Scenario:
             self.sampling,
             method=self.settings.method,
             polished=self.settings.polish,
+            consistency=self.settings.consistency,
             between=self.settings.between,
             rng=np.random.default_rng(self.seeds()[1]),
         )

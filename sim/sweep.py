@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from pirrht.controller import METHODS, TREELESS
 from pirrht.desirability import Desirability
 from pirrht.errors import OptionError
+from pirrht.methods import METHODS, TREELESS
 from pirrht.tree import HomologyTree
 from sim import episode, present
 from sim.colors import title

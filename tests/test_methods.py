@@ -1,0 +1,140 @@
+"""Methods differ in what they make of references and samples, and in nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from closed_forms import annulus
+
+from pirrht.best_class import alone, best_class, class_values
+from pirrht.controller import Controller
+from pirrht.estimate import Estimate
+from pirrht.methods import METHODS, SAMPLING
+from pirrht.path_integral import Sampling
+from pirrht.plan import Plan
+from pirrht.rounds import sample
+from pirrht.steering import StraightLine
+from pirrht.tree import HomologyTree
+from sim import cli, episode
+from sim.scenarios import Scenario
+
+
+def around_all(slit: Scenario, tree: HomologyTree, samples: int = 150, **settings) -> tuple[Estimate, list[str]]:
+    """Samples around every reference of the slit at the start, in two rounds."""
+    controller = slit.with_settings(samples=samples, noise=0.3, **settings).controller(tree)
+    integral, x = controller.path_integral, slit.start
+    references = tree.references(x)
+    times = integral.grid(min(r.cost for r in references))
+    tapes = np.array([r.trajectory.tape(times) for r in references])
+    corners = [np.vstack([r.trajectory.path.start[1:, :2], slit.space.scene.goal.center]) for r in references]
+    names = {slit.space.homology.key(r.winding): r.id for r in references}
+    estimate = sample(
+        integral, x, times, tapes, 5, corners=corners, counts=[samples, samples // 2, samples], classes=names
+    )
+    return estimate, [r.id for r in references]
+
+
+# -- the best class ----------------------------------------------------------------------------------------------
+
+
+def test_where_there_is_one_class_the_best_of_them_is_what_all_of_them_say():
+    problem, space = annulus(0.3)
+    tree = HomologyTree(space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))
+    plans = {}
+    for method in ("pi-rrht", "best-class"):
+        sampling = Sampling(samples=100, first=0.01)
+        controller = Controller(problem, space, tree, sampling, method=method, rng=np.random.default_rng(3))
+        plans[method] = [controller.plan(problem.scene.start[:2])]
+        controller.observe(np.array([[1.19, 0.01]]), 0.01)
+        plans[method].append(controller.plan(np.array([1.19, 0.01])))
+    for one, other in zip(*plans.values(), strict=True):
+        np.testing.assert_allclose(one.control, other.control, rtol=1e-9)
+        np.testing.assert_allclose(one.tape, other.tape, rtol=1e-9, atol=1e-12)
+        assert one.estimate.value == pytest.approx(other.estimate.value, rel=1e-12)
+        nearby = one.state + 0.003
+        np.testing.assert_allclose(one.at(nearby, 0.004), other.at(nearby, 0.004), rtol=1e-9)
+
+
+@pytest.mark.parametrize("rounds", [1, 3])
+def test_the_plain_average_of_the_paper_is_the_mean_over_what_each_class_says_alone(slit, slit_tree, rounds):
+    estimate, _ = around_all(slit, slit_tree, weights="average", rounds=rounds)
+    each = -class_values(estimate) / slit.with_settings(noise=0.3).problem.temperature
+    if rounds == 1:
+        assert np.logaddexp.reduce(each) - np.log(len(each)) == pytest.approx(estimate.log_psi, rel=1e-12)
+    for h, log_psi in enumerate(each):
+        assert alone(estimate, h).log_psi == pytest.approx(log_psi, rel=1e-12)
+
+
+def test_alone_a_class_says_what_its_own_samples_would(slit, slit_tree):
+    """Drawn around one reference only, the same paths have the same weights."""
+    estimate, names = around_all(slit, slit_tree)
+    part = estimate.parts[0]
+    for h in range(len(names)):
+        own = slice(*part.guides.first[h : h + 2])
+        weight = np.exp(-part.paths.work[own] / estimate.source.problem.temperature - part.paths.log_ratio[own, h])
+        weight *= part.paths.outcome[own] == 1
+        result = alone(estimate, h, {})
+        assert result.log_psi == pytest.approx(np.log(weight.mean()), rel=1e-12)
+        expected = weight @ part.paths.now[own] / (weight @ part.paths.span[own])
+        push = estimate.source.push(slit.start, part.guides)
+        np.testing.assert_allclose(result.control, expected + push, rtol=1e-9)
+        assert result.proposal_weights[h] == pytest.approx(1.0)
+
+
+def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_nearly_as_good(slit, slit_tree):
+    estimate, names = around_all(slit, slit_tree)
+    values = class_values(estimate)
+    best, second = np.argsort(values)[:2]
+    assert best_class(estimate, names, None) == best
+    assert best_class(estimate, names, names[best]) == best
+    ratio = values[best] / values[second]
+    assert best_class(estimate, names, names[second], consistency=0.999 * ratio) == second
+    assert best_class(estimate, names, names[second], consistency=1.001 * ratio) == best
+    assert best_class(estimate, names, "9,9", consistency=0.1) == best
+
+
+def test_only_one_class_is_followed_and_its_name_is_said(slit: Scenario, slit_tree: HomologyTree):
+    controller = slit.with_settings(method="best-class", samples=100, noise=0.3).controller(slit_tree)
+    plan = controller.plan(slit.start)
+    assert plan.estimate is not None
+    h = plan.ids.index(plan.favourite)
+    assert plan.estimate.proposal_weights[h] == pytest.approx(1.0)
+    assert set(plan.estimate.class_weights) == {plan.favourite, "other"}
+    assert sum(part.size for part in plan.estimate.parts) == 100 * len(plan.ids)
+
+
+# -- all of them -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", [*SAMPLING, "mppi"])
+def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit: Scenario, slit_tree: HomologyTree, method: str):
+    scenario = slit.with_settings(method=method, samples=40, max_time=0.05, seed=4)
+    tree = slit_tree if method in SAMPLING else None
+    frames = episode.run(
+        scenario.plant(), scenario.controller(tree), scenario.start, scenario.plant_rng(), max_time=0.05
+    )
+    noise = np.vstack([frame.advance.noise for frame in frames])
+    steps = len(noise)
+    assert steps == 25
+    again = np.random.default_rng(np.random.SeedSequence(4).spawn(3)[2])
+    np.testing.assert_array_equal(noise, np.sqrt(0.002) * again.standard_normal((steps, 2)))
+
+
+@pytest.mark.parametrize("command", ["run", "estimate", "sweep"])
+def test_every_method_is_explained_on_the_command_line(command: str, capsys):
+    with pytest.raises(SystemExit):
+        cli.main([command, "--help"])
+    text = capsys.readouterr().out
+    for name, what in METHODS.items():
+        assert any(line.split()[0] == name and what in line for line in text.splitlines() if line.strip())
+
+
+def test_a_plan_of_one_class_counts_a_switch_when_it_changes(slit: Scenario, slit_tree: HomologyTree):
+    controller = slit.with_settings(method="best-class", samples=60, noise=0.3, consistency=1.0).controller(slit_tree)
+    tally, followed = episode.Tally(0.01), []
+    scenario = slit.with_settings(noise=0.3, max_time=0.4)
+    for frame in episode.run(scenario.plant(), controller, slit.start, scenario.plant_rng(), max_time=0.4):
+        tally.add(frame)
+        followed.append(frame.plan.favourite)
+    assert tally.switches == sum(a != b for a, b in zip(followed[:-1], followed[1:], strict=True))
+    assert isinstance(frame.plan, Plan)
