@@ -18,7 +18,7 @@ from pirrht.errors import OptionError
 from pirrht.jit import inlined, kernel
 from pirrht.problem import Problem
 from pirrht.scene import Array, Scene
-from pirrht.steering import Steering
+from pirrht.steering import Compiled, Steering
 
 ROOTS = 16  # headings at the goal point
 EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a whole circle is none
@@ -59,6 +59,11 @@ class Dubins(Steering):
         return self.V * self.rho
 
     @property
+    def compiled(self) -> Compiled:
+        """Dubins curves as kernels."""
+        return Compiled(_nearest, _connect, 3)
+
+    @property
     def cost_per_meter(self) -> float:
         """Time per meter: cost is time."""
         return 1.0 / self.V
@@ -79,10 +84,10 @@ class Dubins(Steering):
     def connect(self, tails: Array, heads: Array) -> Curves:
         """The shortest curves of three pieces each."""
         tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
-        curvature, length = np.empty((len(tails), 3)), np.empty((len(tails), 3))
-        _connect(tails, heads, self.radius, curvature, length)
+        start, curvature, length = (np.empty((len(tails), 3)) for _ in range(3))
+        _connect(tails, heads, self.radius, start, curvature, length)
         cost = length.sum(axis=1) * self.cost_per_meter
-        return Curves(start=tails, curvature=curvature, length=length, cost=cost, tails=tails, heads=heads)
+        return Curves(start=start, curvature=curvature, length=length, cost=cost, tails=tails, heads=heads)
 
     def controls(self, heading: Array, curvature: Array) -> Array:
         """u = curvature V rho, (l, 1), at most 1 in magnitude."""
@@ -202,8 +207,10 @@ def _lengths(tails, heads, radius, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _connect(tails, heads, radius, curvature, length):  # type: ignore[no-untyped-def]
+def _connect(tails, heads, radius, start, curvature, length):  # type: ignore[no-untyped-def]
     for i in range(tails.shape[0]):
+        for k in range(3):
+            start[i, k] = tails[i, k]
         shortest(
             tails[i, 0], tails[i, 1], tails[i, 2], heads[i, 0], heads[i, 1], heads[i, 2], radius,
             curvature[i], length[i],

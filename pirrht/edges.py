@@ -16,7 +16,6 @@ from pirrht.clearance import (
     Field,
     _surely_blocked,
     border,
-    certify_segment,
     clearance,
 )
 from pirrht.collision import Collision
@@ -56,7 +55,7 @@ class Inspector:
         status = np.empty(k, dtype=np.int8)
         first = np.empty(k + 1, dtype=np.int64)
         length, cost = np.empty_like(curves.length), np.empty(k)
-        marker, turn, unsure = _inspect(
+        marker, turn, unsure = judge(
             self.field, curves.start, curves.curvature, curves.length, curves.cost, curves.heads,
             into_goal, self.homology.cuts, self.goal.center, self.goal.radius, status, first, length, cost,
         )  # fmt: skip
@@ -67,9 +66,8 @@ class Inspector:
 
     def point_free(self, x: Array) -> bool:
         """Whether the robot may be at a state (n,)."""
-        if certify_segment(self.field, x[0], x[1], x[0], x[1]) == FREE:
-            return True
-        return bool(self.collision.free(x[None, :2])[0])
+        status = certify_point(self.field, x[0], x[1])
+        return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, :2])[0]))
 
     def cut_at_goal(self, path: Curves) -> Curves:
         """A path whose last curve ends where it first enters the goal's disc."""
@@ -105,6 +103,14 @@ class Inspector:
 
 
 @kernel
+def certify_point(field, x, y):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for one position."""
+    if clearance(field, x, y) > 0.0:
+        return FREE
+    return BLOCKED if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y) else UNSURE
+
+
+@kernel
 def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
     """FREE, BLOCKED or UNSURE for one curve: discs of certified clearance must cover it.
 
@@ -113,9 +119,13 @@ def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-d
     x, y, theta = start[0], start[1], start[2]
     verdict = FREE
     for p in range(length.shape[0]):
-        s = 0.0
+        s, kappa, ux, uy = 0.0, curvature[p], math.cos(theta), math.sin(theta)
         while True:
-            px, py, _ = along(x, y, theta, curvature[p], s)
+            if abs(kappa) * s < 1e-9:
+                px, py = x + s * ux, y + s * uy
+            else:
+                end = theta + kappa * s
+                px, py = x + (math.sin(end) - uy) / kappa, y - (math.cos(end) - ux) / kappa
             c = clearance(field, px, py)
             if c < LEAST_STEP:
                 if border(field, px, py) <= 0.0 or _surely_blocked(field, px, py):
@@ -125,7 +135,8 @@ def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-d
             if s >= length[p]:
                 break
             s = min(s + c, length[p])
-        x, y, theta = along(x, y, theta, curvature[p], length[p])
+        if p + 1 < length.shape[0]:
+            x, y, theta = along(x, y, theta, kappa, length[p])
     return verdict
 
 
@@ -152,14 +163,19 @@ def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _inspect(field, start, curvature, length, price, heads, into_goal, cuts, goal, radius, status, first, cut_length, cost):  # type: ignore[no-untyped-def] # fmt: skip # noqa: E501
+def judge(field, start, curvature, length, price, heads, into_goal, cuts, goal, radius, status, first, cut_length, cost):  # type: ignore[no-untyped-def] # fmt: skip # noqa: E501
+    """What `Inspector.inspect` finds without asking FCL; returns the pairs, and how many curves are unsure."""
     room = length.shape[1] * cuts.M  # pairs that one curve can have
     marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
     total = np.zeros(cuts.M, np.int16)
     used, unsure = 0, 0
     for i in range(length.shape[0]):
         first[i] = used
-        s = entry_of_curve(start[i], curvature[i], length[i], goal[0], goal[1], radius)
+        whole, left, s = 0.0, 0.0, np.inf
+        for p in range(length.shape[1]):
+            whole += length[i, p]
+        if math.hypot(start[i, 0] - goal[0], start[i, 1] - goal[1]) <= 1.001 * (radius + whole):
+            s = entry_of_curve(start[i], curvature[i], length[i], goal[0], goal[1], radius)
         if s < np.inf and not into_goal[i]:
             status[i] = BLOCKED
             continue
@@ -168,9 +184,8 @@ def _inspect(field, start, curvature, length, price, heads, into_goal, cuts, goa
         if status[i] == BLOCKED:
             continue
         unsure += status[i] == UNSURE
-        whole, left = 0.0, 0.0
         for p in range(length.shape[1]):
-            whole, left = whole + length[i, p], left + cut_length[i, p]
+            left += cut_length[i, p]
         cost[i] = price[i] * (left / max(whole, 1e-300))
         if used + room > marker.shape[0]:
             marker = np.concatenate((marker, np.empty_like(marker)))

@@ -7,16 +7,52 @@ which there are few.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.jit import kernel
+from pirrht.jit import inlined, kernel
+from pirrht.memory import (
+    load_int8,
+    load_int16,
+    load_int32,
+    load_int64,
+    store_float64,
+    store_int8,
+    store_int16,
+    store_int32,
+    store_int64,
+)
+from pirrht.places import (
+    COUNT,
+    EDGE,
+    EDGE_COST,
+    EDGE_COUNT,
+    EDGE_KEY,
+    FIRST_IN,
+    FIRST_OUT,
+    HEAD,
+    KEY,
+    LINE,
+    NEXT_IN,
+    NEXT_OUT,
+    NODE,
+    NODE_PAIR_COUNT,
+    PAIR_COUNT,
+    PARENT,
+    REFILL_COUNT,
+    ROOT,
+    TAIL,
+    edge_at,
+    node_at,
+    places,
+    slot_of,
+    vertex_at,
+)
 from pirrht.scene import Array
-from pirrht.windings import Turns, key_of_pairs, spread
+from pirrht.windings import Turns, spread
 
-ROOT = -1
 PAIRS = 16  # room for so many (marker, turn) pairs of a class, to begin with
 
 
@@ -51,6 +87,30 @@ class Graph(NamedTuple):
     waiting: NDArray[np.bool_]  # (V,) whether a vertex is in that list
 
 
+def _records(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Zeros that begin where a line does."""
+    raw = np.zeros(count * dtype.itemsize + LINE, np.uint8)
+    begin = -raw.ctypes.data % LINE
+    return raw[begin : begin + count * dtype.itemsize].view(dtype)
+
+
+def _edge_room(count: int) -> dict[str, NDArray[Any]]:
+    """The arrays that lie together in the records of so many edges."""
+    edge = _records(count, EDGE)
+    edge["next_in"] = edge["next_out"] = -1
+    return {name: edge[name] for name in EDGE.fields or ()}
+
+
+def _vertex_room(count: int, nodes: int) -> dict[str, NDArray[Any]]:
+    """The arrays that lie together in the records of so many vertices."""
+    head = [("nodes", "i4"), ("first_out", "i4"), ("first_in", "i4"), ("", "i4")]
+    vertex = _records(count, np.dtype([*head, ("node", NODE, (nodes,))]))
+    vertex["first_out"] = vertex["first_in"] = -1
+    vertex["node"]["parent"] = ROOT
+    room = {name: vertex[name] for name in ("nodes", "first_out", "first_in")}
+    return room | {name: vertex["node"][name] for name in NODE.fields or ()}
+
+
 def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
     """Room for so many vertices, edges and nodes per vertex."""
     C = min(M, PAIRS)
@@ -58,50 +118,44 @@ def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
         size=np.zeros(5, np.int64),
         pruned=np.zeros(1, np.int64),
         straight=np.zeros((vertices, M)),
-        first_out=np.full(vertices, -1, np.int32),
-        first_in=np.full(vertices, -1, np.int32),
-        tail=np.zeros(edges, np.int32),
-        head=np.zeros(edges, np.int32),
-        next_out=np.full(edges, -1, np.int32),
-        next_in=np.full(edges, -1, np.int32),
-        edge_cost=np.zeros(edges),
         edge_first=np.zeros(edges + 1, np.int64),
         edge_marker=np.zeros(edges, np.int32),
         edge_turn=np.zeros(edges, np.int16),
-        edge_key=np.zeros(edges, np.int64),
-        nodes=np.zeros(vertices, np.int32),
-        cost=np.zeros((vertices, nodes)),
-        key=np.zeros((vertices, nodes), np.int64),
-        pairs=np.zeros((vertices, nodes), np.int32),
         marker=np.zeros((vertices, nodes, C), np.int32),
         turn=np.zeros((vertices, nodes, C), np.int16),
-        parent=np.full((vertices, nodes), ROOT, np.int32),
         queue_cost=np.zeros(1024),
         queue_vertex=np.zeros(1024, np.int32),
         queue_key=np.zeros(1024, np.int64),
         refill=np.zeros(vertices, np.int32),
         waiting=np.zeros(vertices, np.bool_),
+        **_edge_room(edges),
+        **_vertex_room(vertices, nodes),
     )
 
 
-EDGES = ("tail", "head", "next_out", "next_in", "edge_cost", "edge_first", "edge_key")
+EDGES = ("edge_first", *(EDGE.names or ()))
 EDGE_PAIRS = ("edge_marker", "edge_turn")
-VERTICES = ("straight", "first_out", "first_in", "nodes", "refill", "waiting")
-NODES = ("cost", "key", "pairs", "parent", "marker", "turn")
+VERTICES = ("straight", "refill", "waiting")
+NODES = (*(NODE.names or ()), "marker", "turn")
 NODE_PAIRS = ("marker", "turn")
-NONE_YET = ("first_out", "first_in", "next_out", "next_in", "parent")  # -1 where there is nothing
 QUEUE = ("queue_cost", "queue_vertex", "queue_key")
 
 
 def doubled(graph: Graph, names: tuple[str, ...], axis: int = 0) -> Graph:
     """The graph with twice the room along one axis of the named arrays; what is in them stays."""
-    bigger = {}
-    for name in names:
-        old = getattr(graph, name)
-        shape = list(old.shape)
+    V, K = graph.cost.shape
+    bigger: dict[str, NDArray[Any]] = {}
+    if "tail" in names:
+        bigger |= _edge_room(2 * len(graph.tail))
+    if "cost" in names:
+        bigger |= _vertex_room(2 * V if axis == 0 else V, 2 * K if axis == 1 else K)
+    for name in set(names) - set(bigger):
+        shape = list(getattr(graph, name).shape)
         shape[axis] *= 2
-        bigger[name] = np.full(shape, -1 if name in NONE_YET else 0, old.dtype)
-        bigger[name][tuple(slice(0, length) for length in old.shape)] = old
+        bigger[name] = np.zeros(shape, getattr(graph, name).dtype)
+    for name, new in bigger.items():
+        old = getattr(graph, name)
+        new[tuple(slice(0, length) for length in old.shape)] = old
     return graph._replace(**bigger)
 
 
@@ -135,68 +189,83 @@ def class_at(graph: Graph, vertex: int, slot: int) -> NDArray[np.int64]:
     return spread(graph.marker[vertex, slot, :count], graph.turn[vertex, slot, :count], graph.straight.shape[1])
 
 
-@kernel
-def _add_edge(graph, tail, head, cost, turns, row, sign, key):  # type: ignore[no-untyped-def]
+@inlined
+def add_edge(at, tail, head, cost, turns, row, sign, weights):  # type: ignore[no-untyped-def]
     """Append a directed edge and link it into both of its lists."""
-    e, used = graph.size[1], graph.size[4]
-    graph.size[1] = e + 1
-    graph.tail[e], graph.head[e], graph.edge_cost[e], graph.edge_key[e] = tail, head, cost, sign * key
+    e, used, key = load_int64(at.size, EDGE_COUNT), load_int64(at.size, PAIR_COUNT), np.int64(0)
     for i in range(turns.first[row], turns.first[row + 1]):
-        graph.edge_marker[used], graph.edge_turn[used] = turns.marker[i], sign * turns.turn[i]
+        marker, turn = turns.marker[i], sign * turns.turn[i]
+        store_int32(at.edge_marker, used, marker)
+        store_int16(at.edge_turn, used, turn)
+        key += turn * weights[marker]
         used += 1
-    graph.edge_first[e + 1], graph.size[4] = used, used
-    graph.next_out[e], graph.first_out[tail] = graph.first_out[tail], e
-    graph.next_in[e], graph.first_in[head] = graph.first_in[head], e
+    edge, first_out, first_in = edge_at(at, e), vertex_at(at, tail), vertex_at(at, head)
+    store_int32(edge, TAIL, tail)
+    store_int32(edge, HEAD, head)
+    store_float64(edge, EDGE_COST, cost)
+    store_int64(edge, EDGE_KEY, key)
+    store_int32(edge, NEXT_OUT, load_int32(first_out, FIRST_OUT))
+    store_int32(edge, NEXT_IN, load_int32(first_in, FIRST_IN))
+    store_int32(first_out, FIRST_OUT, e)
+    store_int32(first_in, FIRST_IN, e)
+    store_int64(at.edge_first, e + 1, used)
+    store_int64(at.size, EDGE_COUNT, e + 1)
+    store_int64(at.size, PAIR_COUNT, used)
 
 
 @kernel
 def add_edges(graph, tails, heads, costs, turns, rows, sign, weights):  # type: ignore[no-untyped-def]
     """Append many edges, whose turns are `sign` times those in `rows`; `weights` make the additive keys."""
+    at = places(graph)
     for i in range(tails.shape[0]):
-        row = rows[i]
-        key = key_of_pairs(turns.marker, turns.turn, turns.first[row], turns.first[row + 1], weights)
-        _add_edge(graph, tails[i], heads[i], costs[i], turns, row, sign, key)
+        add_edge(at, tails[i], heads[i], costs[i], turns, rows[i], sign, weights)
+
+
+@inlined
+def ask_again(at, v):  # type: ignore[no-untyped-def]
+    """Note that a vertex must ask its successors for their nodes."""
+    if load_int8(at.waiting, v) == 0:
+        count = load_int64(at.size, REFILL_COUNT)
+        store_int8(at.waiting, v, 1)
+        store_int32(at.refill, count, v)
+        store_int64(at.size, REFILL_COUNT, count + 1)
 
 
 @kernel
 def find(graph, vertex, key):  # type: ignore[no-untyped-def]
     """Slot of a class at a vertex, -1 if it has none."""
-    keys = graph.key[vertex]
-    for slot in range(graph.nodes[vertex]):
-        if keys[slot] == key:
-            return slot
-    return -1
+    return slot_of(vertex_at(places(graph), vertex), key)
 
 
 @kernel
-def _remove(graph, vertex, slot):  # type: ignore[no-untyped-def]
-    last = graph.nodes[vertex] - 1
-    graph.cost[vertex, slot] = graph.cost[vertex, last]
-    graph.key[vertex, slot] = graph.key[vertex, last]
-    graph.parent[vertex, slot] = graph.parent[vertex, last]
-    graph.pairs[vertex, slot] = graph.pairs[vertex, last]
-    for k in range(graph.pairs[vertex, last]):
-        graph.marker[vertex, slot, k] = graph.marker[vertex, last, k]
-        graph.turn[vertex, slot, k] = graph.turn[vertex, last, k]
-    graph.nodes[vertex] = last
+def _remove(at, v, slot):  # type: ignore[no-untyped-def]
+    vertex = vertex_at(at, v)
+    last = load_int32(vertex, COUNT) - 1
+    node, end = node_at(vertex, slot), node_at(vertex, last)
+    for i in range(3):
+        store_int64(node, i, load_int64(end, i))
+    to, start = (v * at.K + slot) * at.C, (v * at.K + last) * at.C
+    for k in range(load_int32(end, NODE_PAIR_COUNT)):
+        store_int32(at.marker, to + k, load_int32(at.marker, start + k))
+        store_int16(at.turn, to + k, load_int16(at.turn, start + k))
+    store_int32(vertex, COUNT, last)
 
 
 @kernel
-def evict(graph, vertex, slot):  # type: ignore[no-untyped-def]
+def evict(at, v, slot):  # type: ignore[no-untyped-def]
     """Drop a node and every node that descends from it; their vertices will ask their successors again."""
-    stack = [(np.int64(vertex), graph.key[vertex, slot])]
-    _remove(graph, vertex, slot)
+    stack = [(np.int64(v), load_int64(node_at(vertex_at(at, v), slot), KEY))]
+    _remove(at, v, slot)
     while len(stack) > 0:
         v, key = stack.pop()
-        e = graph.first_in[v]
+        e = load_int32(vertex_at(at, v), FIRST_IN)
         while e >= 0:
-            u = graph.tail[e]
-            child = find(graph, u, key + graph.edge_key[e])
-            if child >= 0 and graph.parent[u, child] == e:
-                stack.append((np.int64(u), graph.key[u, child]))
-                _remove(graph, u, child)
-                if not graph.waiting[u]:
-                    graph.waiting[u] = True
-                    graph.refill[graph.size[3]] = u
-                    graph.size[3] += 1
-            e = graph.next_in[e]
+            edge = edge_at(at, e)
+            u = np.int64(load_int32(edge, TAIL))
+            vertex = vertex_at(at, u)
+            child = slot_of(vertex, key + load_int64(edge, EDGE_KEY))
+            if child >= 0 and load_int32(node_at(vertex, child), PARENT) == e:
+                stack.append((u, load_int64(node_at(vertex, child), KEY)))
+                _remove(at, u, child)
+                ask_again(at, u)
+            e = load_int32(edge, NEXT_IN)

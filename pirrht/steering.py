@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +42,14 @@ class Trajectory:
         out = np.zeros((len(times) - 1, self.controls.shape[1]))
         _resample(self.controls, self.durations, times, out)
         return out
+
+
+class Compiled(NamedTuple):
+    """A steering method as kernels, for growth that need not come back to Python."""
+
+    nearest: Callable[..., None]  # (states, x, radius, forward, chosen, work): what `Steering.nearest` does
+    connect: Callable[..., None]  # (tails, heads, radius, start, curvature, length): pieces of the optimal curves
+    pieces: int  # P
 
 
 class Steering(ABC):
@@ -76,6 +87,16 @@ class Steering(ABC):
         return np.asarray(chosen[np.argsort(cost[chosen], kind="stable")])
 
     @property
+    def compiled(self) -> Compiled | None:
+        """The same methods for kernels, with which a tree grows faster; None if there are none."""
+        return None
+
+    @property
+    def radius(self) -> float:
+        """That of the tightest turn [m]; 0 where there is none."""
+        return 0.0
+
+    @property
     @abstractmethod
     def cost_per_meter(self) -> float:
         """Steering cost of one meter of curve."""
@@ -100,6 +121,35 @@ class Steering(ABC):
         )
 
 
+@kernel
+def _connect(tails, heads, radius, start, curvature, length):  # type: ignore[no-untyped-def]
+    """Write one straight piece each."""
+    for i in range(tails.shape[0]):
+        dx, dy = heads[i, 0] - tails[i, 0], heads[i, 1] - tails[i, 1]
+        start[i, 0], start[i, 1], start[i, 2] = tails[i, 0], tails[i, 1], math.atan2(dy, dx)
+        curvature[i, 0], length[i, 0] = 0.0, math.hypot(dx, dy)
+
+
+@kernel
+def _nearest(states, x, radius, forward, chosen, square):  # type: ignore[no-untyped-def]
+    """Fill `chosen` with the nearest states, nearest first; of equally near ones the earlier comes first."""
+    count = chosen.shape[0]
+    found, limit = 0, np.inf
+    for i in range(states.shape[0]):
+        dx, dy = states[i, 0] - x[0], states[i, 1] - x[1]
+        d = dx * dx + dy * dy
+        if d >= limit:
+            continue
+        at = min(found, count - 1)
+        found = min(found + 1, count)
+        while at > 0 and square[at - 1] > d:
+            square[at], chosen[at] = square[at - 1], chosen[at - 1]
+            at -= 1
+        square[at], chosen[at] = d, i
+        if found == count:
+            limit = square[count - 1]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StraightLine(Steering):
     """The single integrator's optimum: a straight line at the speed that balances q against u'Ru/2."""
@@ -120,6 +170,11 @@ class StraightLine(Steering):
         return cls(pace=speed, cost_rate=2.0 * problem.least_rate)
 
     @property
+    def compiled(self) -> Compiled:
+        """Straight lines as kernels."""
+        return Compiled(_nearest, _connect, 1)
+
+    @property
     def cost_per_meter(self) -> float:
         """Cost rate over speed."""
         return self.cost_rate / self.pace
@@ -137,25 +192,16 @@ class StraightLine(Steering):
 
     def connect(self, tails: Array, heads: Array) -> Curves:
         """One straight piece each."""
-        tails, heads = np.atleast_2d(tails), np.atleast_2d(heads)
-        gap = heads - tails
-        length = np.hypot(gap[:, 0], gap[:, 1])
-        start = np.empty((len(gap), 3))
-        start[:, :2] = tails
-        np.arctan2(gap[:, 1], gap[:, 0], out=start[:, 2])
-        return Curves(
-            start=start,
-            curvature=np.zeros((len(gap), 1)),
-            length=length[:, None],
-            cost=length * self.cost_per_meter,
-            tails=tails,
-            heads=heads,
-        )
+        tails, heads = (np.ascontiguousarray(np.atleast_2d(states), dtype=float) for states in (tails, heads))
+        start, curvature, length = np.empty((len(tails), 3)), np.empty((len(tails), 1)), np.empty((len(tails), 1))
+        _connect(tails, heads, self.radius, start, curvature, length)
+        cost = length[:, 0] * self.cost_per_meter
+        return Curves(start=start, curvature=curvature, length=length, cost=cost, tails=tails, heads=heads)
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Indices of the `count` nearest states; both directions cost the same."""
         chosen = np.empty(min(count, len(states)), dtype=np.int64)
-        _nearest(states, x[0], x[1], chosen, np.empty(len(chosen)))
+        _nearest(states, x, self.radius, forward, chosen, np.empty(len(chosen)))
         return chosen
 
     def controls(self, heading: Array, curvature: Array) -> Array:
@@ -168,7 +214,7 @@ class StraightLine(Steering):
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """Uniform in the workspace."""
-        return np.asarray(rng.uniform(scene.lower, scene.upper))
+        return np.asarray(scene.lower + (scene.upper - scene.lower) * rng.random(2))
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
@@ -197,23 +243,3 @@ def _resample(controls, durations, times, out):  # type: ignore[no-untyped-def]
                 break
             i += 1
         now = end
-
-
-@kernel
-def _nearest(states, x, y, chosen, square):  # type: ignore[no-untyped-def]
-    """Fill `chosen` with the nearest states, nearest first; of equally near ones the earlier comes first."""
-    count = chosen.shape[0]
-    found, limit = 0, np.inf
-    for i in range(states.shape[0]):
-        dx, dy = states[i, 0] - x, states[i, 1] - y
-        d = dx * dx + dy * dy
-        if d >= limit:
-            continue
-        at = min(found, count - 1)
-        found = min(found + 1, count)
-        while at > 0 and square[at - 1] > d:
-            square[at], chosen[at] = square[at - 1], chosen[at - 1]
-            at -= 1
-        square[at], chosen[at] = d, i
-        if found == count:
-            limit = square[count - 1]

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.graph import ROOT, edge_turns_around, node_turns_around
+from pirrht.graph import edge_turns_around, node_turns_around
 from pirrht.homology import Homology
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER, Estimate, PathIntegral
+from pirrht.places import ROOT
 from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
 from sim.colors import Color

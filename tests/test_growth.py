@@ -7,6 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from pirrht.clearance import BLOCKED, FREE, UNSURE
+from pirrht.edges import certify_point
 from pirrht.tree import HomologyTree
 from sim import episode
 from sim.cli import main
@@ -46,6 +48,32 @@ def test_growing_k_times_is_growing_once(robot: str, request: pytest.FixtureRequ
     for _ in range(12):
         often.grow(often.size + 5)
     assert_equal_trees(once, often)
+
+
+@pytest.mark.parametrize("robot", ["small", "car"])
+def test_draws_dealt_with_together_make_the_tree_that_they_make_one_by_one(robot: str, request: pytest.FixtureRequest):
+    scenario: Scenario = request.getfixturevalue(robot)
+    together, one_by_one = scenario.empty_tree(), scenario.empty_tree()
+    draws = np.array([together._sample() for _ in range(300)])
+    together.extend_by(draws)
+    for x in draws:
+        one_by_one.extend(x)
+    assert_equal_trees(together, one_by_one)
+    for v in range(together.size):
+        count = int(together.graph.nodes[v])
+        for name in ("cost", "key", "parent"):
+            one, other = getattr(together.graph, name), getattr(one_by_one.graph, name)
+            np.testing.assert_array_equal(one[v, :count], other[v, :count])
+    assert together.graph.pruned[0] == one_by_one.graph.pruned[0]
+
+
+def test_positions_that_the_field_decides_are_so_to_fcl(small: Scenario):
+    points = np.random.default_rng(0).uniform(-0.1, 1.1, (2000, 2)) * [6.0, 5.0]
+    found = np.array([certify_point(small.space.field, *point) for point in points])
+    free = small.space.collision.free(points)
+    assert np.all(free[found == FREE])
+    assert not np.any(free[found == BLOCKED])
+    assert np.mean(found == UNSURE) < 0.02
 
 
 def test_equal_seeds_grow_and_drive_alike(small: Scenario):
