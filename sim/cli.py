@@ -65,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("scene", metavar="SCENE", help="built-in name or MJCF file")
         _common_options(command)
         command.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
-    sweep = commands.add_parser("sweep", help="many seeds, methods and noise levels: a table")
+    sweep = commands.add_parser("sweep", help="many seeds, methods and noise levels: a table, a dataset")
     sweep.add_argument("scenes", nargs="+", metavar="SCENE", help="built-in names or MJCF files")
     _common_options(sweep, skip=("noise", "method", "seed"))
     _sweep_options(sweep)
@@ -245,7 +245,16 @@ def _sweep_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", default="0:10", metavar="A:B", help="seeds A to B-1 (0:10)")
     parser.add_argument("--plan-seed", type=int, default=0, metavar="N", help="seed of the trees (0)")
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (all cores)")
+    parser.add_argument("--scheduler", metavar="URL", help="let a Dask cluster drive: tcp://... (extra `cluster`)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write one record per run as JSON")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="keep finished runs as a Parquet dataset; the same command goes on where it stopped",
+    )
+    parser.add_argument("--again", action="store_true", help="make runs that ended with an error anew (with -o)")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER, Estimate
 from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
-from sim import episode, present, realtime, timing, warm
+from sim import episode, present, realtime, sweeping, timing, warm
 from sim.colors import title
 from sim.executor import Plant
 from sim.mjcf import load, scene_names
@@ -161,18 +161,6 @@ def estimate(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def sweep(arguments: argparse.Namespace) -> int:
-    """Many seeds, methods and noise levels: a table on the terminal."""
-    from sim import sweep as engine
-
-    _check_outputs(arguments, "json")
-    rows = engine.sweep(engine.parse_grid(arguments), jobs_at_once=arguments.jobs)
-    print(engine.summary(rows))
-    if arguments.json:
-        present.write_json(arguments.json, rows)
-    return 0
-
-
 def import_world(arguments: argparse.Namespace) -> int:
     """Turn a Gazebo world into a scene."""
     from sim import worlds
@@ -206,7 +194,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "plan": plan,
     "run": run,
     "estimate": estimate,
-    "sweep": sweep,
+    "sweep": sweeping.sweep,
     "import": import_world,
     "export": export,
 }

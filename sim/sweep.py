@@ -1,15 +1,15 @@
-"""Every combination of scene, method, noise and seed as one drive, on all cores."""
+"""Every combination of scene, method, noise and seed as one drive, on all cores or a cluster."""
 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
-import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from functools import cache
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,35 +17,49 @@ from tqdm import tqdm
 
 from pirrht.desirability import Desirability
 from pirrht.errors import OptionError
-from pirrht.methods import METHODS, TREELESS
-from pirrht.tree import HomologyTree
-from sim import episode, present
+from pirrht.methods import METHODS
+from sim import engine, present, runs
 from sim.colors import title
-from sim.scenarios import Scenario, prepare
+from sim.dataset import Dataset
+from sim.mjcf import scene_names
+from sim.rows import key_of
+from sim.runs import Errand, Job, Planned, Survey
+
+_OWN = ("methods", "noise", "seeds", "jobs", "output", "scheduler", "again")  # options that are no settings of a run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
-    """One drive; equal seeds mean equal plant noise whatever the method."""
+class Grid:
+    """What a command line asks for."""
 
-    scene: str
-    method: str
-    noise: float | None  # None: what the scene asks for
-    seed: int
-    task: tuple[tuple[str, Any], ...]  # robot, radius, start, goal, preset
-    given: tuple[tuple[str, Any], ...]  # settings that all runs share
+    scenes: tuple[str, ...]
+    methods: tuple[str, ...]
+    noises: tuple[float | None, ...]  # None: what the scene asks for
+    seeds: range
+    task: runs.Frozen
+    given: runs.Frozen
+
+    def jobs(self) -> list[Job]:
+        """All combinations, by scene, noise, method and seed."""
+        return [
+            Job(scene=scene, method=method, noise=noise, seed=seed, task=self.task, given=self.given, label=label)
+            for scene, label in zip(self.scenes, _labels(self.scenes), strict=True)
+            for noise in self.noises
+            for method in self.methods
+            for seed in self.seeds
+        ]
 
     @property
-    def point(self) -> tuple[Any, ...]:
-        """What runs share that differ in their seed only."""
-        return self.scene, self.noise, self.method
+    def settings(self) -> dict[str, Any]:
+        """What all runs share, by option; the number of threads changes nothing."""
+        return {name: value for name, value in (*self.task, *self.given) if name != "threads"}
 
 
-def parse_grid(arguments: argparse.Namespace) -> list[Job]:
-    """The runs a command line asks for.
+def parse_grid(arguments: argparse.Namespace) -> Grid:
+    """What a command line asks for.
 
     Raises:
-        OptionError: an unknown method, or seeds or noise that are no numbers.
+        OptionError: an unknown method, or seeds or noise that are no numbers, or something said twice.
     """
     from sim.commands import given
 
@@ -59,57 +73,81 @@ def parse_grid(arguments: argparse.Namespace) -> list[Job]:
     seeds = _seeds(arguments.seeds)
     if arguments.jobs is not None and arguments.jobs < 1:
         raise OptionError(f"--jobs is {arguments.jobs}; it must be at least 1")
+    for option, values in (("SCENE", arguments.scenes), ("--methods", methods), ("--noise", noises)):
+        twice = [value for i, value in enumerate(values) if value in values[:i]]
+        if twice:
+            raise OptionError(f"{option} names {twice[0]} twice; every combination is one run: leave one out")
     task = {name: getattr(arguments, name) for name in ("robot", "radius", "start", "goal", "preset")}
-    shared = {k: v for k, v in given(arguments).items() if k not in ("methods", "noise", "seeds", "jobs")}
-    frozen = tuple((k, tuple(v) if isinstance(v, list) else v) for k, v in task.items())
-    return [
-        Job(scene=scene, method=method, noise=noise, seed=seed, task=frozen, given=tuple(shared.items()))
-        for scene in arguments.scenes
-        for noise in noises
-        for method in methods
-        for seed in seeds
-    ]
+    shared = {k: v for k, v in given(arguments).items() if k not in _OWN}
+    return Grid(
+        scenes=tuple(arguments.scenes),
+        methods=tuple(methods),
+        noises=tuple(noises),
+        seeds=seeds,
+        task=_frozen(task),
+        given=_frozen(shared),
+    )
 
 
-def sweep(jobs: Sequence[Job], *, jobs_at_once: int | None = None) -> list[dict[str, Any]]:
+def checked(jobs: Sequence[Job]) -> list[Job]:
+    """The jobs with noise and the scene's digest filled in.
+
+    Raises:
+        PirrhtError: a scene or a setting is wrong; the first that is.
+    """
+    known: dict[tuple[Any, ...], dict[str, Any]] = {}
+    runs.forget()
+    for job in jobs:
+        if job.point in known:
+            continue
+        scenario = runs.settled(job)
+        if job.method == "optimal":
+            Desirability.spacing_for(scenario.problem, scenario.space)
+        known[job.point] = {
+            "scene": job.scene if job.scene in scene_names() else str(scenario.loaded.path.resolve()),
+            "noise": scenario.settings.noise,
+            "digest": runs.digest(job),
+            "label": job.name,
+        }
+    return [replace(job, **known[job.point]) for job in jobs]
+
+
+def sweep(
+    jobs: Sequence[Job],
+    *,
+    jobs_at_once: int | None = None,
+    scheduler: str | None = None,
+    dataset: Dataset | None = None,
+) -> list[dict[str, Any]]:
     """Run them all; one record each, in the order asked for.
+
+    Args:
+        jobs_at_once: processes; without it one per core.
+        scheduler: address of a Dask cluster that does it instead.
+        dataset: keeps what is finished; runs that it has already are not repeated.
 
     Raises:
         PirrhtError: a scene or a setting is wrong; all are checked before the first drive.
+        KeyboardInterrupt: it was stopped; what was finished is kept.
     """
-    for first in {job.point: job for job in jobs}.values():
-        scenario = _settled(first)
-        if first.method == "optimal":
-            Desirability.spacing_for(scenario.problem, scenario.space)
-    workers = jobs_at_once or len(os.sched_getaffinity(0))
-    with tqdm(total=len(jobs), desc="sweep", unit=" runs", disable=None) as bar:
-        return [_ticked(bar, row) for row in _results(jobs, min(workers, len(jobs)))]
-
-
-def drive(job: Job) -> dict[str, Any]:
-    """One run as a record: what it was, and what came of it."""
-    scenario = _settled(job)
-    planned = _planned(job.scene, job.task, job.given) if job.method not in TREELESS else None
-    controller: episode.Driver
-    if job.method == "optimal":
-        controller = scenario.optimal(_solved(job.scene, job.task, job.given, scenario.settings.noise))
-    else:
-        controller = scenario.controller(planned.tree if planned else None)
-    tally = episode.Tally(scenario.settings.period)
-    plant = scenario.plant()
-    for frame in episode.run(
-        plant, controller, scenario.start, scenario.plant_rng(), max_time=scenario.settings.max_time
-    ):
-        tally.add(frame)
-    return {
-        "scene": job.scene,
-        "method": job.method,
-        "noise": scenario.settings.noise,
-        "seed": job.seed,
-        **tally.result(),
-        "shortest_length": planned.shortest if planned else None,
-        "plan_seconds": planned.seconds if planned else None,
-    }
+    jobs = jobs if all(job.digest for job in jobs) else checked(jobs)
+    keys = [key_of(runs.failure(job, "")) for job in jobs]
+    done = {} if dataset is None else {key_of(record): record for record in dataset.records()}
+    waiting = [job for job, key in zip(jobs, keys, strict=True) if key not in done]
+    workers = min(jobs_at_once or len(os.sched_getaffinity(0)), max(1, len(waiting)))
+    with ExitStack() as stack:
+        stop = stack.enter_context(engine.interruptible())
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pirrht-")))
+        crew = _crew(stack, stop, workers, scheduler, alone=dataset is None)
+        errands = _planned(waiting, crew, stop, None if scheduler else folder)
+        bar = stack.enter_context(
+            tqdm(total=len(jobs), initial=len(jobs) - len(waiting), desc="sweep", unit=" runs", disable=None)
+        )
+        for record in _kept(crew(runs.attempt, errands, _given_up), dataset, stop, bar):
+            done[key_of(record)] = record
+    if stop.asked:
+        raise KeyboardInterrupt
+    return [done[key] for key in keys]
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> str:
@@ -133,8 +171,12 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
         "plan [s]",
         "classes",
     ]
+    if any(row["outcome"] is None for row in rows):
+        header.insert(7, "error")
     lines = []
-    for (scene, noise, method), group in points.items():
+    for (scene, noise, method), everyone in points.items():
+        group = [r for r in everyone if r["outcome"] is not None]
+        errors = [str(len(everyone) - len(group))] if "error" in header else []
         count = {name: sum(r["outcome"] == name for r in group) for name in ("goal", "collision", "timeout")}
         arrived = [r for r in group if r["outcome"] == "goal"]
         lines.append(
@@ -142,13 +184,14 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
                 scene,
                 f"{noise:g}",
                 method,
-                str(len(group)),
+                str(len(everyone)),
                 *(str(n) for n in count.values()),
+                *errors,
                 _mean([r["cost"] for r in arrived]),
                 _mean([r["time"] for r in arrived]),
                 _mean([r["path_length"] / r["shortest_length"] for r in arrived if r["shortest_length"]]),
-                f"{np.mean([r['class_switches'] for r in group]):.2f}",
-                f"{np.median([r['step_ms']['median'] for r in group]):.1f}",
+                _mean([r["class_switches"] for r in group], 2),
+                _mean([np.median([r["step_ms"]["median"] for r in group])] if group else [], 1),
                 _mean([r["plan_seconds"] for r in group if r["plan_seconds"] is not None]),
                 _shares([r["executed_class"] for r in arrived]),
             ]
@@ -156,55 +199,74 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
     return present.table(header, lines)
 
 
-def _results(jobs: Sequence[Job], workers: int) -> Iterator[dict[str, Any]]:
-    if workers == 1:
-        yield from map(drive, jobs)
-        return
-    # A fresh interpreter per worker: forking one that has threads is not safe.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        yield from pool.map(drive, jobs, chunksize=max(1, min(8, len(jobs) // (4 * workers))))
+Crew = Callable[[Callable[[Any], Any], Sequence[Any], Callable[[Any, str], Any]], Iterator[Any]]
 
 
-def _ticked(bar: Any, row: dict[str, Any]) -> dict[str, Any]:
-    bar.update()
-    return row
+def _crew(stack: ExitStack, stop: engine.Stop, workers: int, scheduler: str | None, *, alone: bool) -> Crew:
+    """Who does the work: a cluster, processes, or this thread if one is enough and nothing must be kept."""
+    if scheduler is not None:
+        from sim.cluster import Cluster
+
+        cluster = stack.enter_context(Cluster(scheduler))
+        return lambda work, items, lost: cluster.run(work, engine.Agenda(items), stop, lost)
+    if workers == 1 and alone:
+        return lambda work, items, lost: engine.in_turn(work, engine.Agenda(items), stop)
+    pool = stack.enter_context(engine.Pool(workers))
+    return lambda work, items, lost: pool.run(work, engine.Agenda(items), stop, lost)
 
 
-@cache
-def _prepared(scene: str, task: tuple[tuple[str, Any], ...], given: tuple[tuple[str, Any], ...]) -> Scenario:
-    return prepare(scene, **dict(task), given=dict(given))
+def _planned(jobs: Sequence[Job], crew: Crew, stop: engine.Stop, folder: Path | None) -> list[Errand]:
+    """The jobs with their trees, of which one is grown per scene; in files of a folder, or else at hand."""
+    wishes = list({job.place: Survey(job=job) for job in jobs if runs.needs_tree(job)}.values())
+    plans: dict[tuple[Any, ...], Planned] = {}
+    with tqdm(total=len(wishes), desc="plan", unit=" trees", leave=False, disable=None) as bar:
+        for found in crew(runs.survey, wishes, lambda wish, why: (wish.job.place, Planned(error=why))):
+            if found is not None:
+                place, planned = found
+                plans[place] = planned if folder is None else runs.unpacked(planned, folder, len(plans))
+                bar.update()
+    return [
+        Errand(job=job, planned=plans.get(job.place) if runs.needs_tree(job) else None)
+        for job in jobs
+        if not stop.asked
+    ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Planned:
-    tree: HomologyTree
-    shortest: float  # length of the shortest reference at the start [m]
-    seconds: float  # wall time of tree and references
+def _kept(results: Iterator[Any], dataset: Dataset | None, stop: engine.Stop, bar: Any) -> Iterator[dict[str, Any]]:
+    """The records as they come, each written to the dataset soon after, and all of them in the end."""
+    told = failing = False
+    try:
+        for record in results:
+            if record is not None:
+                if dataset is not None:
+                    dataset.add(record)
+                bar.update()
+                yield record
+            if dataset is not None:
+                dataset.tend()
+                if dataset.failing and not failing:
+                    bar.write(f"{dataset.folder} cannot be written; finished runs are kept for another try", sys.stderr)
+                failing = dataset.failing
+            if stop.asked == 1 and not told:
+                bar.write("stopping: the runs under way are waited for; Ctrl-C again ends them", sys.stderr)
+                told = True
+    finally:
+        if dataset is not None:
+            dataset.flush()
 
 
-@cache
-def _planned(scene: str, task: tuple[tuple[str, Any], ...], given: tuple[tuple[str, Any], ...]) -> _Planned:
-    """One tree per scene: it depends neither on noise nor on the method."""
-    scenario = _prepared(scene, task, given)
-    began = time.perf_counter()
-    tree = scenario.grown_tree()
-    references = tree.references(scenario.start, polished=scenario.settings.polish)
-    seconds = time.perf_counter() - began
-    return _Planned(tree=tree, shortest=min(r.length for r in references), seconds=seconds)
+def _given_up(errand: Errand, why: str) -> dict[str, Any]:
+    return runs.failure(errand.job, why)
 
 
-@cache
-def _solved(scene: str, task: tuple[tuple[str, Any], ...], given: tuple[tuple[str, Any], ...], noise: float) -> Any:
-    """One grid per scene and noise."""
-    return _prepared(scene, task, given).with_settings(noise=noise).optimal().desirability
+def _labels(scenes: Sequence[str]) -> list[str]:
+    """Names of built-in scenes, and of files where they differ."""
+    stems = [scene if scene in scene_names() else Path(scene).stem for scene in scenes]
+    return [stem if stems.count(stem) == 1 else scene for scene, stem in zip(scenes, stems, strict=True)]
 
 
-def _settled(job: Job) -> Scenario:
-    changes: dict[str, Any] = {"method": job.method, "seed": job.seed, "threads": 1}
-    if job.noise is not None:
-        changes["noise"] = job.noise
-    return _prepared(job.scene, job.task, job.given).with_settings(**changes)
+def _frozen(values: Mapping[str, Any]) -> runs.Frozen:
+    return tuple((name, tuple(value) if isinstance(value, list) else value) for name, value in values.items())
 
 
 def _numbers(option: str, texts: Sequence[str]) -> Iterator[float]:
@@ -226,8 +288,8 @@ def _seeds(text: str) -> range:
     return seeds
 
 
-def _mean(values: Sequence[float]) -> str:
-    return f"{np.mean(values):.3f}" if values else "-"
+def _mean(values: Sequence[float], digits: int = 3) -> str:
+    return f"{np.mean(values):.{digits}f}" if values else "-"
 
 
 def _shares(ids: Sequence[str]) -> str:

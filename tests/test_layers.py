@@ -14,7 +14,7 @@ import pytest
 import pirrht
 
 PACKAGE = Path(pirrht.__file__).parent
-FOREIGN = {"mujoco", "rerun", "trimesh", "sim", "matplotlib", "pyarrow", "tqdm"}
+FOREIGN = {"mujoco", "rerun", "trimesh", "sim", "matplotlib", "pyarrow", "tqdm", "distributed"}
 MODULES = sorted(path.stem for path in PACKAGE.glob("*.py") if path.stem != "__init__")
 
 

@@ -293,7 +293,7 @@ def drives(options: argparse.Namespace) -> Table:
 
 
 def _jobs(method: str, preset: str | None, given: dict[str, Any], seeds: int) -> list[Any]:
-    from sim.sweep import Job
+    from sim.runs import Job
 
     task = tuple({"robot": None, "radius": None, "start": None, "goal": None, "preset": preset}.items())
     shared = tuple({"plan_seed": 0, **given}.items())

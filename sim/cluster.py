@@ -1,0 +1,220 @@
+"""The same errands on a Dask cluster: batches of a few seconds, of which none is lost when a worker is."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import pirrht
+from pirrht.errors import OptionError, PirrhtError
+from sim.engine import TICK, Agenda, Item, Stop
+
+BATCH_SECONDS, BATCH_ITEMS = 2.0, 64  # a worker reports after so long, or so many items
+AHEAD = 2  # batches that a worker has at hand, the one under way included
+PATIENCE = "20s"  # for the scheduler to answer
+CENSUS = 1.0  # how often it is asked for its workers [s]
+
+
+class Traveller(Item, Protocol):
+    """A piece of work with luggage that pieces of its point share, which travels apart and once only."""
+
+    @property
+    def luggage(self) -> Any:
+        """What is heavy; None if nothing is."""
+
+    def carrying(self, luggage: Any) -> Traveller:
+        """The same piece with other luggage."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Batch:
+    """Pieces of one point on their way."""
+
+    items: Sequence[Any]
+    worker: str  # for whom it was meant
+
+
+class Cluster:
+    """The workers behind a scheduler, as a context.
+
+    Raises:
+        OptionError: Dask is missing, nobody answers at the address, or workers have another version.
+    """
+
+    def __init__(self, address: str) -> None:
+        try:
+            import distributed
+        except ImportError:
+            raise OptionError("--scheduler needs Dask; install it with: pip install 'pirrht[cluster]'") from None
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in one line
+        self._address, self._killed = address, distributed.KilledWorker
+        try:
+            self._client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise OptionError(
+                f"--scheduler {address}: no scheduler answers there ({reason}); write for instance tcp://127.0.0.1:8786"
+            ) from None
+        self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._luggage: dict[int, tuple[Any, Any]] = {}
+        self._counted, self._workers = -CENSUS, list[str]()
+
+    def __enter__(self) -> Cluster:
+        try:
+            self._check()
+        except BaseException:
+            self._client.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._luggage.clear()
+        self._client.close(timeout=2)
+
+    def run(
+        self, work: Callable[[Any], Any], agenda: Agenda, stop: Stop, lost: Callable[[Any, str], Any]
+    ) -> Iterator[Any]:
+        """Do all of it: results as they come, and None now and then while there are none.
+
+        Args:
+            work: a function of a module, which is told one item.
+            lost: the result of an item that ended so many workers that nobody will try again, from it and why.
+
+        Raises:
+            PirrhtError: the scheduler is gone.
+        """
+        under_way: dict[Any, Batch] = {}
+        last: dict[str, Any] = {}
+        single: set[int] = set()  # items of batches that ended their workers: one of them is to blame
+        while stop.asked < 2 and (under_way or (agenda and not stop.asked)):
+            self._submit(work, agenda, stop, under_way, last, single)
+            try:
+                future = self._done.get(timeout=TICK)
+            except queue.Empty:
+                self._check_scheduler()
+                yield None
+                continue
+            batch = under_way.pop(future, None)
+            if batch is None:
+                continue
+            try:
+                results = future.result()
+            except Exception as error:
+                self._check_scheduler(error)
+                yield from self._failed(batch, error, agenda, single, lost)
+                continue
+            for item in reversed(batch.items[len(results) :]):
+                agenda.put_back(item)
+            yield from results
+        self._client.cancel(list(under_way), force=True)
+
+    def _submit(
+        self,
+        work: Callable[[Any], Any],
+        agenda: Agenda,
+        stop: Stop,
+        under_way: dict[Any, Batch],
+        last: dict[str, Any],
+        single: set[int],
+    ) -> None:
+        """Give every worker something to do, and something to go on with."""
+        if stop.asked:
+            return
+        busy = [batch.worker for batch in under_way.values()]
+        for worker in [w for depth in range(AHEAD) for w in self._census() if busy.count(w) <= depth]:
+            if not agenda:
+                return
+            others = [point for other, point in last.items() if other != worker and other in busy]
+            items = agenda.batch(last.get(worker), others, BATCH_ITEMS, len(self._workers), single)
+            last[worker] = items[0].point
+            future = self._client.submit(
+                _batch,
+                work,
+                [item.carrying(None) for item in items],
+                self._sent(items[0].luggage),
+                pure=False,
+            )  # to whom it goes is the scheduler's choice: near its luggage, and elsewhere when a worker is lost
+            under_way[future] = Batch(items=items, worker=worker)
+            busy.append(worker)
+            future.add_done_callback(self._done.put)
+
+    def _failed(
+        self,
+        batch: Batch,
+        error: Exception,
+        agenda: Agenda,
+        single: set[int],
+        lost: Callable[[Any, str], Any],
+    ) -> Iterator[Any]:
+        why = "the workers died" if isinstance(error, self._killed) else " ".join(str(error).split())
+        if len(batch.items) == 1 and isinstance(error, self._killed):
+            yield lost(batch.items[0], why)
+        elif len(batch.items) == 1 and agenda.failed(batch.items[0]):
+            yield lost(batch.items[0], f"{type(error).__name__}: {why}")
+        elif len(batch.items) > 1:
+            single.update(map(id, batch.items))
+            for item in reversed(batch.items):
+                agenda.put_back(item)
+
+    def _sent(self, luggage: Any) -> Any:
+        """Luggage as the result of a task: what dies with a worker is made again."""
+        if luggage is None:
+            return None
+        if id(luggage) not in self._luggage:
+            while len(self._luggage) >= 2 * max(1, len(self._workers)):
+                del self._luggage[next(iter(self._luggage))]
+            self._luggage[id(luggage)] = luggage, self._client.submit(_same, luggage, pure=False)
+        return self._luggage[id(luggage)][1]
+
+    def _census(self) -> list[str]:
+        if time.monotonic() - self._counted >= CENSUS:
+            try:
+                self._workers = list(self._client.nthreads())
+            except Exception as error:
+                self._check_scheduler(error)
+                raise
+            self._counted = time.monotonic()
+        return self._workers
+
+    def _check(self) -> None:
+        for worker, found in self._client.run(_version, on_error="return").items():
+            if found != pirrht.__version__:
+                says = "no pirrht" if isinstance(found, Exception) else f"pirrht {found}"
+                raise OptionError(
+                    f"--scheduler {self._address}: worker {worker} has {says}; install {pirrht.__version__} there"
+                )
+
+    def _check_scheduler(self, error: Exception | None = None) -> None:
+        from asyncio import CancelledError
+        from concurrent import futures
+
+        gone = isinstance(error, (CancelledError, futures.CancelledError, OSError))
+        if gone or self._client.status != "running":
+            raise PirrhtError(
+                f"--scheduler {self._address}: the scheduler is gone; with -o finished runs are kept, and the same "
+                "command goes on when it is back"
+            ) from None
+
+
+def _batch(work: Callable[[Any], Any], items: Sequence[Any], luggage: Any) -> list[Any]:
+    """Results of the first items, as many as there is time for."""
+    began, results = time.perf_counter(), []
+    for item in items:
+        results.append(work(item.carrying(luggage)))
+        if time.perf_counter() - began >= BATCH_SECONDS:
+            break
+    return results
+
+
+def _same(luggage: Any) -> Any:
+    return luggage
+
+
+def _version() -> str:
+    import pirrht
+
+    return pirrht.__version__

@@ -1,0 +1,308 @@
+"""A sweep on disk: `manifest.json` says what was asked for, `runs/part-*.parquet` hold a row per finished run.
+
+A file is written beside its place, forced to disk and then moved there, so that each is whole or absent.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import pirrht
+from pirrht.errors import OptionError
+from sim.rows import COLUMNS, key_of, record_of, row_of
+
+FORMAT = 1
+CHUNK_RUNS, CHUNK_SECONDS = 500, 2.0  # a file is written after so many runs, or so long after the first of them [s]
+PATIENCE = 60.0  # how long rows that cannot be written are kept before the sweep ends [s]
+LIBRARIES = ("mujoco", "numpy", "numba", "scipy", "python-fcl")
+
+
+class Unwritable(OptionError):
+    """Finished runs cannot be written; they are kept in memory for another try."""
+
+
+class Dataset:
+    """The folder of a sweep.
+
+    Args:
+        folder: need not exist before `begin`.
+        now: monotonic time [s].
+    """
+
+    def __init__(self, folder: Path, now: Callable[[], float] = time.monotonic) -> None:
+        self.folder, self._now = folder, now
+        self._kept: list[dict[str, Any]] = []  # rows that are in no file yet
+        self._since = 0.0  # when the first of them came
+        self._failing_since: float | None = None
+        self._parts = 0
+
+    @property
+    def runs(self) -> Path:
+        """The folder of the Parquet files."""
+        return self.folder / "runs"
+
+    # -- what was asked for ------------------------------------------------------------------------------------
+
+    def manifest(self) -> dict[str, Any]:
+        """What the sweep was asked for.
+
+        Raises:
+            OptionError: the folder holds none, or it cannot be read.
+        """
+        file = self.folder / "manifest.json"
+        try:
+            found = json.loads(file.read_text())
+        except FileNotFoundError:
+            raise OptionError(
+                f"{self.folder} is no sweep: it has no manifest.json; give the folder of `pirrht sweep -o`"
+            ) from None
+        except (OSError, ValueError) as error:
+            raise OptionError(f"{file}: cannot be read ({error}); remove it and start the sweep again") from None
+        if not isinstance(found, dict) or found.get("format") != FORMAT:
+            raise OptionError(f"{file}: not written by this version of pirrht; choose another folder")
+        return found
+
+    def check(self, settings: Mapping[str, Any], scenes: Mapping[str, str]) -> None:
+        """Refuse what does not belong to the runs that are there already.
+
+        Raises:
+            OptionError: names the folder and the first difference.
+        """
+        if self.folder.exists() and not self.folder.is_dir():
+            raise OptionError(f"--output {self.folder} is a file; give the path of a folder")
+        if not (self.folder / "manifest.json").exists():
+            strange = [file.name for file in self.folder.glob("[!.]*") if file != self.runs] or self.files()
+            if strange:
+                raise self._other(f"holds {strange[0]} and no manifest.json, so it is no sweep's")
+            return
+        known, asked = self.manifest(), plain(settings)
+        if known["version"] != pirrht.__version__:
+            raise self._other(f"was made by pirrht {known['version']} and this is {pirrht.__version__}")
+        for name in {**known["settings"], **asked}:
+            before, now = known["settings"].get(name), asked.get(name)
+            if before != now:
+                raise self._other(f"was made {_option(name, before)} and this sweep is {_option(name, now)}")
+        for name, digest in scenes.items():
+            if known["scenes"].get(name, digest) != digest:
+                raise self._other(f"was made with another {name}: the files of scene or robot have changed since")
+
+    def begin(self, settings: Mapping[str, Any], scenes: Mapping[str, str], asked: Mapping[str, Any]) -> None:
+        """Make the folder, or add to what one was asked for; nothing that a killed sweep left half-written stays.
+
+        Raises:
+            OptionError: another sweep's folder, or one that cannot be written.
+        """
+        self.check(settings, scenes)
+        try:
+            self.runs.mkdir(parents=True, exist_ok=True)
+            for left in [*self.runs.glob(".part-*"), *self.folder.glob(".manifest*")]:
+                left.unlink()
+            known = self.manifest() if (self.folder / "manifest.json").exists() else {}
+            wishes = [*known.get("asked", []), plain(asked)]
+            content = {
+                "format": FORMAT,
+                "version": pirrht.__version__,
+                "libraries": {name: _version(name) for name in LIBRARIES},
+                "settings": plain(settings),
+                "scenes": {**known.get("scenes", {}), **scenes},
+                "asked": [wish for i, wish in enumerate(wishes) if wish not in wishes[:i]],
+            }
+            text = json.dumps(content, indent=2) + "\n"
+            _replace(self.folder / "manifest.json", lambda stream: stream.write(text.encode()))
+        except OSError as error:
+            raise OptionError(f"--output {self.folder}: {error.strerror or error}; choose another place") from None
+        self._parts = 1 + max((int(file.stem.split("-")[1]) for file in self.files()), default=-1)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other sweeps out of the folder; a process that is killed keeps nobody out.
+
+        Raises:
+            OptionError: another process is at it.
+        """
+        try:
+            import fcntl
+        except ImportError:  # no such locks on this system
+            yield
+            return
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            stream = (self.folder / ".lock").open("w")
+        except OSError as error:
+            raise OptionError(f"--output {self.folder}: {error.strerror or error}; choose another place") from None
+        with stream:
+            try:
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise OptionError(
+                    f"--output {self.folder}: another sweep is writing there; wait for it or choose another folder"
+                ) from None
+            yield
+
+    # -- rows --------------------------------------------------------------------------------------------------
+
+    def files(self) -> list[Path]:
+        """The files of rows, oldest first."""
+        return sorted(self.runs.glob("part-*.parquet"))
+
+    def records(self) -> list[dict[str, Any]]:
+        """Every finished run once, in the order of the files.
+
+        Raises:
+            OptionError: a file cannot be read.
+        """
+        found: dict[tuple[Any, ...], dict[str, Any]] = {}
+        for file in self.files():
+            for row in _read(file).to_pylist():
+                found.setdefault(key_of(row), record_of(row))
+        return list(found.values())
+
+    def forget_errors(self) -> None:
+        """Take the runs that ended with an error out of the files, so that they are made again."""
+        import pyarrow.compute as pc
+
+        for file in self.files():
+            table = _read(file)
+            good = table.filter(pc.is_null(table["error"]))
+            if not len(good):
+                file.unlink()
+            elif len(good) < len(table):
+                _write(file, good)
+
+    def add(self, record: Mapping[str, Any]) -> None:
+        """Take a finished run in; it is written when `tend` or `flush` is called."""
+        if not self._kept:
+            self._since = self._now()
+        self._kept.append(row_of(record))
+
+    def tend(self) -> None:
+        """Write what has waited long enough; what cannot be written is tried again for a while.
+
+        Raises:
+            Unwritable: that did not help.
+        """
+        waited = self._now() - self._since
+        if self._kept and (len(self._kept) >= CHUNK_RUNS or waited >= CHUNK_SECONDS):
+            try:
+                self.flush()
+            except Unwritable:
+                self._since = self._now()
+                self._failing_since = self._since if self._failing_since is None else self._failing_since
+                if self._since - self._failing_since >= PATIENCE:
+                    raise
+
+    def flush(self) -> None:
+        """Write all finished runs that are in no file yet.
+
+        Raises:
+            Unwritable: they are kept.
+        """
+        import pyarrow as pa
+
+        if not self._kept:
+            return
+        file = self.runs / f"part-{self._parts:06d}.parquet"
+        try:
+            _write(file, pa.Table.from_pylist(self._kept, schema=_schema()))
+        except OSError as error:
+            raise Unwritable(
+                f"--output {self.folder}: {error.strerror or error}; {len(self._kept)} finished runs could not be "
+                "written: mend that and give the same command again"
+            ) from None
+        self._parts, self._kept, self._failing_since = self._parts + 1, [], None
+
+    @property
+    def failing(self) -> bool:
+        """Whether the last try to write went wrong."""
+        return self._failing_since is not None
+
+    def _other(self, difference: str) -> OptionError:
+        return OptionError(f"--output {self.folder} {difference}; choose another folder")
+
+
+def plain(value: Mapping[str, Any]) -> dict[str, Any]:
+    """A mapping as JSON gives it back, without what was not said."""
+    known: dict[str, Any] = json.loads(json.dumps({k: v for k, v in value.items() if v is not None}))
+    return known
+
+
+def _option(name: str, value: Any) -> str:
+    option = f"--{name.replace('_', '-')}"
+    if value is None:
+        return f"without {option}"
+    return f"with {option} {' '.join(map(str, value)) if isinstance(value, list) else value}"
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _schema() -> Any:
+    import pyarrow as pa
+
+    fields = [
+        pa.field(c.name, pa.type_for_alias(c.kind), metadata={"unit": c.unit, "description": c.text}) for c in COLUMNS
+    ]
+    return pa.schema(fields, metadata={"pirrht": json.dumps({"format": FORMAT, "version": pirrht.__version__})})
+
+
+def _read(file: Path) -> Any:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        return pq.read_table(file, schema=_schema())
+    except (OSError, pa.ArrowException) as error:
+        reason = " ".join(str(error).split())
+        raise OptionError(f"{file} cannot be read ({reason}); remove it, and its runs are made again") from None
+
+
+def _write(file: Path, table: Any) -> None:
+    import pyarrow.parquet as pq
+
+    _replace(file, lambda stream: pq.write_table(table, stream, compression="zstd"))
+
+
+def _replace(file: Path, write: Callable[[Any], object]) -> None:
+    """Write a file so that it is whole whenever it is seen, even after a loss of power."""
+    part = file.with_name(f".{file.name}")
+    try:
+        with part.open("wb") as stream:
+            write(stream)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(part, file)
+    except BaseException:
+        with suppress(OSError):
+            part.unlink()
+        raise
+    with suppress(OSError):  # not every file system lets a folder be forced to disk
+        folder = os.open(file.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def wished(asked: Sequence[Mapping[str, Any]]) -> int:
+    """How many different runs the wishes of a manifest add up to."""
+    return len(
+        {
+            (scene, method, noise, seed)
+            for wish in asked
+            for scene, noises in wish["noise"].items()
+            for noise in noises
+            for method in wish["methods"]
+            for seed in range(*wish["seeds"])
+        }
+    )

@@ -1,0 +1,281 @@
+"""One drive of a sweep as a record, and the plans that drives of one scene share."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import threading
+import time
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pirrht.errors import PirrhtError
+from pirrht.graph import Graph
+from pirrht.methods import TREELESS
+from pirrht.tree import HomologyTree
+from sim import episode
+from sim.library import find
+from sim.scenarios import Scenario, prepare
+
+KEPT = 4  # scenes, trees and grids that a process keeps at hand
+
+Frozen = tuple[tuple[str, Any], ...]
+
+_alone = threading.Lock()  # a worker with several threads drives one robot at a time: its time is its own
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One drive; equal seeds mean equal plant noise whatever the method."""
+
+    scene: str
+    method: str
+    noise: float | None  # None: what the scene asks for
+    seed: int
+    task: Frozen  # robot, radius, start, goal, preset
+    given: Frozen  # settings that all runs share
+    label: str = ""  # what tables call the scene; empty: as `scene`
+    digest: str = ""  # of the files of scene and robot; empty: not looked at
+
+    @property
+    def name(self) -> str:
+        """The scene's name in tables."""
+        return self.label or self.scene
+
+    @property
+    def place(self) -> tuple[Any, ...]:
+        """What runs share that are driven through one tree."""
+        return self.scene, self.task, self.given
+
+    @property
+    def point(self) -> tuple[Any, ...]:
+        """What runs share that differ in their seed only; the scene comes first."""
+        return self.scene, self.noise, self.method, self.task, self.given
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Planned:
+    """A tree on its way to those who drive, or why there is none."""
+
+    tree: bytes | str = b""  # packed, or the file that holds it
+    shortest: float | None = None  # length of the shortest reference at the start [m]
+    seconds: float | None = None  # wall time of tree and references
+    error: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Errand:
+    """A drive with the tree that it needs, if it needs one."""
+
+    job: Job
+    planned: Planned | None = None
+
+    @property
+    def point(self) -> tuple[Any, ...]:
+        """What errands share that a process had better do one after the other."""
+        return self.job.point
+
+    @property
+    def luggage(self) -> Planned | None:
+        """The tree is heavy."""
+        return self.planned
+
+    def carrying(self, luggage: Planned | None) -> Errand:
+        """The same drive with another tree."""
+        return replace(self, planned=luggage)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Survey:
+    """The wish for a tree: any job that needs it will do."""
+
+    job: Job
+
+    @property
+    def point(self) -> tuple[Any, ...]:
+        """Each tree is a point of its own."""
+        return self.job.place
+
+    @property
+    def luggage(self) -> None:
+        """Nothing is heavy."""
+
+    def carrying(self, _: None) -> Survey:
+        """The same wish."""
+        return self
+
+
+def settled(job: Job) -> Scenario:
+    """The scenario of a job.
+
+    Raises:
+        PirrhtError: a scene or a setting is wrong.
+    """
+    changes: dict[str, Any] = {"method": job.method, "seed": job.seed, "threads": 1}
+    if job.noise is not None:
+        changes["noise"] = job.noise
+    return _prepared(job.scene, job.task, job.given).with_settings(**changes)
+
+
+def digest(job: Job) -> str:
+    """Names the content of the files of scene and robot, wherever they lie, as this process first read them."""
+    return _digest(job.scene, job.task, job.given)
+
+
+def forget() -> None:
+    """Files of scenes and robots may have changed: read them anew."""
+    for known in (_prepared, _digest, _received, _solved):
+        known.cache_clear()
+
+
+def survey(wish: Survey) -> tuple[tuple[Any, ...], Planned]:
+    """Grow the tree of a place; the place, and what came of it. Errors are results."""
+    try:
+        with _alone:
+            return wish.job.place, _planned(settled(wish.job))
+    except Exception as error:
+        return wish.job.place, Planned(error=one_line(error))
+
+
+def attempt(errand: Errand) -> dict[str, Any]:
+    """One run as a record; errors are records too."""
+    try:
+        with _alone:
+            return drive(errand.job, errand.planned)
+    except Exception as error:
+        return failure(errand.job, one_line(error))
+
+
+def drive(job: Job, planned: Planned | None = None) -> dict[str, Any]:
+    """One run as a record: what it was, and what came of it.
+
+    Raises:
+        PirrhtError: the run is impossible.
+    """
+    scenario = settled(job)
+    if job.digest and job.digest != digest(job):
+        raise PirrhtError(f"{job.scene}: the file is not the one that the sweep began with")
+    began = time.perf_counter()
+    controller = _controller(job, scenario, planned)
+    tally = episode.Tally(scenario.settings.period)
+    for frame in episode.run(
+        scenario.plant(), controller, scenario.start, scenario.plant_rng(), max_time=scenario.settings.max_time
+    ):
+        tally.add(frame)
+    s = scenario.settings
+    return {
+        **_key(job, s.noise),
+        "robot": scenario.loaded.robot,
+        "lambda": scenario.problem.temperature,
+        "samples": s.samples,
+        "dt": s.dt,
+        "period": s.period,
+        **tally.result(),
+        "shortest_length": planned.shortest if planned else None,
+        "plan_seconds": planned.seconds if planned else None,
+        "drive_seconds": time.perf_counter() - began,
+        "error": None,
+    }
+
+
+def failure(job: Job, error: str) -> dict[str, Any]:
+    """The record of a run that did not come to an end."""
+    return {**_key(job, job.noise), "outcome": None, "error": error}
+
+
+def one_line(error: BaseException) -> str:
+    """Kind and message of an error."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, PirrhtError) else f"{type(error).__name__}: {text}".removesuffix(": ")
+
+
+def needs_tree(job: Job) -> bool:
+    """Whether a job's method drives through a tree."""
+    return job.method not in TREELESS
+
+
+def unpacked(planned: Planned, folder: Path, number: int) -> Planned:
+    """The same plan with its tree in a file, for processes of this machine."""
+    if not planned.tree or isinstance(planned.tree, str):
+        return planned
+    file = folder / f"{number}.tree"
+    file.write_bytes(planned.tree)
+    return replace(planned, tree=str(file))
+
+
+def _controller(job: Job, scenario: Scenario, planned: Planned | None) -> episode.Driver:
+    if job.method == "optimal":
+        return scenario.optimal(_solved(job.scene, job.task, job.given, scenario.settings.noise))
+    if planned is None:
+        return scenario.controller(None)
+    if planned.error is not None:
+        raise PirrhtError(planned.error)
+    return scenario.controller(_received(job.scene, job.task, job.given, planned.tree))
+
+
+def _planned(scenario: Scenario) -> Planned:
+    began = time.perf_counter()
+    tree = scenario.grown_tree()
+    references = tree.references(scenario.start, polished=scenario.settings.polish)
+    seconds = time.perf_counter() - began
+    return Planned(tree=pack(tree), shortest=min(r.length for r in references), seconds=seconds)
+
+
+def pack(tree: HomologyTree) -> bytes:
+    """A grown tree without the scene around it."""
+    return zlib.compress(pickle.dumps((tree.states, tree.in_goal, tuple(tree.graph), tree.draws), protocol=5), 1)
+
+
+def unpack(scenario: Scenario, content: bytes) -> HomologyTree:
+    """The tree as it was packed, in the same scenario."""
+    tree = scenario.empty_tree()
+    tree.states, tree.in_goal, graph, tree.draws = pickle.loads(zlib.decompress(content))
+    tree.graph = Graph(*graph)
+    return tree
+
+
+def _key(job: Job, noise: float | None) -> dict[str, Any]:
+    return {
+        "scene": job.name,
+        "scene_digest": job.digest,
+        "method": job.method,
+        "noise": noise,
+        "seed": job.seed,
+        "plan_seed": dict(job.given).get("plan_seed"),
+    }
+
+
+@lru_cache(KEPT)
+def _prepared(scene: str, task: Frozen, given: Frozen) -> Scenario:
+    return prepare(scene, **dict(task), given=dict(given))
+
+
+@lru_cache(KEPT)
+def _digest(scene: str, task: Frozen, given: Frozen) -> str:
+    scenario = _prepared(scene, task, given)
+    content = hashlib.sha256()
+    for file in (scenario.loaded.path, find("robot", dict(task).get("robot") or scenario.loaded.robot)):
+        content.update(hashlib.sha256(file.read_bytes()).digest())
+    return content.hexdigest()[:16]
+
+
+@lru_cache(KEPT)
+def _received(scene: str, task: Frozen, given: Frozen, tree: bytes | str) -> HomologyTree:
+    """One tree per scene: it depends neither on noise nor on the method."""
+    content = tree if isinstance(tree, bytes) else Path(tree).read_bytes()
+    return unpack(_prepared(scene, task, given), content)
+
+
+@lru_cache(KEPT)
+def _solved(scene: str, task: Frozen, given: Frozen, noise: float) -> Any:
+    """One grid per scene and noise."""
+    return _prepared(scene, task, given).with_settings(noise=noise).optimal().desirability
+
+
+def points(jobs: Sequence[Job]) -> list[Job]:
+    """The first job of every point."""
+    return list({job.point: job for job in reversed(jobs)}.values())[::-1]

@@ -1,0 +1,56 @@
+"""What `pirrht sweep` and `pirrht report` do."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from pirrht.errors import OptionError
+from sim import present
+
+
+def sweep(arguments: argparse.Namespace) -> int:
+    """Many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
+    from sim import sweep as engine
+
+    if arguments.json is not None:
+        present.check_writable(arguments.json, "--json")
+    grid = engine.parse_grid(arguments)
+    if arguments.output is not None:
+        records = _stored(grid, arguments)
+    elif arguments.again:
+        raise OptionError("--again makes runs of a dataset anew; add its folder, -o DIR")
+    else:
+        records = engine.sweep(grid.jobs(), jobs_at_once=arguments.jobs, scheduler=arguments.scheduler)
+    print(engine.summary(records))
+    if arguments.json:
+        present.write_json(arguments.json, records)
+    errors = sum(record["outcome"] is None for record in records)
+    if arguments.output is not None:
+        print(f"{arguments.output}: {len(records)} runs, {errors} of them ended with an error")
+    return 1 if errors else 0
+
+
+def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """The records of a sweep whose finished runs a folder keeps."""
+    from sim import sweep as engine
+    from sim.dataset import Dataset
+
+    folder: Path = arguments.output
+    dataset = Dataset(folder)
+    dataset.check(grid.settings, {})
+    jobs = engine.checked(grid.jobs())
+    scenes = {job.name: job.digest for job in jobs}
+    noises: dict[str, list[float | None]] = {}
+    for job in jobs:
+        of_scene = noises.setdefault(job.name, [])
+        if job.noise not in of_scene:
+            of_scene.append(job.noise)
+    asked = {"methods": list(grid.methods), "noise": noises, "seeds": [grid.seeds.start, grid.seeds.stop]}
+    dataset.check(grid.settings, scenes)
+    with dataset.locked():
+        dataset.begin(grid.settings, scenes, asked)
+        if arguments.again:
+            dataset.forget_errors()
+        return engine.sweep(jobs, jobs_at_once=arguments.jobs, scheduler=arguments.scheduler, dataset=dataset)

@@ -1,0 +1,246 @@
+"""Sweeps that are killed, stopped and taken up again come out as if nothing had happened."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from sim import runs, sweep
+from sim.cli import main
+from sim.dataset import Dataset
+from sim.rows import RESULTS, key_of
+
+ROOT = Path(__file__).parent.parent
+QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
+WALL = """<mujoco model="wall"><worldbody>
+  <geom name="floor" type="plane" pos="2 2 0" size="2 2 0.1"/>
+  <geom name="wall" type="box" pos="2 2 0.25" size="0.1 2.1 0.25"/>
+  <site name="start" pos="0.4 2 0"/>
+  <site name="goal" type="cylinder" pos="3.6 2 0" size="0.2 0.01"/>
+  <site name="workspace" type="box" pos="2 2 0.5" size="2 2 0.5"/>
+</worldbody></mujoco>"""
+
+
+def rows(folder: Path) -> list[dict]:
+    """Everything but timings, in the order of the keys."""
+    found = [{name: record.get(name) for name in RESULTS} for record in Dataset(folder).records()]
+    return sorted(found, key=lambda row: repr(key_of(row)))
+
+
+def written(folder: Path) -> int:
+    return len(list(folder.glob("runs/part-*.parquet")))
+
+
+def started(*words: str) -> subprocess.Popen[str]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(
+        [sys.executable, "-m", "sim.cli", "sweep", *words],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=environment,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def wait_for(happened, patience: float = 90.0) -> None:
+    deadline = time.monotonic() + patience
+    while not happened() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert happened()
+
+
+@pytest.fixture(scope="module")
+def long_sweep(tmp_path_factory) -> tuple[list[str], list[dict]]:
+    """A sweep of some seconds, and its rows when nothing disturbs it."""
+    folder = tmp_path_factory.mktemp("whole") / "sweep"
+    words = ["slit", "--methods", "passive", "--noise", "0.1,0.3", "--seeds", "0:120", "--jobs", "2", *QUICK]
+    assert main(["sweep", *words, "-o", str(folder)]) == 0
+    return words, rows(folder)
+
+
+def test_a_sweep_that_is_killed_again_and_again_ends_with_the_same_rows(long_sweep, tmp_path):
+    words, expected = long_sweep
+    folder, chance = tmp_path / "sweep", random.Random(3)
+    for _ in range(3):
+        before = written(folder)
+        process = started(*words, "-o", str(folder))
+        wait_for(lambda before=before, process=process: written(folder) > before or process.poll() is not None)
+        time.sleep(0.4 * chance.random())
+        process.kill()
+        process.communicate()
+    assert 0 < len(rows(folder)) <= len(expected)
+    assert main(["sweep", *words, "-o", str(folder)]) == 0
+    assert rows(folder) == expected
+    told = [row["seed"] for file in Dataset(folder).files() for row in _read(file)]
+    assert len(told) == len(expected)
+
+
+def _read(file: Path) -> list[dict]:
+    import pyarrow.parquet as pq
+
+    return pq.read_table(file).to_pylist()
+
+
+def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sweep, tmp_path):
+    words, expected = long_sweep
+    process = started(*words, "-o", str(tmp_path / "sweep"))
+    wait_for(lambda: written(tmp_path / "sweep") > 0)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all processes
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "under way are waited for" in told
+    assert told.strip().splitlines()[-1] == "pirrht: interrupted"
+    assert "Traceback" not in told
+    done = rows(tmp_path / "sweep")
+    assert 0 < len(done) < len(expected)
+    assert all(row in expected for row in done)
+    assert main(["sweep", *words, "-o", str(tmp_path / "sweep")]) == 0
+    assert rows(tmp_path / "sweep") == expected
+
+
+def test_ctrl_c_twice_and_sigterm_end_it_at_once_and_keep_what_was_finished(tmp_path):
+    words = ["slit", "--methods", "pi-rrht", "--seeds", "0:50", "--jobs", "2", "--vertices", "100"]
+    for number, signals in enumerate(([signal.SIGINT] * 2, [signal.SIGTERM])):
+        folder = tmp_path / str(number)
+        process = started(*words, "--samples", "400", "--max-time", "3", "-o", str(folder))
+        wait_for(lambda folder=folder: written(folder) > 0)
+        for one in signals:
+            process.send_signal(one)
+            time.sleep(0.3)
+        began = time.monotonic()
+        _, told = process.communicate(timeout=60)
+        assert time.monotonic() - began < 20.0
+        assert process.returncode == 130
+        assert "Traceback" not in told
+        assert 0 < len(rows(folder)) < 50
+
+
+def test_equal_seeds_meet_equal_noise_in_the_dataset_as_in_memory(tmp_path):
+    """Processes of their own, trees that travel and files change nothing."""
+    words = ["sweep", "slit", "--methods", "pi-rrht,passive", "--noise", "0.1,0.3", "--seeds", "0:2", *QUICK]
+    stored, direct = tmp_path / "stored.json", tmp_path / "direct.json"
+    assert main([*words, "-o", str(tmp_path / "sweep"), "--json", str(stored), "--jobs", "2"]) == 0
+    assert main([*words, "--json", str(direct), "--jobs", "1"]) == 0
+
+    def results(file: Path) -> list[dict]:
+        return [{name: one.get(name) for name in RESULTS} for one in json.loads(file.read_text())]
+
+    assert results(stored) == results(direct)
+    assert len(results(direct)) == 8
+
+
+def test_a_larger_grid_adds_runs_and_repeats_none(tmp_path):
+    words = ["sweep", "slit", "--methods", "passive", *QUICK, "-o", str(tmp_path / "sweep")]
+    assert main([*words, "--noise", "0.1", "--seeds", "0:2"]) == 0
+    before = {file: file.stat().st_mtime_ns for file in Dataset(tmp_path / "sweep").files()}
+    assert main([*words, "--noise", "0.1,0.2", "--seeds", "0:3"]) == 0
+    assert all(file.stat().st_mtime_ns == time for file, time in before.items())
+    found = Counter((row["noise"], row["seed"]) for row in rows(tmp_path / "sweep"))
+    assert found == Counter({(noise, seed): 1 for noise in (0.1, 0.2) for seed in range(3)})
+
+
+def test_a_run_that_crashes_is_a_row_and_the_others_go_on(tmp_path, capsys, monkeypatch):
+    def drive(job, planned=None, *, real=runs.drive):
+        if job.seed == 1:
+            raise ZeroDivisionError("a wheel\ncame off")
+        return real(job, planned)
+
+    monkeypatch.setattr(runs, "drive", drive)
+    words = ["sweep", "slit", "--methods", "passive", "--seeds", "0:3", "--jobs", "1", *QUICK]
+    assert main([*words, "--json", str(tmp_path / "rows.json")]) == 1
+    told = json.loads((tmp_path / "rows.json").read_text())
+    assert [row["error"] for row in told] == [None, "ZeroDivisionError: a wheel came off", None]
+    assert told[1]["outcome"] is None
+    assert "error" in capsys.readouterr().out.splitlines()[0]
+
+
+def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again(tmp_path, capsys):
+    wall = tmp_path / "wall.xml"
+    wall.write_text(WALL)
+    words = ["sweep", "slit", str(wall), "--methods", "pi-rrht,passive", "--seeds", "0:2", *QUICK]
+    words += ["-o", str(tmp_path / "sweep")]
+    assert main(words) == 1
+    found = rows(tmp_path / "sweep")
+    assert len(found) == 8
+    for row in found:
+        blocked = (row["scene"], row["method"]) == ("wall", "pi-rrht")
+        assert (row["outcome"] is None) == blocked
+        assert ("no allowed class reaches the goal" in (row["error"] or "")) == blocked
+    assert "8 runs, 2 of them ended with an error" in capsys.readouterr().out
+    files = Dataset(tmp_path / "sweep").files()
+    assert main([*words, "--again"]) == 1
+    assert rows(tmp_path / "sweep") == found
+    assert Dataset(tmp_path / "sweep").files() != files
+
+
+def test_a_scene_that_has_changed_is_refused_and_one_that_moved_is_not(tmp_path, capsys):
+    folder = tmp_path / "there"
+    folder.mkdir()
+    scene = tmp_path / "wall.xml"
+    scene.write_text(WALL)
+    words = ["--methods", "passive", "--seeds", "0:1", *QUICK, "-o", str(tmp_path / "sweep")]
+    assert main(["sweep", str(scene), *words]) == 0
+    scene.rename(folder / "wall.xml")
+    assert main(["sweep", str(folder / "wall.xml"), *words]) == 0
+    assert written(tmp_path / "sweep") == 1
+    (folder / "wall.xml").write_text(WALL.replace('size="0.1 2.1', 'size="0.2 2.1'))
+    capsys.readouterr()
+    assert main(["sweep", str(folder / "wall.xml"), *words]) == 2
+    assert "another wall" in capsys.readouterr().err
+    assert written(tmp_path / "sweep") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "culprit"),
+    [
+        ("slit --again", "-o DIR"),
+        ("slit slit", "slit twice"),
+        ("slit --methods single,passive,single", "single twice"),
+        ("slit --noise 0.1,0.2,0.10", "0.1 twice"),
+        ("slit nosuch -o sweep", "nosuch"),
+        ("slit --noise -1 -o sweep", "--noise is -1"),
+    ],
+)
+def test_a_bad_sweep_is_refused_before_anything_is_written(words, culprit, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["sweep", *words.split()]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert culprit in told
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_of_one_name_are_told_apart(tmp_path):
+    paths = [tmp_path / name / "wall.xml" for name in ("a", "b")]
+    for path in paths:
+        path.parent.mkdir()
+        path.write_text(WALL)
+    assert sweep._labels(["slit", *map(str, paths)]) == ["slit", *map(str, paths)]
+    assert sweep._labels(["slit", str(paths[0])]) == ["slit", "wall"]
+
+
+def test_a_clock_that_is_set_back_and_forth_changes_nothing(long_sweep, tmp_path, monkeypatch):
+    words, expected = long_sweep
+    hands = random.Random(0)
+    monkeypatch.setattr(time, "time", lambda: hands.uniform(0.0, 4e9))
+    few = [*words[: words.index("--seeds")], "--seeds", "0:20", *words[words.index("--seeds") + 2 :]]
+    assert main(["sweep", *few, "-o", str(tmp_path / "sweep")]) == 0
+    assert rows(tmp_path / "sweep") == [row for row in expected if row["seed"] < 20]
+
+
+def test_a_packed_tree_has_the_references_that_it_had(slit, slit_tree):
+    tree = runs.unpack(slit, runs.pack(slit_tree))
+    assert (tree.size, tree.node_count) == (slit_tree.size, slit_tree.node_count)
+    for mine, theirs in zip(tree.references(slit.start), slit_tree.references(slit.start), strict=True):
+        assert mine.winding == theirs.winding
+        assert mine.cost == theirs.cost
