@@ -140,6 +140,13 @@ class HomologyTree:
             elif status != relaxation.DONE:
                 self._relax()
 
+    def reserve(self, vertices: int) -> None:
+        """Make room for about so many vertices at once, lest growth stop for it later."""
+        more = 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
+        while len(self.states) < vertices:
+            self._double_vertices()
+        self._make_room(int(more * self.graph.size[1]), int(more * self.graph.size[4]))
+
     def extend(self, x: Array) -> bool:
         """One iteration of Algorithm 1 with the state x (n,); whether it became a vertex."""
         self.draws += 1
@@ -219,11 +226,14 @@ class HomologyTree:
         """Write a state where the next vertex will be; its index."""
         v = self.size
         if v >= len(self.states):
-            self.graph = g.doubled(self.graph, g.VERTICES + g.NODES)
-            self.states = np.vstack([self.states, np.zeros_like(self.states)])
-            self.in_goal = np.concatenate([self.in_goal, np.zeros_like(self.in_goal)])
+            self._double_vertices()
         self.states[v], self.in_goal[v] = x, root
         return v
+
+    def _double_vertices(self) -> None:
+        self.graph = g.doubled(self.graph, g.VERTICES + g.NODES)
+        self.states = np.vstack([self.states, np.zeros_like(self.states)])
+        self.in_goal = np.concatenate([self.in_goal, np.zeros_like(self.in_goal)])
 
     def _attach(self, x: Array, straight: Array) -> int:
         """Make x (n,) a vertex if an allowed class reaches the goal from it; REJECTED, DONE or what must grow."""

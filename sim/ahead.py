@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 
@@ -15,8 +17,10 @@ from sim.episode import Driver, size_of
 
 SHARE = 0.7  # of a period, at most, is for references and samples; then they are weighed, and the tree grows
 LEAST = 0.3  # of it is, however long weighing takes
-RESERVE = 1.5  # times as long as weighing and the like takes is kept for it
+RESERVE = 1.25  # times as long as weighing and the like takes is kept for it,
+RECENT, RARE = 40, 2  # which is the second longest of so many: one that was disturbed is no rule
 QUICKLY, SLOWLY = 0.3, 0.03  # with these shares what something takes is learned when it is more, or less, than thought
+FULLER = 8  # times as many vertices as it begins with a tree has at most: there is room for so many
 PIECES = 10  # integration steps in which a period is foreseen
 
 
@@ -60,13 +64,21 @@ class Planner:
 
     def __init__(self, controller: Driver, clock: Clock, period: float, grow: int | None) -> None:
         self.controller, self.clock, self.period, self.grow = controller, clock, period, grow
+        self._most = math.inf  # vertices
         self._vertex = 1e-3  # what a vertex takes [s]
-        self._after = 0.0  # what a plan takes once its samples are drawn [s]
+        self._after: deque[float] = deque(maxlen=RECENT)  # what plans took once their samples were drawn [s]
 
     def first(self, x: Array) -> Ready:
         """A plan at x (n,) for the beginning of a drive; it takes as long as any other."""
         self.controller.begin(x)
         return self._made(x, begin=0.0, now=-self.period)
+
+    def make_room(self) -> None:
+        """Let the tree have the room now that it may need: to make it takes longer than a period."""
+        tree = self.controller.tree
+        if tree is not None:
+            self._most = FULLER * tree.size
+            tree.reserve(FULLER * tree.size)
 
     def work(self, share: Handover, origin: float) -> None:
         """Plan until the drive is over; it began when the clock said `origin` [s]."""
@@ -78,6 +90,7 @@ class Planner:
             step = max(step, int((self.clock.now() - origin) / period + 1e-9))
             last = self._ahead(share, last, begin=(step + 1) * period, now=step * period, origin=origin)
             share.arrived.append(last)
+            gc.collect(1)  # now, when nothing waits for it, and not in the middle of a plan
             self._grow(share, origin + last.begin)
             step += 1
 
@@ -96,14 +109,15 @@ class Planner:
         clock = self.clock
         began = clock.now()
         zero = began - now if origin is None else origin
-        share = np.clip(1.0 - RESERVE * self._after / self.period, LEAST, SHARE)
+        after = sorted(self._after)[-RARE] if len(self._after) >= RARE else max(self._after, default=0.0)
+        share = np.clip(1.0 - RESERVE * after / self.period, LEAST, SHARE)
         until = zero + now + float(share) * self.period
         plan = self.controller.plan(x, lambda: until - clock.now())
         # A plan that is late leaves the robot to the old law, not to its tape.
         plan = replace(plan, span=np.inf) if plan.law is not None else plan
         ended = clock.now()
         if began < until:
-            self._after = _learned(self._after, ended - until)
+            self._after.append(max(0.0, ended - until))
         return Ready(
             plan=plan,
             begin=begin,
@@ -120,7 +134,7 @@ class Planner:
         added = 0
         while not share.stopped and (self.grow is None or added < self.grow):
             before = clock.now()
-            if before + 2.0 * self._vertex > until:
+            if before + 2.0 * self._vertex > until or tree.size >= self._most:
                 return
             tree.grow(tree.size + 1)
             self._vertex = _learned(self._vertex, clock.now() - before)

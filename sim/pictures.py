@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import rerun as rr
 
 from pirrht.plan import Plan
+from pirrht.scene import Array
 from sim import drawing
 from sim.colors import DEAD_COLOR, ClassColors, Color, fade, mix, title
 from sim.drawing import at_most, lift, packed
@@ -20,6 +22,7 @@ CHUNK_BYTES, POINT_BYTES = (
     9,
 )  # cost of an entity and of a point in the file; compression takes 3 of 12 off
 REFERENCE_POINTS = 48
+TAPE_SAMPLES = 2000  # of a round, for the line where the tape leads
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 
 
@@ -105,8 +108,8 @@ class Pictures:
         """The path the tape alone would take, as far as a tenth of the weight is still under way."""
         problem = self._subject.path_integral.problem
         x, still, path = plan.state, np.zeros(problem.dynamics.m), [plan.state[:2]]
-        alive = plan.estimate.alive if plan.estimate else np.ones(len(plan.tape))
-        for u, dt, share in zip(plan.tape, np.diff(plan.times), alive, strict=True):
+        tape, alive = _tape_of(plan)
+        for u, dt, share in zip(tape, np.diff(plan.times), alive, strict=True):
             if share < 0.1 or problem.scene.goal.contains(x[:2]):
                 break
             x = problem.dynamics.step(x, u, still, dt)
@@ -115,6 +118,22 @@ class Pictures:
 
     def _log(self, path: str, archetype: rr.AsComponents) -> None:
         self._stream.log(path, *self._now, archetype)
+
+
+def _tape_of(plan: Plan) -> tuple[Array, Array]:
+    """A plan's tape (T, m) and the weight under way (T,), by as many samples as a picture needs.
+
+    All noise must be drawn again for it. Of several rounds the smallest serves that is large enough.
+    """
+    estimate = plan.estimate
+    if estimate is None:
+        return plan.tape, np.ones(len(plan.tape))
+    if len(estimate.parts) > 1:
+        met = [part for part in estimate.parts if np.isfinite(part.log_weight.max())]
+        enough = [part for part in met if part.size >= TAPE_SAMPLES]
+        part = min(enough, key=lambda part: part.size) if enough else max(met, key=lambda part: part.size)
+        estimate = replace(estimate, parts=(part,))
+    return estimate.tape, estimate.alive
 
 
 def _fan_path(name: str) -> str:

@@ -32,7 +32,7 @@ from sim.episode import Driver, Frame
 from sim.executor import Advance, Plant
 from sim.timing import Timing
 
-SWITCH = 5e-4  # a thread gives the interpreter to one that waits for it after this time [s]
+SWITCH = 1e-4  # a thread gives the interpreter to one that waits for it after this time [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,6 +73,7 @@ def run(
     clock = clock or WallClock()
     planner = Planner(controller, clock, period, grow)
     _warm_up(plant, planner, start)
+    planner.make_room()
     share = Handover(planner.first(plant.state), plant.state)
     book, news = _Book(controller, plant.state, period), News()
     with _undisturbed():
@@ -209,13 +210,16 @@ def _warm_up(plant: Plant, planner: Planner, start: Array) -> None:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """No long pauses: what exists already is kept from the garbage collector, and threads take turns quickly."""
-    before = sys.getswitchinterval()
+    """No long pauses: only new garbage is collected, and between plans; threads take turns quickly."""
+    before, collecting = sys.getswitchinterval(), gc.isenabled()
     sys.setswitchinterval(SWITCH)
     gc.collect()
     gc.freeze()
+    gc.disable()
     try:
         yield
     finally:
         gc.unfreeze()
+        if collecting:
+            gc.enable()
         sys.setswitchinterval(before)

@@ -67,6 +67,16 @@ def test_draws_dealt_with_together_make_the_tree_that_they_make_one_by_one(robot
     assert together.graph.pruned[0] == one_by_one.graph.pruned[0]
 
 
+def test_reserved_room_is_not_asked_for_again_and_changes_no_tree(small: Scenario):
+    plain, roomy = small.grown_tree(), small.grown_tree()
+    roomy.reserve(400)
+    room = [len(part) for part in roomy.graph]
+    for tree in (plain, roomy):
+        tree.grow(400)
+    assert_equal_trees(plain, roomy)
+    assert [len(part) for part in roomy.graph] == room
+
+
 def test_positions_that_the_field_decides_are_so_to_fcl(small: Scenario):
     points = np.random.default_rng(0).uniform(-0.1, 1.1, (2000, 2)) * [6.0, 5.0]
     found = np.array([certify_point(small.space.field, *point) for point in points])

@@ -231,6 +231,24 @@ def test_the_tree_grows_in_the_time_that_is_left(slit: Scenario, grow: int | Non
     assert clock.now() <= 100.0 + 0.02
 
 
+@pytest.mark.parametrize(
+    ("lasted", "left"),
+    [
+        ([0.12] * 4, [0.07, 0.0375, 0.0375, 0.03]),  # 50 ms after the samples' time is up, and then 82.5
+        ([0.05, 0.05, 0.12, 0.05, 0.05], [0.07] * 5),  # one that was disturbed is no rule
+    ],
+)
+def test_time_is_kept_for_what_usually_follows_the_samples(slit: Scenario, lasted: list[float], left: list[float]):
+    clock = FakeClock()
+    driver = FakeDriver(slit, clock, lambda i: lasted[len(found)])
+    planner = Planner(driver, clock, PERIOD, None)
+    found: list[float] = []
+    for _ in lasted:
+        planner.first(slit.start)
+        found += driver.left
+    assert found == pytest.approx(left)
+
+
 @pytest.mark.parametrize("seconds", [0.0, 0.05, 1.0])
 def test_samples_are_drawn_until_their_time_is_up(
     slit: Scenario, slit_tree: HomologyTree, monkeypatch: pytest.MonkeyPatch, seconds: float
