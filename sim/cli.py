@@ -70,6 +70,7 @@ def _parser() -> argparse.ArgumentParser:
     _common_options(sweep, skip=("noise", "method", "seed"))
     _sweep_options(sweep)
     _explain_methods(sweep)
+    _report_options(commands)
     _export_options(commands)
     world = commands.add_parser("import", help="turn a Gazebo world of static primitives into an MJCF scene")
     world.add_argument("world", type=Path, metavar="WORLD", help="an SDF file: .world or .sdf")
@@ -237,6 +238,13 @@ def _export_options(commands: Any) -> None:
     export.add_argument(
         "-o", "--output", type=Path, required=True, metavar="TABLE", help="the table to write, .parquet or .npz"
     )
+
+
+def _report_options(commands: Any) -> None:
+    report = commands.add_parser("report", help="sum up a sweep: intervals, comparisons on equal seeds, pictures")
+    report.add_argument("folder", type=Path, metavar="DIR", help="made by `pirrht sweep -o DIR`, finished or not")
+    report.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="where report.md and report.html go (DIR)")
+    report.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
 
 
 def _sweep_options(parser: argparse.ArgumentParser) -> None:

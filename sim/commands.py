@@ -195,6 +195,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "run": run,
     "estimate": estimate,
     "sweep": sweeping.sweep,
+    "report": sweeping.report,
     "import": import_world,
     "export": export,
 }

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.errors import PirrhtError
-from pirrht.graph import Graph
+from pirrht.graph import empty_graph
 from pirrht.methods import TREELESS
 from pirrht.tree import HomologyTree
 from sim import episode
@@ -227,14 +227,20 @@ def _planned(scenario: Scenario) -> Planned:
 
 def pack(tree: HomologyTree) -> bytes:
     """A grown tree without the scene around it."""
-    return zlib.compress(pickle.dumps((tree.states, tree.in_goal, tuple(tree.graph), tree.draws), protocol=5), 1)
+    return zlib.compress(pickle.dumps((tree.states, tree.in_goal, tree.graph._asdict(), tree.draws), protocol=5), 1)
 
 
 def unpack(scenario: Scenario, content: bytes) -> HomologyTree:
     """The tree as it was packed, in the same scenario."""
     tree = scenario.empty_tree()
-    tree.states, tree.in_goal, graph, tree.draws = pickle.loads(zlib.decompress(content))
-    tree.graph = Graph(*graph)
+    tree.states, tree.in_goal, arrays, tree.draws = pickle.loads(zlib.decompress(content))
+    vertices, nodes = arrays["cost"].shape
+    room = empty_graph(vertices, len(arrays["tail"]), nodes, arrays["straight"].shape[1])
+    for name, place in room._asdict().items():
+        if place.shape == arrays[name].shape:  # most are columns of records, which kernels rely on: they are filled
+            place[...] = arrays[name]
+    larger = {name: arrays[name] for name, place in room._asdict().items() if place.shape != arrays[name].shape}
+    tree.graph = room._replace(**larger)
     return tree
 
 

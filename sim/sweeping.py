@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -54,3 +55,33 @@ def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
         if arguments.again:
             dataset.forget_errors()
         return engine.sweep(jobs, jobs_at_once=arguments.jobs, scheduler=arguments.scheduler, dataset=dataset)
+
+
+def report(arguments: argparse.Namespace) -> int:
+    """Sum up a sweep: on the terminal, as Markdown and as a page."""
+    from sim import report as engine
+    from sim import report_text
+    from sim.dataset import Dataset
+    from sim.files import replaced
+    from sim.report_html import page
+    from sim.report_pictures import pictures
+
+    folder: Path = arguments.output or arguments.folder
+    text, web = folder / "report.md", folder / "report.html"
+    known = engine.report(Dataset(arguments.folder))
+    for option, file in (("--output", text), ("--output", web), ("--json", arguments.json)):
+        if file is not None:
+            present.check_writable(file, option)
+    try:
+        drawn = pictures(known)
+    except OptionError as error:
+        drawn = []
+        print(f"pirrht: {error}; report.html has no pictures", file=sys.stderr)
+    print(report_text.terminal(known))
+    for file, content in ((text, report_text.markdown(known)), (web, page(known, drawn))):
+        with replaced(file, "--output") as stream:
+            stream.write(content.encode())
+        print(f"written: {file}")
+    if arguments.json is not None:
+        present.write_json(arguments.json, known.json())
+    return 0

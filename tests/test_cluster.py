@@ -123,11 +123,15 @@ def test_a_sweep_has_the_same_rows_as_on_this_machine_though_a_worker_dies(local
         [sys.executable, "-m", "sim.cli", *words, "-o", tmp_path / "cluster", "--scheduler", local.address],
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
-    deadline = time.monotonic() + 120.0
-    while not list(tmp_path.glob("cluster/runs/part-*")) and time.monotonic() < deadline and process.poll() is None:
-        time.sleep(0.05)
-    os.killpg(local._processes[-1].pid, signal.SIGKILL)
-    assert process.wait(timeout=120) == 0
+    try:
+        deadline = time.monotonic() + 300.0
+        while not list(tmp_path.glob("cluster/runs/part-*")) and time.monotonic() < deadline and process.poll() is None:
+            time.sleep(0.05)
+        os.killpg(local._processes[-1].pid, signal.SIGKILL)
+        assert process.wait(timeout=300) == 0
+    finally:
+        process.kill()
+        process.wait()
     assert main([*words, "-o", str(tmp_path / "pool")]) == 0
 
     def rows(folder: str) -> list[dict]:
