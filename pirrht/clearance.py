@@ -18,6 +18,7 @@ from pirrht.collision import Collision
 from pirrht.jit import inlined, kernel
 from pirrht.memory import load_float32, load_int32
 from pirrht.scene import Array, Scene
+from pirrht.single import ONE
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
 BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
@@ -169,23 +170,23 @@ def border(field, x, y):  # type: ignore[no-untyped-def]
 def cell_of(field, x, y):  # type: ignore[no-untyped-def]
     """Index of the cell's first sample in a grid, and where (x, y) lies in the cell, each from 0 to 1."""
     fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
-    i = min(max(int(fx), 0), field.nx - 2)
-    j = min(max(int(fy), 0), field.ny - 2)
-    return i * field.ny + j, fx - i, fy - j
+    i = min(max(np.int32(fx), np.int32(0)), np.int32(field.nx - 2))
+    j = min(max(np.int32(fy), np.int32(0)), np.int32(field.ny - 2))
+    return i * np.int32(field.ny) + j, fx - np.float32(i), fy - np.float32(j)
 
 
 @inlined
 def bilinear(a, b, c, d, u, v):  # type: ignore[no-untyped-def]
     """Value in a cell with corner values a, b in the first column and c, d in the second."""
-    low, high = a * (1.0 - v) + b * v, c * (1.0 - v) + d * v
-    return low * (1.0 - u) + high * u
+    low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
+    return low * (ONE - u) + high * u
 
 
 @inlined
 def bilinear_slope(a, b, c, d, u, v, per):  # type: ignore[no-untyped-def]
     """The same and its gradient, with `per` cells per meter."""
-    low, high = a * (1.0 - v) + b * v, c * (1.0 - v) + d * v
-    return low * (1.0 - u) + high * u, (high - low) * per, ((b - a) * (1.0 - u) + (d - c) * u) * per
+    low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
+    return low * (ONE - u) + high * u, (high - low) * per, ((b - a) * (ONE - u) + (d - c) * u) * per
 
 
 @inlined

@@ -17,7 +17,7 @@ import numpy as np
 from pirrht.clearance import clearance
 from pirrht.exits import COLLISION, GOAL, INSIDE
 from pirrht.jit import as_jitable, inlined, kernel
-from pirrht.noise import normal, stream, uniform
+from pirrht.noise import normals, stream, uniform
 
 CANDIDATES = 64  # ends that one discrete step is chosen from
 LONGEST = 100_000  # steps of a path
@@ -46,7 +46,7 @@ def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
         for i in range(n):
             x[i] += f[i] * step
         for j in range(m):
-            state, z = normal(state)
+            state, z, _ = normals(state)
             for i in range(m):
                 x[n - m + i] += B[i, j] * z * math.sqrt(step)
         for i in range(m):
@@ -64,7 +64,7 @@ def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
         for k in range(CANDIDATES):
             square = 0.0
             for i in range(2):
-                state, z = normal(state)
+                state, z, _ = normals(state)
                 ends[k, i] = x[i] + ahead[i] + deviation * z
                 square += z * z - ((ahead[i] + deviation * z) / deviation) ** 2
                 y[i] = ends[k, i]

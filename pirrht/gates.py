@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from pirrht.jit import inlined, kernel
 from pirrht.memory import load_float64
 from pirrht.scene import Array
+from pirrht.single import HALF, ONE, TWO
 
 PASSED = 0.03  # a gate counts as passed this far before it [m]
-RANGE, ENTRIES = 8.0, 512  # of the table of means
+AHEAD = math.sqrt(0.5 * math.pi)  # mean of s under s exp(-s^2 / 2)
 MERGED = 0.5  # corners of one turn that are closer than this share of the noise's width are one gate
 
 
@@ -34,27 +35,20 @@ class Gates(NamedTuple):
     decay: float  # k, of psi per meter [1/m]
 
 
-def _means() -> Array:
-    """Mean of s/sigma against s*/sigma over [-RANGE, RANGE]."""
-    a = np.linspace(-RANGE, RANGE, ENTRIES + 1)
-    # With Mills' ratio, integral over density: the means of s^2 and s under the Gaussian cut off at 0.
-    mills = np.array([math.sqrt(0.5 * math.pi) * math.erfc(-v / math.sqrt(2.0)) * math.exp(0.5 * v * v) for v in a])
-    mean: Array = ((1.0 + a * a) * mills + a) / (a * mills + 1.0)
-    return mean
-
-
-MEANS = _means().astype(np.float32)
-NONE, ONE, SPAN, PER = np.float32(0.0), np.float32(1.0), np.float32(RANGE), np.float32(ENTRIES / (2.0 * RANGE))
 TINY = np.float32(1e-18)  # [m^2]
+BEFORE, BESIDE, BEHIND, BEND = (np.float32(v) for v in (8.0, 2.0 * math.pi, 4.0, 8.0))
+ODD, EVEN = np.float32((BEHIND - BEFORE) / TWO), np.float32((BEHIND + BEFORE) / TWO - BESIDE)
 
 
 @inlined
 def mean_offset(a):  # type: ignore[no-untyped-def]
-    """Mean of s under s exp(-(s - a)^2 / 2), s > 0; off the table it grows as a does, or stays where it is."""
-    place = (min(max(a, -SPAN), SPAN) + SPAN) * PER
-    i = min(int(place), ENTRIES - 1)
-    share = place - np.float32(i)
-    return MEANS[i] + share * (MEANS[i + 1] - MEANS[i]) + max(a - SPAN, NONE)
+    """Mean of s under s exp(-(s - a)^2 / 2), s > 0, within 1 %.
+
+    Were it (a + sqrt(a^2 + c)) / 2 with a constant c, that would have to be 8 far below 0, 2 pi at 0 and 4 far above.
+    """
+    square = a * a
+    t = a / math.sqrt(square + BEND)
+    return HALF * (a + math.sqrt(square + BESIDE + t * (ODD + t * EVEN)))
 
 
 @inlined
@@ -74,14 +68,14 @@ def aim(along, side, far, beside, decay):  # type: ignore[no-untyped-def]
     above = np.float32(decay) * (along * along * second * two + far * far * first * one)
     below = first * one * second * two
     scale = ONE / math.sqrt(above * below)
-    return np.float64(below * scale * mean_offset(crossing * above * scale))
+    return below * scale * mean_offset(crossing * above * scale)
 
 
 @inlined
 def towards(dx, dy):  # type: ignore[no-untyped-def]
     """One over the length of a vector, in single precision."""
     x, y = np.float32(dx), np.float32(dy)
-    return np.float64(ONE / math.sqrt(x * x + y * y + TINY))
+    return ONE / math.sqrt(x * x + y * y + TINY)
 
 
 @inlined
@@ -152,7 +146,7 @@ def _place(line: Array, x: Array, decay: float, ahead: Array, outward: Array, ta
         gap = follows - line[c]
         target[c] = max(float(gap @ ahead[c]), PASSED), float(gap @ outward[c])
         width = math.sqrt(float(np.hypot(*gap)) / (2.0 * decay))
-        follows = line[c] + width * float(MEANS[ENTRIES // 2]) * outward[c]
+        follows = line[c] + width * AHEAD * outward[c]
 
 
 def _merged(line: Array, x: Array, decay: float) -> Array:

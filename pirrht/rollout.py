@@ -18,6 +18,7 @@ from pirrht.cuts import Cuts
 from pirrht.gates import Gates
 from pirrht.jit import as_jitable
 from pirrht.problem import Problem, unit_rate
+from pirrht.rollout_again import added, control, trace
 from pirrht.rollout_any import any_path
 from pirrht.rollout_block import is_point, sample
 from pirrht.rollout_loops import Kernels, loops
@@ -90,9 +91,10 @@ def kernels_for(problem: Problem) -> Kernels:
     gain = None if constant else as_jitable(_function(d.control_block))
     noise = None if constant else as_jitable(_function(d.diffusion_block))
     q = as_jitable(problem.q) if callable(problem.q) else unit_rate
+    if is_point(d) and not callable(problem.q):
+        return Kernels(sample, control, trace, added)
     one_path, room = any_path(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
-    kernels = loops(one_path, room, d.m)
-    return kernels._replace(sample=sample) if is_point(d) and not callable(problem.q) else kernels
+    return loops(one_path, room, d.m)
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:

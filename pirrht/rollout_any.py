@@ -15,7 +15,7 @@ from pirrht.exits import GOAL as REACHED
 from pirrht.exits import INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, survivors_slope, sweep_exit
 from pirrht.gates import next_gate, towards
 from pirrht.jit import kernel
-from pirrht.noise import normal, stream, twin
+from pirrht.noise import normals, stream, twin
 from pirrht.riccati import STEEP, homing, wrapped
 
 
@@ -167,7 +167,10 @@ def any_path(
                     for j in range(m):
                         a[g, j] += pushed[j]
             for j in range(m):
-                state, z = normal(state)
+                if j % 2 == 0:
+                    state, z, other = normals(state)
+                else:
+                    z = other
                 z *= sign
                 if car and led[h] > i:
                     z *= law[h, i, 7]

@@ -7,7 +7,8 @@ import pytest
 from scipy.stats import chi2, kstest, norm
 
 from pirrht.jit import kernel
-from pirrht.noise import AREA, DENSITY, EDGE, LAYERS, TAIL, normal, stream, uniform
+from pirrht.noise import logarithm, stream, uniform
+from pirrht.noise import normals as two_normals
 from pirrht.scene import Array
 
 
@@ -15,8 +16,16 @@ from pirrht.scene import Array
 def _normals(seed, first, out):  # type: ignore[no-untyped-def]
     for s in range(out.shape[0]):
         state = stream(seed, first + s)
-        for i in range(out.shape[1]):
-            state, out[s, i] = normal(state)
+        for i in range(0, out.shape[1], 2):
+            state, out[s, i], other = two_normals(state)
+            if i + 1 < out.shape[1]:
+                out[s, i + 1] = other
+
+
+@kernel
+def _logs(u, out):  # type: ignore[no-untyped-def]
+    for i in range(u.shape[0]):
+        out[i] = logarithm(u[i])
 
 
 @kernel
@@ -30,6 +39,12 @@ def _uniforms(seed, out):  # type: ignore[no-untyped-def]
 def normals(seed: int, samples: int, draws: int, first: int = 0) -> Array:
     out = np.empty((samples, draws))
     _normals(np.uint64(seed), first, out)
+    return out
+
+
+def _logarithms(u: Array) -> Array:
+    out = np.empty(len(u), np.float32)
+    _logs(u, out)
     return out
 
 
@@ -54,7 +69,7 @@ def test_the_first_eight_moments_are_those_of_a_normal():
         assert abs(power.mean() - moment) < 4 * power.std() / np.sqrt(len(x)), k
 
 
-@pytest.mark.parametrize("bound", [2.0, 3.0, TAIL, 4.0, 4.5])
+@pytest.mark.parametrize("bound", [2.0, 3.0, 4.0, 4.5, 5.0])
 def test_both_tails_weigh_what_they_should(bound):
     """4 million numbers of seed 13: counts beyond a bound are Poisson, within 4 deviations."""
     x = normals(13, 2000, 2000).ravel()
@@ -63,13 +78,22 @@ def test_both_tails_weigh_what_they_should(bound):
         assert abs(count - expected) < 4 * np.sqrt(expected)
 
 
-def test_the_layers_have_equal_areas_and_close_at_the_top():
-    height = np.diff(DENSITY[1:])
-    np.testing.assert_allclose(EDGE[1:LAYERS] * height, AREA, rtol=1e-6)
-    assert EDGE[LAYERS] == 0.0
-    assert DENSITY[LAYERS] == 1.0
-    assert EDGE[0] * DENSITY[1] == pytest.approx(AREA)
-    assert TAIL * DENSITY[1] + np.sqrt(2 * np.pi) * norm.sf(TAIL) == pytest.approx(AREA, rel=1e-6)
+def test_the_logarithm_is_within_the_rounding_of_its_numbers():
+    u = np.concatenate([2.0 ** -np.arange(33.0), np.random.default_rng(0).random(20_000)]).astype(np.float32)
+    exact = np.log(u.astype(float))
+    np.testing.assert_allclose(_logarithms(u), exact, rtol=3e-7, atol=1e-7)
+
+
+def test_the_two_numbers_of_a_draw_have_a_uniform_direction_and_a_radius_that_does_not_depend_on_it():
+    """2 million pairs of seed 21; Kolmogorov-Smirnov, and the mean of cos(k angle) times the squared radius."""
+    pairs = normals(21, 2000, 2000).reshape(-1, 2)
+    angle, square = np.arctan2(pairs[:, 1], pairs[:, 0]), np.sum(pairs**2, axis=1)
+    assert kstest(angle, "uniform", args=(-np.pi, 2.0 * np.pi)).pvalue > 1e-3
+    assert kstest(0.5 * square, "expon").pvalue > 1e-3
+    for k in range(1, 9):
+        for wave in (np.cos(k * angle), np.sin(k * angle)):
+            # The variance of wave times a centred exponential of mean 2 is 1/2 times 4.
+            assert abs(np.mean(wave * (square - 2.0))) < 4.5 * np.sqrt(2.0 / len(square)), k
 
 
 def test_uniforms_are_uniform_and_below_one():

@@ -22,6 +22,7 @@ from pirrht.errors import NotLinearlySolvable, OptionError
 from pirrht.path_integral import PathIntegral, Sampling
 from pirrht.problem import Problem
 from pirrht.rollout import kernels_for
+from pirrht.rollout_block import blocks
 from pirrht.scene import Array
 
 
@@ -103,9 +104,10 @@ def test_functions_that_return_constants_take_the_same_paths_as_constants(guide)
     assert fast.temperature == pytest.approx(slow.temperature)
     one, other = (at_strip(integral, 0.2, (1, -1), 7) for integral in (fast, slow))
     np.testing.assert_array_equal(one.rollouts.paths.steps, other.rollouts.paths.steps)
-    np.testing.assert_allclose(other.rollouts.log_weight, one.rollouts.log_weight, atol=1e-9)
-    np.testing.assert_allclose(other.control, one.control, atol=1e-9)
-    np.testing.assert_allclose(other.tape, one.tape, atol=1e-9)
+    # Constants take the path of many lanes abreast, in single precision.
+    np.testing.assert_allclose(other.rollouts.log_weight, one.rollouts.log_weight, atol=1e-4)
+    np.testing.assert_allclose(other.control, one.control, atol=1e-4)
+    np.testing.assert_allclose(other.tape, one.tape, atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -118,12 +120,12 @@ def test_state_dependent_rate_and_blocks_match_collocation(dynamics):
     problem = uneven(L, dynamics, two)
     value, slope = strip_value(problem, L, dynamics, x)
     control = problem.temperature / 2.0 * (1.0 + dynamics.widening * x * x) * slope  # lambda R^-1 G' psi' / psi
-    # The rate counts as it is at the start of a step, an error of 3 % at dt = 0.02 that falls with dt.
+    # The rate counts as it is at the start of a step, an error of 3 % at dt = 0.02 that falls with dt: 0.75 % here.
     sampling = Sampling(dt=0.005, samples=3000, guide="open-loop")
     integral = PathIntegral(problem, strip_space(L), sampling)
     found = [at_strip(integral, x, (1, -1), seed) for seed in range(SEEDS // 2)]
     values = np.array([e.value for e in found])
-    assert values.mean() == pytest.approx(value, rel=0.01)
+    assert values.mean() == pytest.approx(value, rel=0.015)
     assert within([e.control for e in found], [control, 0.0])
     constant, _ = interval_exit(strip(0.5, L), 0.5, L, x)
     assert abs(value - constant) > 0.03 * value  # the dependence matters here
@@ -134,7 +136,7 @@ def test_kernels_over_a_users_functions_are_built_once_and_not_kept():
     kernels = [kernels_for(uneven(0.5, Uneven(b=b), two)) for b in (0.3, 0.5)]
     assert kernels[0] is kernels[1]
     assert kernels[0].control.stats.cache_path is None
-    assert kernels_for(strip(0.5, 0.5)).control.stats.cache_path is not None
+    assert blocks.stats.cache_path is not None
 
 
 def test_a_rate_given_as_a_function_needs_its_least_value(slit):

@@ -44,8 +44,8 @@ def test_blocks_hold_the_paths_that_one_by_one_come_out(slit, slit_tree, guide, 
     assert len(np.unique(block.outcome)) > 1
     for name in Paths._fields:
         one, other = getattr(block, name)[~different], getattr(single, name)[~different]
-        # Guides are in single precision: where they pass a table's entry, rounding shows in its sixth digit.
-        np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-5, err_msg=name)
+        # Blocks are in single precision; log dQ/dP is a sum of some hundred terms of up to ten.
+        np.testing.assert_allclose(one, other, rtol=1e-4, atol=2e-3 if name == "log_ratio" else 1e-5, err_msg=name)
 
 
 def test_a_sample_does_not_depend_on_how_many_others_there_are(slit, slit_tree):

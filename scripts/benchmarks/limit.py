@@ -2,64 +2,56 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
-from pirrht.clearance import Field, clearance
-from pirrht.noise import normal, stream
+from pirrht.clearance import Field
+from pirrht.lanes import LANES, NX, SIGN, L, X, cross, draw, move, room, weigh
+from pirrht.lanes_exits import judge, look, single_field
 from pirrht.threads import mapped
 
 STEPS = 60
 
 
 @njit(nogil=True, error_model="numpy")
-def _normals(first, last):  # type: ignore[no-untyped-def]
-    """Two normals per step."""
-    total = 0.0
-    for s in range(first, last):
-        state = stream(np.uint64(1), s)
-        for _ in range(STEPS):
-            state, one = normal(state)
-            state, other = normal(state)
-            total += one + other
-    return total
+def _normals(blocks, scratch):  # type: ignore[no-untyped-def]
+    """Two normals per step, of many lanes abreast."""
+    f, _, _, _, _, random, bits = scratch
+    for _ in range(blocks * STEPS):
+        draw(random, bits, f, LANES)
 
 
 @njit(nogil=True, error_model="numpy")
-def _steps(field, goal, a, dt, noise, first, last):  # type: ignore[no-untyped-def]
-    """The same with the step, its likelihood ratios (a: (H, 2)), one look-up and the distance to the goal."""
-    root, total, H = math.sqrt(dt), 0.0, a.shape[0]
-    ratio = np.empty(H)
-    for s in range(first, last):
-        state = stream(np.uint64(1), s)
-        x, y = goal
+def _steps(field, goal, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-def]
+    """The same with the step, its class, one look-up, the exit at its end and H likelihood ratios; no path ends."""
+    f, a, ratio, short, long, random, bits = scratch
+    frame, B = single_field(field), noise * np.eye(2)
+    for _ in range(blocks):
+        f[X:SIGN], ratio[:] = 0.0, 0.0
+        f[X : X + L], f[X + L : X + 2 * L] = goal[0], goal[1]
         for _ in range(STEPS):
-            state, one = normal(state)
-            state, other = normal(state)
-            dx, dy = one * root, other * root
-            for h in range(H):
-                ratio[h] += a[h, 0] * (dx - 0.5 * a[h, 0] * dt) + a[h, 1] * (dy - 0.5 * a[h, 1] * dt)
-            x, y = x + noise * dx, y + noise * dy
-            total += min(clearance(field, x, y), (x - goal[0]) ** 2 + (y - goal[1]) ** 2)
-        total += ratio[0]
-    return total
+            draw(random, bits, f, LANES)
+            move(0, 0.1, B, f, a, LANES)
+            cross(cuts, f, long, LANES)
+            look(frame, goal, 0.1, f, short, LANES)
+            judge(goal, 0.1, f, short, LANES)
+            weigh(0, H, 0.1, f, a, ratio, LANES)
+            f[X : X + 2 * L] = f[NX : NX + 2 * L]
 
 
 def normals(samples: int, threads: int) -> int:
     """Draw what `samples` paths of 60 steps need; number of steps."""
-    mapped(lambda part: _normals(*part), _parts(samples, threads), threads)
-    return samples * STEPS
+    return _on(threads, samples, 1, lambda blocks, scratch: _normals(blocks, scratch))
 
 
-def steps(field: Field, goal: tuple[float, float], classes: int, samples: int, threads: int) -> int:
+def steps(field: Field, goal: tuple[float, float], cuts: object, classes: int, samples: int, threads: int) -> int:
     """Simulate `samples` paths of 60 steps that nothing ends; number of steps."""
-    a = np.ones((classes, 2))
-    mapped(lambda part: _steps(field, goal, a, 0.1, 0.01, *part), _parts(samples, threads), threads)
-    return samples * STEPS
+    return _on(
+        threads, samples, classes, lambda blocks, scratch: _steps(field, goal, cuts, classes, 0.01, blocks, scratch)
+    )
 
 
-def _parts(samples: int, threads: int) -> list[tuple[int, int]]:
-    edges = np.linspace(0, samples, 2 * threads + 1).astype(int).tolist()
-    return list(zip(edges[:-1], edges[1:], strict=True))
+def _on(threads: int, samples: int, classes: int, work) -> int:  # type: ignore[no-untyped-def]
+    blocks = max(1, round(samples / LANES / threads))
+    mapped(lambda _: work(blocks, room(classes)), range(threads), threads)
+    return blocks * threads * LANES * STEPS

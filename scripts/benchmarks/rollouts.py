@@ -135,14 +135,13 @@ def _limit(setting: Setting) -> Result:
     """Time per step of what no rollout can do without, on as many threads as ours."""
     integral, samples = setting.kernels[OURS], NUMBERS[-1]
     threads, goal = integral.threads, integral.world.goal
-    work: dict[str, Callable[[int], object]] = {
+    field, cuts = setting.paper.space.field, integral.world.cuts
+    work: dict[str, Callable[[int], int]] = {
         "two normals": lambda _: limit.normals(samples, threads),
-        "two normals and the arithmetic": lambda _: limit.steps(
-            setting.paper.space.field, goal, setting.H, samples, threads
-        ),
+        "two normals and the arithmetic": lambda _: limit.steps(field, goal, cuts, setting.H, samples, threads),
     }
     seconds = interleaved(work, 5)
-    rates = {name: samples * STEPS / spent for name, spent in seconds.items()}
+    rates = {name: work[name](0) / spent for name, spent in seconds.items()}
     table = [
         row(f"limit: {name}", seconds[name], rate=f"{rate / 1e6:.1f} M steps/s", note=f"{1e9 / rate:.2f} ns a step")
         for name, rate in rates.items()
