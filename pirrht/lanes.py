@@ -37,7 +37,7 @@ FLAG, CELL, STAGE = 0, L, 2 * L  # rows of its short integers; gates passed, a r
 def aligned(count: int, kind: type) -> Any:
     """So many zeros, the first of which begins a vector: what lies across the cache's lines loads at half the speed."""
     size = np.dtype(kind).itemsize
-    raw = np.zeros(count + 64 // size, kind)
+    raw: Any = np.zeros(count + 64 // size, kind)
     first = -(raw.ctypes.data // size) % (64 // size)
     return raw[first : first + count]
 

@@ -107,6 +107,11 @@ class HomologyTree:
         return int(self.graph.size[0])
 
     @property
+    def limited_by_predicate(self) -> bool:
+        """Whether a function of the caller takes the limit's place."""
+        return self._predicate
+
+    @property
     def node_count(self) -> int:
         """Number of nodes, all classes of all vertices."""
         return int(self.graph.nodes[: self.size].sum())

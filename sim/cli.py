@@ -49,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     commands.add_parser("scenes", help="list the built-in scenes")
     plan = commands.add_parser("plan", help="grow the tree and print one row per homology class")
+    plan.add_argument("-o", "--output", type=Path, metavar="TREE.npz", help="save the tree for `--tree`")
     plan.add_argument("--png", type=Path, metavar="FILE", help="draw tree and references (extra `figures`)")
     plan.add_argument(
         "--convergence", type=Path, metavar="FILE", help="draw the length of each class's best path per iteration"
@@ -63,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
         _explain_methods(command)
     for command in (plan, run, estimate):
         command.add_argument("scene", metavar="SCENE", help="built-in name or MJCF file")
-        _common_options(command)
+        _common_options(command, skip=("tree",) if command is plan else ())
         command.add_argument("--json", type=Path, metavar="FILE", help="write the figures as JSON")
     sweep = commands.add_parser("sweep", help="many seeds, methods and noise levels: a table, a dataset")
     sweep.add_argument("scenes", nargs="+", metavar="SCENE", help="built-in names or MJCF files")
@@ -72,13 +73,16 @@ def _parser() -> argparse.ArgumentParser:
     _explain_methods(sweep)
     _report_options(commands)
     _export_options(commands)
-    world = commands.add_parser("import", help="turn a Gazebo world of static primitives into an MJCF scene")
-    world.add_argument("world", type=Path, metavar="WORLD", help="an SDF file: .world or .sdf")
+    world = commands.add_parser("import", help="turn a Gazebo world of static primitives or a ROS map into a scene")
+    world.add_argument("world", type=Path, metavar="WORLD", help="an SDF file (.world, .sdf), or a map's .yaml")
     world.add_argument("-o", "--output", type=Path, required=True, metavar="SCENE.xml", help="the scene to write")
     world.add_argument("--start", type=float, nargs="+", metavar="X", help="start: X Y [TH]")
     world.add_argument("--goal", type=float, nargs=3, metavar=("X", "Y", "R"), help="goal disc")
     world.add_argument(
         "--workspace", type=float, nargs=4, metavar=("X0", "X1", "Y0", "Y1"), help="border of the robot's centre"
+    )
+    world.add_argument(
+        "--unknown", metavar="RULE", help="unknown cells of a map are walls (occupied) or not (free) (occupied)"
     )
     return parser
 
@@ -158,6 +162,10 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
         metavar="NAME",
         help="paper: dt = period = 0.1, its N, open loop, plain average, endpoint exit, equal, independent samples",
     )
+    if "tree" not in skip:
+        planner.add_argument(
+            "--tree", metavar="TREE.npz", help="a tree that `pirrht plan -o` saved, instead of growing one"
+        )
     if "method" not in skip:
         planner.add_argument("--method", metavar="NAME", help=f"one of {', '.join(METHODS)} (pi-rrht)")
     planner.add_argument(

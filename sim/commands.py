@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from pirrht import tree_file
 from pirrht.convergence import Convergence
 from pirrht.errors import OptionError, SceneError
 from pirrht.methods import TREELESS
@@ -49,7 +50,7 @@ def scenes(_: argparse.Namespace) -> int:
 
 def plan(arguments: argparse.Namespace) -> int:
     """Grow the tree and print one row per class."""
-    _check_outputs(arguments, "json", "png", "convergence")
+    _check_outputs(arguments, "json", "png", "convergence", "output")
     drawings = {option: getattr(arguments, option) for option in ("png", "convergence") if getattr(arguments, option)}
     for option in drawings:
         from sim import figures
@@ -66,6 +67,9 @@ def plan(arguments: argparse.Namespace) -> int:
     seconds = time.perf_counter() - began
     print(present.class_table(references))
     print(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
+    if arguments.output:
+        tree_file.save(tree, arguments.output)
+        print(f"tree: {arguments.output}")
     if arguments.json:
         present.write_json(arguments.json, present.plan_json(scenario, tree, references, seconds, convergence))
     if arguments.png:
@@ -162,13 +166,20 @@ def estimate(arguments: argparse.Namespace) -> int:
 
 
 def import_world(arguments: argparse.Namespace) -> int:
-    """Turn a Gazebo world into a scene."""
+    """Turn a Gazebo world or a ROS map into a scene."""
     from sim import worlds
 
     _check_outputs(arguments, "output")
-    imported = worlds.import_world(
-        arguments.world, arguments.output, start=arguments.start, goal=arguments.goal, workspace=arguments.workspace
-    )
+    with tqdm(desc="boxes", unit=" cells", leave=False, disable=None) as bar:
+        imported = worlds.import_world(
+            arguments.world,
+            arguments.output,
+            start=arguments.start,
+            goal=arguments.goal,
+            workspace=arguments.workspace,
+            unknown=arguments.unknown,
+            progress=bar.update,
+        )
     print(f"{imported.path}: {imported.geoms} geoms, {imported.obstacles} of them obstacles")
     return 0
 

@@ -68,6 +68,7 @@ class Settings:
     polish: bool = True
     max_time: float = 30.0
     threads: int | None = None
+    tree: str | None = None  # file of a saved tree that is used instead of growing one
     plan_seed: int | None = None  # seed of the tree alone; None: derived from `seed`
 
     def __post_init__(self) -> None:
@@ -138,6 +139,8 @@ def settle(
     for name in ("speed", "rho"):
         if dynamics_name != "unicycle" and given.get(name) is not None:
             raise OptionError(f"--{name} is for cars and this robot is none; leave it out or choose --robot unicycle")
+    if given.get("tree") is not None and given.get("vertices") is not None:
+        raise OptionError("--vertices and --tree: a saved tree brings its own vertices; leave one of them out")
     known = {f.name for f in fields(Settings)}
     asked = {_field(name): value for name, value in scene_defaults.items() if _field(name) in known}
     layers: list[Mapping[str, Any]] = [asked]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pirrht import tree_file
 from pirrht.controller import Controller
 from pirrht.desirability import Desirability
 from pirrht.dynamics import Dynamics, SingleIntegrator, Unicycle
@@ -72,9 +73,16 @@ class Scenario:
         )
 
     def grown_tree(self, progress: Callable[[int], None] | None = None) -> HomologyTree:
-        """A tree of `settings.vertices` vertices."""
+        """A tree of `settings.vertices` vertices, or the one that was saved as `settings.tree`.
+
+        Raises:
+            OptionError: that is no tree for this scene, robot and limit.
+        """
+        s = self.settings
+        if s.tree is not None:
+            return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
         tree = self.empty_tree()
-        tree.grow(self.settings.vertices, progress=progress)
+        tree.grow(s.vertices, progress=progress)
         return tree
 
     def truth(self) -> Desirability:

@@ -1,15 +1,15 @@
-"""Gazebo worlds as scenes: an SDF file becomes an MJCF file by the conventions of `sim.mjcf`.
+"""Gazebo worlds and ROS maps as scenes: they become MJCF files by the conventions of `sim.mjcf`.
 
-A world says nothing of a task, so start and goal are the caller's; the workspace is, too, unless the ground
-plane has a size that is meant. The new file is loaded before it takes its place, so that a file that is
-there already is never replaced by a broken one.
+Neither says anything of a task, so start and goal are the caller's; the workspace is, too, unless the ground
+plane has a size that is meant, or the map is not turned. The new file is loaded before it takes its place, so that a
+file that is there already is never replaced by a broken one.
 """
 
 from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +19,9 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 import numpy as np
 
-from pirrht.errors import SceneError
+from pirrht.errors import OptionError, SceneError
 from pirrht.scene import Array
+from sim import maps
 from sim.mjcf import load
 from sim.sdf import Solid, World, read_sdf
 
@@ -94,15 +95,19 @@ def import_world(
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
     workspace: Sequence[float] | None = None,
+    unknown: str | None = None,
+    progress: Callable[[int], object] | None = None,
 ) -> Imported:
-    """Write the static obstacles of an SDF world as a scene for the unicycle.
+    """Write the static obstacles of an SDF world, or the walls of a ROS map, as a scene for the unicycle.
 
     Args:
-        source: an SDF file with one world.
+        source: an SDF file with one world, or the YAML file of a map.
         target: the MJCF file to write; replaced in one go if it exists.
         start: x, y [m] and optionally the heading [rad].
         goal: x, y, radius [m].
         workspace: x0, x1, y0, y1, the box that holds the robot's centre [m].
+        unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
+        progress: told how many more cells of a map have become boxes.
 
     Raises:
         SceneError: the world has something that cannot be taken over, start, goal or workspace are missing or
@@ -110,7 +115,13 @@ def import_world(
     """
     source, target = Path(source), Path(target)
     _check_target(source, target)
-    world = read_sdf(source)
+    if source.suffix.lower() in maps.SUFFIXES:
+        world = maps.read_map(source).world(unknown or "occupied", progress)
+        workspace = world.ground.tolist() if workspace is None and world.ground is not None else workspace
+    elif unknown is not None:
+        raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(maps.SUFFIXES)}; leave it out")
+    else:
+        world = read_sdf(source)
     place = _numbers(source, "--start X Y [TH]", start, (2, 3))
     goal_disc = _numbers(source, "--goal X Y R", goal, (3,))
     bounds = _workspace(source, world, workspace, np.array([place[:2], goal_disc[:2]]))

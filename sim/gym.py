@@ -1,0 +1,270 @@
+"""The noisy robot as Gymnasium environments, so that other people's controllers drive what ours drive.
+
+Importing this module registers `pirrht/Slit-v0`, `pirrht/Clutter-v0` and so on for every built-in scene, and
+`pirrht/Scene-v0` for any other: Gymnasium looks for no plugins since version 1.0, so import it, or name it, as in
+`gymnasium.make("sim.gym:pirrht/Slit-v0")`.
+
+* Observation: the state x (n,): x, y [m] and of a car the unwrapped heading [rad].
+* Action: the control u (m,), held for one period: velocity [m/s] of a point, turn rate over V/rho of a car.
+* Reward: -(q + u'Ru/2) dt, summed over the period; at a collision also the problem's phi is taken off, or `penalty`
+  where that is infinite.
+* `terminated` in the goal or at a collision, `truncated` after `max_time`.
+* `info`: outcome ("goal", "collision", "timeout" or None), cost, time [s], min_clearance [m], path_length [m].
+
+`reset(seed=s)` gives the plant the noise that it has under `pirrht run --seed s`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pirrht.driven import Driven
+from pirrht.errors import OptionError
+from pirrht.outcome import Outcome
+from pirrht.plan import Plan
+from pirrht.scene import Array
+from sim import runs
+from sim.episode import Driver, Frame, Tally
+from sim.mjcf import scene_names
+from sim.runs import Job
+from sim.scenarios import prepare
+
+try:
+    import gymnasium
+    from gymnasium.spaces import Box
+except ImportError:
+    raise OptionError("environments need Gymnasium; install it with `pip install 'pirrht[gym]'`") from None
+
+PENALTY = 100.0  # of a collision, where phi is infinite [cost]
+
+Policy = Callable[[Array], Any]  # observation (n,) -> action (m,)
+
+
+class Drive(gymnasium.Env[Array, Array]):
+    """One robot in one scene.
+
+    Args:
+        scene: built-in name or MJCF file.
+        robot, radius, start, goal: as the options of `pirrht run`.
+        noise: b; None: what the scene or the robot says, and likewise period [s], max_time [s], plant and phi.
+        penalty: taken off at a collision where phi is infinite.
+        bound: actions are clipped to [-bound, bound]; infinite by default, but learners like a finite one.
+
+    Raises:
+        SceneError, OptionError: with one line for a person.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
+
+    def __init__(
+        self,
+        scene: str | Path = "slit",
+        *,
+        robot: str | Path | None = None,
+        radius: float | None = None,
+        start: Sequence[float] | None = None,
+        goal: Sequence[float] | None = None,
+        noise: float | None = None,
+        period: float | None = None,
+        max_time: float | None = None,
+        plant: str | None = None,
+        phi: float | None = None,
+        penalty: float = PENALTY,
+        bound: float = np.inf,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None:
+            raise OptionError(f"render_mode is {render_mode!r}; there is none: film drives with `pirrht run --video`")
+        if not bound > 0 or not penalty >= 0:
+            raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
+        task = {"robot": robot, "radius": radius, "start": start, "goal": goal, "preset": None}
+        settings = {"noise": noise, "period": period, "max_time": max_time, "plant": plant, "phi": phi}
+        given = {name: value for name, value in settings.items() if value is not None}
+        self.scenario = prepare(scene, **task, given=given)  # type: ignore[arg-type]
+        self.job = Job(scene=str(scene), method="", noise=noise, seed=0, task=_frozen(task), given=_frozen(given))
+        phi_or = self.scenario.problem.phi
+        self._fall = phi_or if np.isfinite(phi_or) else penalty
+        self._plant = self.scenario.plant()
+        d = self.scenario.problem.dynamics
+        self.render_mode = None
+        self.observation_space = Box(-np.inf, np.inf, (d.n,), np.float64)
+        self.action_space = Box(-bound, bound, (d.m,), np.float64)
+        self._frame: Frame | None = None
+        self._tally: Tally | None = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Stand at the start; without a seed one is drawn."""
+        super().reset(seed=seed)
+        self.seed = int(self.np_random.integers(2**31)) if seed is None else seed
+        self._rng = self.scenario.with_settings(seed=self.seed).plant_rng()
+        self._plant.reset(self.scenario.start)
+        self._tally, self._frame = Tally(self.scenario.settings.period), None
+        self._driven = Driven(self.scenario.space.homology, self._plant.state)
+        self._asked = time.perf_counter()
+        return self._plant.state, self._info()
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Hold a control for one period.
+
+        Raises:
+            OptionError: before `reset`, or after the end.
+        """
+        thought = time.perf_counter() - self._asked if self._tally is not None else 0.0
+        if self._tally is None or (self._frame is not None and self._frame.outcome is not None):
+            raise OptionError("the drive has not begun or is over; call reset() first")
+        u = np.clip(np.asarray(action, dtype=float), self.action_space.low, self.action_space.high)  # type: ignore[attr-defined]
+        self._frame = self._held(u, thought)
+        self._tally.add(self._frame)
+        outcome = self._frame.outcome
+        reward = -self._frame.advance.cost - (self._fall if outcome is Outcome.COLLISION else 0.0)
+        self._asked = time.perf_counter()
+        over = outcome in (Outcome.GOAL, Outcome.COLLISION)
+        return self._plant.state, float(reward), over, outcome is Outcome.TIMEOUT, self._info()
+
+    def result(self) -> dict[str, Any]:
+        """What `pirrht run --json` tells of a drive, of this one so far."""
+        assert self._tally is not None
+        return self._tally.result()
+
+    def _held(self, u: Array, thought: float) -> Frame:
+        """The next period as the frame of a drive."""
+        before, x = self._frame, self._plant.state
+        settings, clearance = self.scenario.settings, self.scenario.space.clearance(x)
+        now = 0.0 if before is None else before.end_time
+        plan = Plan(
+            state=x, times=np.array([0.0, settings.period]), references=(), ids=(), estimate=None, fallback=None,
+            instead=u[None],
+        )  # fmt: skip
+        advance = self._plant.advance(lambda x, s: u, self._rng)
+        self._driven.observe(advance.states)
+        late = advance.outcome is None and now + advance.time >= settings.max_time - 1e-9
+        return Frame(
+            step=0 if before is None else before.step + 1,
+            time=now,
+            plan=plan,
+            advance=advance,
+            outcome=Outcome.TIMEOUT if late else advance.outcome,
+            cost=advance.cost + (0.0 if before is None else before.cost),
+            length=advance.length + (0.0 if before is None else before.length),
+            clearance=clearance,
+            driven_class=self._driven.winding(),
+            plan_seconds=thought,
+        )
+
+    def _info(self) -> dict[str, Any]:
+        frame = self._frame
+        if frame is None or self._tally is None:
+            clearance = self.scenario.space.clearance(self._plant.state)
+            return {"outcome": None, "cost": 0.0, "time": 0.0, "min_clearance": clearance, "path_length": 0.0}
+        return {
+            "outcome": None if frame.outcome is None else frame.outcome.name.lower(),
+            "cost": frame.cost,
+            "time": frame.end_time,
+            "min_clearance": self._tally.min_clearance,
+            "path_length": frame.length,
+        }
+
+
+class Following:
+    """A controller of this package as a policy, which may be asked more often than it plans.
+
+    In an environment whose period is the physics step it makes the drive that `pirrht run` makes, feedback between
+    plans included.
+
+    Args:
+        driver: `Scenario.controller` or `Scenario.optimal`.
+        period: of its plans [s].
+        step: period of the environment [s].
+    """
+
+    def __init__(self, driver: Driver, *, period: float, step: float) -> None:
+        self.driver, self.period, self.step = driver, period, step
+        self._plan: Plan | None = None
+
+    def __call__(self, x: Array) -> Array:
+        """The control at state x (n,), a step after the last one."""
+        each = round(self.period / self.step)
+        if self._plan is None:
+            self.driver.begin(x)
+            self._since: list[Array] = []
+        else:
+            self._since.append(x)
+        if self._plan is None or len(self._since) == each:
+            if self._since:
+                self.driver.observe(np.array(self._since), len(self._since) * self.step)
+            self._plan, self._since = self.driver.plan(x), []
+        return self._plan.at(x, len(self._since) * self.step)
+
+
+def score(
+    policy: Policy | Callable[[int], Policy],
+    *,
+    scene: str | Path = "slit",
+    seeds: Iterable[int],
+    method: str,
+    anew: bool = False,
+    environment: gymnasium.Env[Any, Any] | None = None,
+    **options: Any,
+) -> list[dict[str, Any]]:
+    """Drive a policy once per seed; one record each, as those of `pirrht sweep`.
+
+    Args:
+        policy: observation to action; with `anew` a function that makes such a policy for a seed.
+        method: what tables and reports call it.
+        environment: a wrapped `Drive`; without it one of `scene` and `options` is made.
+
+    Returns:
+        records that `sim.rows` makes rows of a dataset of.
+    """
+    env = Drive(scene, **options) if environment is None else environment
+    made: Callable[[int], Any] = policy if anew else lambda seed: policy  # type: ignore[assignment]
+    return [_scored(env, made(seed), seed, method) for seed in seeds]
+
+
+def _scored(env: gymnasium.Env[Any, Any], policy: Any, seed: int, method: str) -> dict[str, Any]:
+    drive = env.unwrapped
+    assert isinstance(drive, Drive)
+    began = time.perf_counter()
+    x, _ = env.reset(seed=seed)
+    over = False
+    while not over:
+        x, _, terminated, truncated, _ = env.step(policy(x))
+        over = terminated or truncated
+    scenario = drive.scenario
+    return {
+        "scene": scenario.loaded.scene.name,
+        "scene_digest": runs.digest(drive.job),
+        "method": method,
+        "noise": scenario.settings.noise,
+        "seed": seed,
+        "plan_seed": 0,
+        "robot": scenario.loaded.robot,
+        "lambda": scenario.problem.temperature,
+        "samples": None,
+        "dt": None,
+        "period": scenario.settings.period,
+        **drive.result(),
+        "shortest_length": None,
+        "plan_seconds": None,
+        "drive_seconds": time.perf_counter() - began,
+        "error": None,
+    }
+
+
+def name_of(scene: str) -> str:
+    """Gymnasium's name of a built-in scene's environment."""
+    return "pirrht/" + "".join(word.capitalize() for word in scene.replace("-", "_").split("_")) + "-v0"
+
+
+def _frozen(values: dict[str, Any]) -> runs.Frozen:
+    return tuple((name, tuple(v) if isinstance(v, list | np.ndarray) else v) for name, v in values.items())
+
+
+for _scene in scene_names():
+    gymnasium.register(id=name_of(_scene), entry_point="sim.gym:Drive", kwargs={"scene": _scene})
+gymnasium.register(id="pirrht/Scene-v0", entry_point="sim.gym:Drive")

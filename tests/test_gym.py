@@ -1,0 +1,193 @@
+"""Environments drive the same plant under the same noise as `pirrht run`, and score what drives them alike."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+from pirrht.errors import OptionError  # noqa: E402
+from pirrht.tree import HomologyTree  # noqa: E402
+from sim import episode, gym, rows, runs  # noqa: E402
+from sim.mjcf import scene_names  # noqa: E402
+from sim.scenarios import Scenario  # noqa: E402
+
+INFO = {"outcome", "cost", "time", "min_clearance", "path_length"}
+
+
+def ahead(x):
+    """Through the slit at unit speed, with a pull to its middle."""
+    return np.array([1.0, 4.0 * (2.5 - x[1])])
+
+
+def driven(env, policy, seed=0):
+    x, info = env.reset(seed=seed)
+    states, rewards, over = [x], [], False
+    while not over:
+        x, reward, terminated, truncated, info = env.step(policy(x))
+        states.append(x)
+        rewards.append(reward)
+        over = terminated or truncated
+    return np.array(states), np.array(rewards), (terminated, truncated), info
+
+
+@pytest.mark.parametrize("scene", scene_names())
+def test_every_scene_is_registered_and_passes_gymnasiums_own_checks(scene: str):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # unbounded spaces are meant
+        env = gymnasium.make(gym.name_of(scene)).unwrapped
+        check_env(env)
+        check_env(gymnasium.make("pirrht/Scene-v0", scene=scene, bound=2.0).unwrapped)
+
+
+def test_a_name_is_enough_to_import_us():
+    script = "import gymnasium; print(gymnasium.make('sim.gym:pirrht/Slit-v0').unwrapped.job.scene)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "slit"
+
+
+# -- the same plant ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_a_seed_gives_the_noise_that_a_run_has(slit: Scenario, seed: int):
+    env = gym.Drive("slit", max_time=0.1)
+    env.reset(seed=seed)
+    noise = []
+    for _ in range(10):
+        env.step(np.zeros(2))
+        noise.append(env._frame.advance.noise)
+    again = slit.with_settings(seed=seed).plant_rng()
+    np.testing.assert_array_equal(np.vstack(noise), np.sqrt(0.002) * again.standard_normal((50, 2)))
+
+
+def test_our_controller_drives_as_it_does_in_a_run(slit: Scenario, slit_tree: HomologyTree):
+    scenario = slit.with_settings(noise=0.3, seed=2, samples=60, threads=1)
+    tally = episode.Tally(0.01)
+    frames = []
+    controller = scenario.controller(slit_tree)
+    for frame in episode.run(scenario.plant(), controller, slit.start, scenario.plant_rng(), max_time=30.0):
+        tally.add(frame)
+        frames.append(frame)
+    env = gym.Drive("slit", noise=0.3, period=0.002)
+    policy = gym.Following(scenario.controller(slit_tree), period=0.01, step=0.002)
+    states, rewards, ends, info = driven(env, policy, seed=2)
+    np.testing.assert_array_equal(states[1:], np.vstack([frame.advance.states for frame in frames]))
+    one, other = tally.result(), env.result()
+    for name in ("time", "cost", "path_length"):
+        assert other[name] == pytest.approx(one[name], rel=1e-9)
+    for name in ("outcome", "executed_class"):
+        assert other[name] == one[name]
+    assert info["min_clearance"] <= one["min_clearance"]  # looked at five times as often
+    assert ends == (True, False)
+    assert -rewards.sum() == pytest.approx(one["cost"] + (0.0 if one["outcome"] == "goal" else gym.PENALTY))
+
+
+def test_a_control_that_is_held_costs_what_the_sde_plant_says():
+    env = gym.Drive("slit", plant="sde", noise=1e-6)
+    env.reset(seed=0)
+    x, reward, terminated, truncated, info = env.step(np.array([1.0, -2.0]))
+    assert reward == pytest.approx(-0.01 * (1.0 + 0.5 * 2.0 * 5.0))
+    np.testing.assert_allclose(x, [1.01, 2.48], atol=1e-5)
+    assert not terminated
+    assert not truncated
+    assert set(info) == INFO
+    assert info["cost"] == pytest.approx(-reward)
+    assert info["outcome"] is None
+
+
+# -- ends --------------------------------------------------------------------------------------------------------
+
+
+def test_goal_collision_and_time_are_told_apart():
+    goal = driven(gym.Drive("slit", noise=0.01), ahead)
+    assert goal[2] == (True, False)
+    assert goal[3]["outcome"] == "goal"
+    assert -goal[1].sum() == pytest.approx(goal[3]["cost"])
+    wall = driven(gym.Drive("slit", noise=0.01, penalty=7.0), lambda x: np.array([0.0, 3.0]))
+    assert wall[2] == (True, False)
+    assert wall[3]["outcome"] == "collision"
+    assert -wall[1].sum() == pytest.approx(wall[3]["cost"] + 7.0)
+    late = driven(gym.Drive("slit", noise=0.01, max_time=0.05), lambda x: np.zeros(2))
+    assert late[2] == (False, True)
+    assert late[3]["outcome"] == "timeout"
+    assert late[3]["time"] == pytest.approx(0.05)
+
+
+def test_a_finite_phi_is_the_penalty_of_a_collision():
+    _, rewards, _, info = driven(gym.Drive("slit", noise=0.01, phi=31.0), lambda x: np.array([0.0, 3.0]))
+    assert -rewards.sum() == pytest.approx(info["cost"] + 31.0)
+
+
+def test_nothing_moves_before_the_beginning_and_after_the_end():
+    env = gym.Drive("slit", max_time=0.01)
+    with pytest.raises(OptionError, match="reset"):
+        env.step(np.zeros(2))
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    with pytest.raises(OptionError, match="reset"):
+        env.step(np.zeros(2))
+    x, info = env.reset(seed=0)
+    np.testing.assert_array_equal(x, [1.0, 2.5])
+    assert info["cost"] == 0.0
+
+
+def test_actions_beyond_the_bound_are_clipped():
+    free, bound = gym.Drive("slit"), gym.Drive("slit", bound=0.5)
+    assert bound.action_space.contains(np.array([0.5, -0.5]))
+    one = [driven_step(free, np.array([0.5, -0.5])), driven_step(bound, np.array([3.0, -9.0]))]
+    np.testing.assert_array_equal(*one)
+
+
+def driven_step(env, action):
+    env.reset(seed=1)
+    return env.step(action)[0]
+
+
+def test_what_cannot_be_is_refused():
+    for options in ({"bound": 0.0}, {"penalty": -1.0}, {"render_mode": "human"}, {"noise": -1.0}, {"plant": "gazebo"}):
+        with pytest.raises(OptionError):
+            gym.Drive("slit", **options)
+
+
+# -- scores ------------------------------------------------------------------------------------------------------
+
+
+def test_scores_are_records_of_a_sweep():
+    records = gym.score(ahead, scene="slit", noise=0.02, seeds=range(3), method="steering wheel")
+    task = tuple((name, None) for name in ("robot", "radius", "start", "goal", "preset"))
+    given = (("plan_seed", 0), ("vertices", 60), ("samples", 10), ("max_time", 0.02))
+    job = runs.Job(scene="slit", method="single", noise=0.02, seed=0, task=task, given=given)
+    _, planned = runs.survey(runs.Survey(job=job))
+    sweeps = runs.drive(job, planned)
+    for seed, record in enumerate(records):
+        assert record.keys() == sweeps.keys()
+        assert {name: type(value) for name, value in record.items() if name in rows.KEY} == {
+            name: type(sweeps[name]) if name != "scene_digest" else str for name in rows.KEY
+        }
+        assert (record["seed"], record["method"], record["outcome"]) == (seed, "steering wheel", "goal")
+        assert record["executed_class"] == "0,0"
+        assert rows.record_of(rows.row_of(record))["cost"] == record["cost"]
+    assert record["scene_digest"] == runs.digest(job)
+
+
+def test_wrapped_environments_and_policies_made_for_each_seed_are_scored_alike():
+    wrapped = gymnasium.wrappers.RescaleAction(gym.Drive("slit", noise=0.1, bound=2.0), -1.0, 1.0)
+    seen = []
+
+    def anew(seed):
+        seen.append(seed)
+        return lambda x: 0.5 * ahead(x)
+
+    one = gym.score(anew, environment=wrapped, seeds=[4, 7], method="m", anew=True)
+    other = gym.score(lambda x: np.clip(ahead(x), -2, 2), scene="slit", noise=0.1, seeds=[4, 7], method="m")
+    assert seen == [4, 7]
+    for a, b in zip(one, other, strict=True):
+        assert a["outcome"] == b["outcome"]
+        assert a["cost"] == pytest.approx(b["cost"])

@@ -1,0 +1,249 @@
+"""ROS maps become scenes: the walls are the occupied cells, exactly, and what cannot be read is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("yaml")
+Image = pytest.importorskip("PIL.Image")
+
+from pirrht.errors import OptionError, SceneError  # noqa: E402
+from pirrht.scene import Kind  # noqa: E402
+from sim import cli  # noqa: E402
+from sim.maps import read_map  # noqa: E402
+from sim.mjcf import load  # noqa: E402
+from sim.rectangles import cover, union  # noqa: E402
+from sim.worlds import import_world  # noqa: E402
+
+BLACK, GREY, WHITE = 0, 205, 254
+
+
+def written(folder: Path, picture: np.ndarray, name: str = "map.pgm", **keys) -> Path:
+    """A map of a picture whose first row is the top."""
+    Image.fromarray(picture).save(folder / name)
+    values = {"image": name, "resolution": 0.1, "origin": "[0.0, 0.0, 0.0]", "occupied_thresh": 0.65}
+    values |= {"free_thresh": 0.196, "negate": 0} | keys
+    path = folder / "map.yaml"
+    path.write_text("".join(f"{key}: {value}\n" for key, value in values.items() if value is not None))
+    return path
+
+
+def drawn(*rows: str) -> np.ndarray:
+    return np.array([[{"#": BLACK, "?": GREY, ".": WHITE}[c] for c in row] for row in rows], np.uint8)
+
+
+def rooms(seed: int, size: int = 80) -> np.ndarray:
+    """A house of four rooms with doors at random places, seen from above, in a surrounding that nobody knows."""
+    rng = np.random.default_rng(seed)
+    picture = np.full((size, size), GREY, np.uint8)
+    picture[4:-4, 4:-4] = BLACK
+    inner, middle = slice(6, size - 6), size // 2
+    picture[inner, inner] = WHITE
+    picture[middle - 1 : middle + 1, inner] = BLACK
+    picture[inner, middle - 1 : middle + 1] = BLACK
+    for low, high in ((8, middle - 14), (middle + 4, size - 20)):
+        for axis in (0, 1):
+            door = rng.integers(low, high)
+            part = slice(door, door + 12)
+            walls = (slice(middle - 1, middle + 1), part)
+            picture[walls if axis == 0 else walls[::-1]] = WHITE
+    return picture
+
+
+# -- rectangles --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_union_of_the_rectangles_is_the_set_of_cells(seed: int):
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(1, 40, size=2))
+    cells = rng.random(shape) < rng.uniform(0.05, 0.95)
+    pieces = cover(cells)
+    np.testing.assert_array_equal(union(pieces, shape) > 0, cells)
+    runs = int(np.sum(np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(int), axis=1) == 1))
+    assert len(pieces) <= runs  # no more than rows cut at every gap
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_rectangle_could_be_left_out(seed: int):
+    cells = np.random.default_rng(seed).random((25, 25)) < 0.7
+    pieces = cover(cells)
+    for i in range(len(pieces)):
+        assert np.any((union(np.delete(pieces, i, axis=0), cells.shape) > 0) != cells)
+
+
+@pytest.mark.parametrize(
+    ("picture", "count"),
+    [
+        (drawn("###", "###"), 1),
+        (drawn("...", "..."), 0),
+        (drawn(".#.", "###", ".#."), 2),
+        (drawn("#..", "#..", "###"), 2),
+        (drawn("#####", "#...#", "#...#", "#####"), 4),
+        (drawn("#.#", ".#.", "#.#"), 5),
+    ],
+)
+def test_simple_shapes_take_as_few_as_they_can(picture: np.ndarray, count: int):
+    assert len(cover(picture == BLACK)) == count
+
+
+def test_progress_adds_up_to_all_cells():
+    cells = np.random.default_rng(1).random((30, 30)) < 0.6
+    told: list[int] = []
+    cover(cells, told.append)
+    assert sum(told) == cells.sum()
+
+
+# -- maps --------------------------------------------------------------------------------------------------------
+
+
+def test_the_first_row_is_the_top_and_the_origin_the_lower_left_corner(tmp_path: Path):
+    picture = drawn("#...", "....", "....")
+    path = written(tmp_path, picture, resolution=0.5, origin="[-1.0, 2.0, 0.0]")
+    solid = read_map(path).world().solids[0]
+    np.testing.assert_allclose(solid.pose[:2, 3], [-1.0 + 0.25, 2.0 + 2.5 * 0.5])
+    np.testing.assert_allclose(solid.size[:2], 0.25)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.3, np.pi / 2, -2.0])
+def test_a_turned_map_turns_about_its_lower_left_corner(tmp_path: Path, yaw: float):
+    picture = np.where(np.random.default_rng(0).random((7, 9)) < 0.4, BLACK, WHITE).astype(np.uint8)
+    world = read_map(written(tmp_path, picture, resolution=0.2, origin=f"[1.0, -3.0, {yaw}]")).world()
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    rows, columns = np.nonzero(np.ones_like(picture))
+    local = 0.2 * np.column_stack([columns + 0.5, 6 - rows + 0.5])
+    inside = np.zeros(len(local), bool)
+    for solid in world.solids:
+        off = (local @ turn.T + [1.0, -3.0] - solid.pose[:2, 3]) @ solid.pose[:2, :2]
+        inside |= np.all(np.abs(off) <= solid.size[:2] + 1e-9, axis=1)
+    np.testing.assert_array_equal(inside, picture.ravel() == BLACK)
+    assert (world.ground is None) == (yaw != 0.0)
+
+
+@pytest.mark.parametrize(
+    ("keys", "occupied", "free"),
+    [
+        ({}, [1, 0, 0, 0], [0, 0, 0, 1]),
+        ({"negate": 1}, [0, 0, 1, 1], [1, 0, 0, 0]),
+        ({"occupied_thresh": 0.2, "free_thresh": 0.1}, [1, 1, 0, 0], [0, 0, 0, 1]),
+        ({"mode": "scale"}, [1, 0, 0, 0], [0, 0, 0, 1]),
+        ({"mode": "raw"}, [0, 0, 0, 0], [1, 0, 0, 0]),
+        ({"mode": "trinary", "occupied_thresh": None, "free_thresh": None, "negate": None}, [1, 0, 0, 0], [0, 0, 0, 1]),
+    ],
+)
+def test_thresholds_and_modes_are_those_of_map_server(tmp_path: Path, keys, occupied, free):
+    """Chances of 1, 0.5, 0.2 and 0 by darkness; as raw values 0 per cent and three beyond 100."""
+    grid = read_map(written(tmp_path, np.array([[0, 128, 204, 255]], np.uint8), **keys))
+    np.testing.assert_array_equal(grid.occupied[0], np.array(occupied, bool))
+    np.testing.assert_array_equal(grid.free[0], np.array(free, bool))
+
+
+def test_raw_maps_hold_per_cents(tmp_path: Path):
+    grid = read_map(written(tmp_path, np.array([[0, 19, 50, 66, 100, 101, 255]], np.uint8), mode="raw"))
+    assert grid.occupied[0].tolist() == [False, False, False, True, True, False, False]
+    assert grid.free[0].tolist() == [True, True, False, False, False, False, False]
+
+
+def test_colours_count_by_their_mean_and_transparent_pixels_of_scale_maps_are_unknown(tmp_path: Path):
+    picture = np.zeros((1, 3, 4), np.uint8)
+    picture[..., 3] = [255, 255, 0]
+    picture[0, 1, :3] = [255, 255, 240]
+    for mode, occupied in (("trinary", [True, False, True]), ("scale", [True, False, False])):
+        grid = read_map(written(tmp_path, picture, "map.png", mode=mode))
+        assert grid.occupied[0].tolist() == occupied
+        assert grid.free[0].tolist() == [False, True, False]
+
+
+def test_sixteen_bits_are_a_finer_grey(tmp_path: Path):
+    picture = np.array([[0, 30000, 65535]], np.uint16)
+    grid = read_map(written(tmp_path, picture, "map.png"))
+    assert grid.occupied[0].tolist() == [True, False, False]
+    assert grid.free[0].tolist() == [False, False, True]
+
+
+def test_what_is_unknown_is_a_wall_unless_it_is_said_to_be_free(tmp_path: Path):
+    grid = read_map(written(tmp_path, drawn("#?.", "#?.")))
+    width = {rule: sum(2 * s.size[0] for s in grid.world(rule).solids) for rule in ("occupied", "free")}
+    assert width == pytest.approx({"occupied": 0.2, "free": 0.1})
+    with pytest.raises(OptionError, match="--unknown is 'open'"):
+        grid.world("open")
+
+
+# -- scenes ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys, seed: int):
+    """Four rooms and an unknown surrounding take few boxes, whose area is that of the cells."""
+    picture = rooms(seed)
+    path, scene = written(tmp_path, picture), tmp_path / "house.xml"
+    task = ["--start", "2.0", "2.0", "--goal", "6.0", "6.0", "0.3"]
+    assert cli.main(["import", str(path), "-o", str(scene), *task]) == 0
+    loaded = load(scene)
+    assert f"{len(loaded.scene.obstacles)} of them obstacles" in capsys.readouterr().out
+    assert len(loaded.scene.obstacles) <= 12
+    covered = np.zeros((80, 80), bool)
+    at = np.stack(np.meshgrid(*2 * [0.05 + 0.1 * np.arange(80)]), axis=-1)
+    for obstacle in loaded.scene.obstacles:
+        assert obstacle.kind is Kind.BOX
+        off = at - obstacle.position[:2]
+        covered |= np.all(np.abs(off) < obstacle.size[:2], axis=-1)
+    np.testing.assert_array_equal(covered, np.flipud(picture) != WHITE)
+    np.testing.assert_allclose([*loaded.scene.lower, *loaded.scene.upper], [0, 0, 8, 8])
+    assert cli.main(["plan", str(scene), "--robot", "puck", "--radius", "0.15", "--vertices", "400"]) == 0
+    assert "400 vertices" in capsys.readouterr().out
+
+
+def test_a_turned_map_asks_for_a_workspace(tmp_path: Path):
+    path = written(tmp_path, rooms(0), origin="[0, 0, 0.2]")
+    with pytest.raises(SceneError, match="--workspace"):
+        import_world(path, tmp_path / "a.xml", start=[2, 2], goal=[6, 6, 0.3])
+
+
+def test_unknown_is_a_word_for_maps_only(tmp_path: Path):
+    world = tmp_path / "a.world"
+    world.write_text("<sdf/>")
+    with pytest.raises(OptionError, match="--unknown is for maps"):
+        import_world(world, tmp_path / "a.xml", start=[0, 0], goal=[1, 1, 0.1], unknown="free")
+
+
+@pytest.mark.parametrize(
+    ("keys", "what"),
+    [
+        ({"image": None}, "the key image is missing"),
+        ({"resolution": None}, "the key resolution is missing"),
+        ({"origin": None}, "the key origin is missing"),
+        ({"image": "gone.pgm"}, "gone.pgm does not exist"),
+        ({"image": "map.yaml"}, "cannot be read"),
+        ({"resolution": "fine"}, "resolution is 'fine'; it must be a number"),
+        ({"resolution": -0.1}, "resolution is -0.1"),
+        ({"resolution": "true"}, "resolution is True"),
+        ({"origin": "[0, x, 0]"}, "origin is"),
+        ({"origin": "[0]"}, "origin is"),
+        ({"origin": "[.nan, 0, 0]"}, "origin is"),
+        ({"free_thresh": 0.9}, "free_thresh is 0.9 and occupied_thresh 0.65"),
+        ({"occupied_thresh": 7}, "occupied_thresh 7"),
+        ({"negate": 2}, "negate is 2; it must be 0 or 1"),
+        ({"mode": "colour"}, "mode is 'colour'; it must be one of trinary, scale, raw"),
+    ],
+)
+def test_a_map_that_cannot_be_read_is_refused_by_file_and_key(tmp_path: Path, capsys, keys, what: str):
+    path = written(tmp_path, drawn("#."), **keys)
+    target = tmp_path / "scene.xml"
+    assert cli.main(["import", str(path), "-o", str(target), "--start", "0", "0", "--goal", "1", "1", "0.1"]) == 2
+    error = capsys.readouterr().err.strip()
+    assert what in error
+    assert str(path) in error
+    assert len(error.splitlines()) == 1
+    assert not target.exists()
+
+
+@pytest.mark.parametrize("text", ["", "just words", "[1, 2", "image: \xff\n\tx: 1"])
+def test_a_file_that_is_no_map_is_refused(tmp_path: Path, text: str):
+    path = tmp_path / "map.yaml"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(SceneError, match=r"map\.yaml: no"):
+        read_map(path)

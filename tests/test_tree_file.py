@@ -1,0 +1,297 @@
+"""A saved tree is the tree: it answers alike and grows on alike, and is refused where it does not belong."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pirrht
+from pirrht import tree_file
+from pirrht.errors import OptionError
+from pirrht.graph import Graph
+from pirrht.scene import Array
+from pirrht.steering import StraightLine
+from pirrht.tree import HomologyTree
+from sim import cli
+from sim.scenarios import Scenario, prepare
+
+COUNTED = ("straight", "tail", "head", "first_out", "first_in", "next_out", "next_in", "edge_cost", "edge_key")
+
+
+@pytest.fixture(scope="module")
+def clutter() -> Scenario:
+    return prepare("clutter", given={"vertices": 150})
+
+
+@pytest.fixture(scope="module")
+def saved(slit: Scenario) -> bytes:
+    return packed(grown(slit, 200))
+
+
+def grown(scenario: Scenario, vertices: int, **settings) -> HomologyTree:
+    return scenario.with_settings(vertices=vertices, **settings).grown_tree()
+
+
+def packed(tree: HomologyTree) -> bytes:
+    stream = BytesIO()
+    tree_file.save(tree, stream)
+    return stream.getvalue()
+
+
+def again(tree: HomologyTree) -> HomologyTree:
+    return tree_file.load(BytesIO(packed(tree)), tree.space, tree.steering)
+
+
+def unpacked(content: bytes) -> dict[str, np.ndarray]:
+    with np.load(BytesIO(content)) as file:
+        return {name: file[name] for name in file.files}
+
+
+def repacked(arrays: dict[str, np.ndarray]) -> BytesIO:
+    stream = BytesIO()
+    np.savez(stream, **arrays)
+    stream.seek(0)
+    return stream
+
+
+def assert_equal_trees(one: HomologyTree, other: HomologyTree) -> None:
+    assert one.size == other.size
+    assert (one.draws, one.limit, one.classes) == (other.draws, other.limit, other.classes)
+    assert one.rng.bit_generator.state == other.rng.bit_generator.state
+    np.testing.assert_array_equal(one.graph.size, other.graph.size)
+    np.testing.assert_array_equal(one.graph.pruned, other.graph.pruned)
+    V, E = one.size, int(one.graph.size[1])
+    np.testing.assert_array_equal(one.states[:V], other.states[:V])
+    np.testing.assert_array_equal(one.in_goal[:V], other.in_goal[:V])
+    for name in COUNTED:
+        count = V if name in ("straight", "first_out", "first_in") else E
+        np.testing.assert_array_equal(getattr(one.graph, name)[:count], getattr(other.graph, name)[:count], name)
+    np.testing.assert_array_equal(one.graph.nodes[:V], other.graph.nodes[:V])
+    for v in range(V):
+        for slot in range(one.graph.nodes[v]):
+            for name in ("cost", "key", "parent", "pairs"):
+                assert getattr(one.graph, name)[v, slot] == getattr(other.graph, name)[v, slot]
+
+
+def assert_equal_references(one: HomologyTree, other: HomologyTree, x: Array) -> None:
+    for first, second in zip(one.references(x), other.references(x), strict=True):
+        assert first.winding == second.winding
+        assert (first.cost, first.length) == (second.cost, second.length)
+        np.testing.assert_array_equal(first.signature, second.signature)
+        np.testing.assert_array_equal(first.trajectory.controls, second.trajectory.controls)
+        np.testing.assert_array_equal(first.trajectory.points, second.trajectory.points)
+
+
+# -- round trip --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["slit", "clutter"])
+def test_what_was_saved_answers_and_grows_on_as_if_it_had_never_been_written(name: str, request):
+    scenario = request.getfixturevalue(name)
+    tree = grown(scenario, 150)
+    copy = again(tree)
+    assert_equal_trees(tree, copy)
+    assert_equal_references(tree, copy, scenario.start)
+    for more in (151, 400):  # past the room of 256 vertices
+        tree.grow(more)
+        copy.grow(more)
+        assert_equal_trees(tree, copy)
+    assert_equal_references(tree, copy, scenario.start)
+
+
+@pytest.mark.parametrize("settings", [{"classes": 0, "limit": 0.9}, {"classes": 1}, {"limit": 1.6}])
+def test_any_limits_survive(slit: Scenario, settings):
+    tree = grown(slit, 80, **settings)
+    copy = again(tree)
+    tree.grow(160)
+    copy.grow(160)
+    assert_equal_trees(tree, copy)
+
+
+@pytest.mark.parametrize("bits", [np.random.PCG64DXSM, np.random.MT19937, np.random.Philox, np.random.SFC64])
+def test_every_source_of_randomness_goes_on_where_it_was(slit: Scenario, bits):
+    tree = HomologyTree(slit.space, StraightLine(), rng=np.random.Generator(bits(3)))
+    tree.grow(20)
+    tree.rng.integers(5, dtype=np.int32)  # half of a word is left over
+    copy = again(tree)
+    np.testing.assert_array_equal(
+        tree.rng.integers(1000, size=9, dtype=np.int32), copy.rng.integers(1000, size=9, dtype=np.int32)
+    )
+    np.testing.assert_array_equal(tree.rng.random(5), copy.rng.random(5))
+
+
+def test_a_tree_of_roots_alone_survives(slit: Scenario):
+    tree = HomologyTree(slit.space, StraightLine(), rng=np.random.default_rng(0))
+    assert_equal_trees(tree, again(tree))
+
+
+def test_equal_trees_are_equal_bytes_and_hold_no_pickles(slit: Scenario, saved: bytes):
+    assert packed(grown(slit, 200)) == saved
+    with np.load(BytesIO(saved), allow_pickle=False) as file:
+        assert all(file[name].dtype != object for name in file.files)
+
+
+def test_a_path_a_stream_and_bytes_are_all_the_same(slit: Scenario, saved: bytes, tmp_path: Path):
+    tree = tree_file.load(BytesIO(saved), slit.space, StraightLine())
+    for path in (tmp_path / "tree.npz", str(tmp_path / "other.tree")):
+        tree_file.save(tree, path)
+        assert Path(path).read_bytes() == saved
+        assert_equal_trees(tree, tree_file.load(path, slit.space, StraightLine()))
+
+
+def test_loading_asks_neither_for_the_start_nor_for_the_noise(slit: Scenario, saved: bytes):
+    """Both may differ between the runs that share a tree."""
+    moved = slit.space.scene.with_task(start=np.array([2.0, 1.0, 0.0]))
+    tree_file.load(BytesIO(saved), replace(slit.space, scene=moved), StraightLine())
+
+
+# -- refusals ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ({"robot": "unicycle"}, "robot radius is 0.1 there"),
+        ({"radius": 0.05}, "robot radius is 0.1 there and 0.05 here"),
+        ({"goal": [5.0, 2.5, 0.2]}, r"goal is \[5.5, 2.5, .* there and \[5.0, 2.5, 0.2\] here"),
+        ({"given": {"limit": 0.7}}, "limit is 0.6 there and 0.7 here"),
+        ({"given": {"classes": 3}}, "classes is 16 there and 3 here"),
+    ],
+)
+def test_a_tree_of_another_task_is_refused_by_what_differs(saved: bytes, tmp_path: Path, options, what: str):
+    file = tmp_path / "tree.npz"
+    file.write_bytes(saved)
+    scenario = prepare("slit", **{**options, "given": {**options.get("given", {}), "tree": str(file)}})
+    with pytest.raises(OptionError, match=what) as refusal:
+        scenario.grown_tree()
+    assert "\n" not in str(refusal.value)
+
+
+def test_walls_that_moved_a_millimetre_are_other_walls(slit: Scenario, saved: bytes):
+    scene = slit.space.scene
+    first = replace(scene.obstacles[0], position=scene.obstacles[0].position + 0.001)
+    moved = replace(slit.space, scene=replace(scene, obstacles=(first, *scene.obstacles[1:])))
+    with pytest.raises(OptionError, match="obstacles is 2 solids"):
+        tree_file.load(BytesIO(saved), moved, StraightLine())
+
+
+def test_another_pace_is_another_motion(slit: Scenario, saved: bytes):
+    with pytest.raises(OptionError, match=r"motion is StraightLine\(pace=1.0.* there and StraightLine\(pace=2.0"):
+        tree_file.load(BytesIO(saved), slit.space, StraightLine(pace=2.0))
+
+
+@pytest.mark.parametrize(("field", "value"), [("version", "0.0.7"), ("format", 99)])
+def test_another_version_is_refused_by_name(slit: Scenario, saved: bytes, field: str, value):
+    arrays = unpacked(saved)
+    about = json.loads(str(arrays["about"]))
+    about[field] = value
+    with pytest.raises(OptionError, match=rf"{value}.*this is {pirrht.__version__}"):
+        tree_file.load(repacked({**arrays, "about": np.array(json.dumps(about))}), slit.space, StraightLine())
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9, 0.999])
+def test_a_file_that_ends_too_early_is_refused(slit: Scenario, saved: bytes, share: float):
+    with pytest.raises(OptionError, match="is no tree"):
+        tree_file.load(BytesIO(saved[: int(share * len(saved))]), slit.space, StraightLine())
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_flipped_bit_never_goes_unnoticed_into_a_kernel(slit: Scenario, saved: bytes, seed: int):
+    """It is refused, or it hit what does not matter, such as a time stamp."""
+    rng = np.random.default_rng(seed)
+    content = bytearray(saved)
+    content[rng.integers(len(content))] ^= 1 << int(rng.integers(8))
+    tree = None
+    with suppress(OptionError):
+        tree = tree_file.load(BytesIO(bytes(content)), slit.space, StraightLine())
+    assert tree is None or packed(tree) == saved
+
+
+@pytest.mark.parametrize("name", ["tail", "first_out", "parent", "nodes", "pairs", "edge_marker", "edge_first", "head"])
+def test_an_index_that_points_nowhere_is_refused(slit: Scenario, saved: bytes, name: str):
+    arrays = unpacked(saved)
+    arrays[name].flat[0] = 30_000
+    with pytest.raises(OptionError, match=f"damaged tree .*({name}|fit together)"):
+        tree_file.load(repacked(arrays), slit.space, StraightLine())
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in Graph._fields if n not in ("queue_cost", "queue_vertex", "queue_key", "refill", "waiting")]
+)
+def test_a_missing_or_misshapen_array_is_refused(slit: Scenario, saved: bytes, name: str):
+    arrays = unpacked(saved)
+    for wrong in ({k: v for k, v in arrays.items() if k != name}, {**arrays, name: arrays[name].astype(np.complex128)}):
+        with pytest.raises(OptionError, match="damaged tree"):
+            tree_file.load(repacked(wrong), slit.space, StraightLine())
+
+
+def test_objects_are_not_unpickled(slit: Scenario, saved: bytes):
+    arrays = unpacked(saved) | {"tail": np.array([print, None], dtype=object)}
+    with pytest.raises(OptionError, match="is no tree"):
+        tree_file.load(repacked(arrays), slit.space, StraightLine())
+
+
+def test_a_tree_with_a_predicate_is_not_saved(slit: Scenario):
+    import numba
+
+    tree = HomologyTree(slit.space, StraightLine(), allowed=numba.njit(lambda H: True), rng=np.random.default_rng(0))
+    with pytest.raises(OptionError, match="predicate"):
+        tree_file.save(tree, BytesIO())
+
+
+# -- command line ------------------------------------------------------------------------------------------------
+
+
+def test_a_run_with_a_saved_tree_is_the_run_that_grows_it(tmp_path: Path, capsys):
+    tree, one, other = tmp_path / "tree.npz", tmp_path / "1.json", tmp_path / "2.json"
+    common = ["--seed", "3", "--samples", "20"]
+    assert cli.main(["plan", "slit", *common, "--vertices", "150", "-o", str(tree)]) == 0
+    assert f"tree: {tree}" in capsys.readouterr().out
+    drive = ["run", "slit", *common, "--max-time", "0.05", "--grow", "2", "--json"]
+    assert cli.main([*drive, str(one), "--vertices", "150"]) == 1
+    assert cli.main([*drive, str(other), "--tree", str(tree)]) == 1
+    first, second = (json.loads(file.read_text()) for file in (one, other))
+    for record in (first, second):
+        del record["step_ms"], record["deadline_misses"]
+    assert first == second
+    assert cli.main(["estimate", "slit", "--at", "1", "2.5", "--tree", str(tree)]) == 0
+    assert cli.main(["sweep", "slit", "--seeds", "0:2", "--max-time", "0.02", "--jobs", "1", "--tree", str(tree)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "arguments", "what"),
+    [
+        (None, [], "does not exist"),
+        (b"not a tree", [], "is no tree"),
+        ("saved", ["--limit", "0.7"], "limit is 0.6 there and 0.7 here"),
+        ("saved", ["--vertices", "300"], "--vertices and --tree"),
+    ],
+)
+def test_a_tree_that_does_not_fit_ends_with_one_line(saved, tmp_path: Path, capsys, content, arguments, what: str):
+    file = tmp_path / "tree.npz"
+    if content is not None:
+        file.write_bytes(saved if content == "saved" else content)
+    assert cli.main(["run", "slit", "--tree", str(file), *arguments]) == 2
+    error = capsys.readouterr().err.strip()
+    assert what in error
+    assert len(error.splitlines()) == 1
+
+
+def test_an_old_tree_stays_until_the_new_one_is_whole(slit: Scenario, saved: bytes, tmp_path: Path, monkeypatch):
+    file = tmp_path / "tree.npz"
+    file.write_bytes(saved)
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(OptionError, match="No space left"):
+        tree_file.save(grown(slit, 20), file)
+    assert file.read_bytes() == saved
+    assert [p.name for p in tmp_path.iterdir()] == ["tree.npz"]
