@@ -14,10 +14,6 @@ from typing import Any
 
 from pirrht import tree_file
 from pirrht.errors import PirrhtError
-<<<<<<< HEAD
-from pirrht.graph import empty_graph
-=======
->>>>>>> 085d06a (Trees are saved and used again; Gymnasium environments of the plant; ROS maps become scenes)
 from pirrht.methods import TREELESS
 from pirrht.tree import HomologyTree
 from sim import episode
@@ -230,32 +226,15 @@ def _planned(scenario: Scenario) -> Planned:
 
 def pack(tree: HomologyTree) -> bytes:
     """A grown tree without the scene around it."""
-<<<<<<< HEAD
-    return zlib.compress(pickle.dumps((tree.states, tree.in_goal, tree.graph._asdict(), tree.draws), protocol=5), 1)
-=======
     content = BytesIO()
     tree_file.save(tree, content)
     return content.getvalue()
->>>>>>> 085d06a (Trees are saved and used again; Gymnasium environments of the plant; ROS maps become scenes)
 
 
 def unpack(scenario: Scenario, content: bytes) -> HomologyTree:
     """The tree as it was packed, in the same scenario."""
-<<<<<<< HEAD
-    tree = scenario.empty_tree()
-    tree.states, tree.in_goal, arrays, tree.draws = pickle.loads(zlib.decompress(content))
-    vertices, nodes = arrays["cost"].shape
-    room = empty_graph(vertices, len(arrays["tail"]), nodes, arrays["straight"].shape[1])
-    for name, place in room._asdict().items():
-        if place.shape == arrays[name].shape:  # most are columns of records, which kernels rely on: they are filled
-            place[...] = arrays[name]
-    larger = {name: arrays[name] for name, place in room._asdict().items() if place.shape != arrays[name].shape}
-    tree.graph = room._replace(**larger)
-    return tree
-=======
     s = scenario.settings
     return tree_file.load(BytesIO(content), scenario.space, scenario.steering(), limit=s.limit, classes=s.classes)
->>>>>>> 085d06a (Trees are saved and used again; Gymnasium environments of the plant; ROS maps become scenes)
 
 
 def _key(job: Job, noise: float | None) -> dict[str, Any]:
