@@ -73,6 +73,7 @@ class Report:
     errors: dict[str, int]  # how many runs ended with each
     points: list[Point]
     comparisons: list[Comparison]
+    questions: int  # that the comparisons could answer
     findings: list[str]
 
     @property
@@ -104,6 +105,7 @@ def report(dataset: Dataset) -> Report:
         errors=dict(Counter(r["error"] for r in records if r["outcome"] is None).most_common()),
         points=points,
         comparisons=comparisons,
+        questions=sum(len(_questions(c)) for c in comparisons),
         findings=_findings(comparisons),
     )
 
@@ -196,11 +198,17 @@ def _both(a: Record, b: Record) -> bool:
 
 
 def _adjusted(comparisons: Sequence[Comparison]) -> list[Comparison]:
-    """p-values adjusted for the number of questions; the scenes together are questions of their own."""
-    success = holm([p for c in comparisons for p in (c.success_p, c.cost_p)])
-    return [
-        replace(c, success_adjusted=success[2 * i], cost_adjusted=success[2 * i + 1]) for i, c in enumerate(comparisons)
-    ]
+    """p-values adjusted for the number of questions that there are pairs for."""
+    asked = [(i, name) for i, c in enumerate(comparisons) for name in _questions(c)]
+    p = holm([getattr(comparisons[i], f"{name}_p") for i, name in asked])
+    changes: list[dict[str, Any]] = [{} for _ in comparisons]
+    for (i, name), adjusted in zip(asked, p, strict=True):
+        changes[i][f"{name}_adjusted"] = adjusted
+    return [replace(c, **change) for c, change in zip(comparisons, changes, strict=True)]
+
+
+def _questions(c: Comparison) -> list[str]:
+    return [name for name, pairs in (("success", c.pairs), ("cost", c.arrived)) if pairs]
 
 
 def _findings(comparisons: Sequence[Comparison]) -> list[str]:

@@ -44,7 +44,7 @@ def lead(report: Report) -> list[str]:
 
 def findings(report: Report) -> list[str]:
     """What is significant, plainly."""
-    questions = 2 * len(report.comparisons)
+    questions = report.questions
     if not questions:
         return [f"No comparison: the sweep has no method beside {BASE}, or not {BASE}."]
     if not report.findings:

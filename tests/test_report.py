@@ -182,3 +182,12 @@ def test_a_folder_without_a_sweep_costs_one_line(words, culprit, tmp_path, monke
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert culprit in told
+
+
+def test_a_question_without_pairs_does_not_weigh_on_the_others(tmp_path):
+    """No passive run arrives, so that its cost cannot be compared; one question is left, and p stays what it is."""
+    records = [record("pi-rrht", seed) for seed in range(8)]
+    records += [record("passive", seed, "collision") for seed in range(8)]
+    known = report(stored(tmp_path / "sweep", records))
+    assert known.questions == 1
+    assert known.comparisons[0].success_adjusted == known.comparisons[0].success_p == 2 * 0.5**8
