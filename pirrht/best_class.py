@@ -55,7 +55,7 @@ def alone(estimate: Estimate, h: int, classes: Mapping[int, str] | None = None) 
 def _own(part: Rollouts, estimate: Estimate) -> Array:
     """Log weights (S,) of samples as if there were none but those around their own reference."""
     number = np.diff(part.guides.first)
-    averaged = log_weights(estimate.source.problem, "average", part.paths, number)
+    averaged = log_weights(estimate.source.problem, "average", part.paths, part.guides.first)
     own: Array = averaged - np.repeat(np.log(part.size / (len(number) * number)), number)
     return own
 

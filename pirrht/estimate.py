@@ -19,6 +19,7 @@ from pirrht.problem import Problem
 from pirrht.rollout import Guides, Paths
 from pirrht.sampling import Sampling
 from pirrht.scene import Array
+from pirrht.sums import centred, grouped, scatter
 
 OTHER = "other"
 
@@ -95,18 +96,30 @@ class Estimate:
         return np.asarray(tape), np.asarray(alive)
 
 
-def log_weights(problem: Problem, rule: str, paths: Paths, number: NDArray[np.int64]) -> Array:
-    """Logarithm of each sample's contribution to psi, (S,); `number` (H,) counts the samples around each reference."""
-    final = np.where(paths.outcome == Outcome.COLLISION, problem.phi, 0.0)
-    cost = -(paths.work + final) / problem.temperature
-    H, S = len(number), len(paths.work)
+def log_weights(
+    problem: Problem, rule: str, paths: Paths, first: NDArray[np.int64], part: tuple[int, int] | None = None
+) -> Array:
+    """Logarithm of the contribution to psi of each sample, (S,), or of those from part[0] to part[1].
+
+    Args:
+        rule: one of WEIGHTS.
+        first: (H+1,) first sample of each reference; the last entry is S.
+    """
+    number = np.diff(first)
+    H, S = len(number), int(first[-1])
+    chosen = slice(0, S) if part is None else slice(*part)
+    outcome = paths.outcome[chosen]
+    log_weight = paths.work[chosen] / -problem.temperature
+    log_weight[outcome == Outcome.COLLISION] -= problem.phi / problem.temperature
     if rule == "average":
-        own = np.repeat(np.arange(H), number)
+        samples = np.arange(S)[chosen]
+        own = np.searchsorted(first, samples, side="right") - 1
         # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
-        log_weight = cost - paths.log_ratio[np.arange(S), own] + np.log(S / (H * number[own]))
+        log_weight += np.log(S / (H * number[own])) - paths.log_ratio[samples, own]
     else:
-        log_weight = cost - _log_mean(paths.log_ratio, number / S)
-    return np.where(paths.outcome == Outcome.TIMEOUT, -np.inf, log_weight)
+        log_weight -= _log_mean(paths.log_ratio[chosen], number / S)
+    log_weight[outcome == Outcome.TIMEOUT] = -np.inf
+    return log_weight
 
 
 def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] | None = None) -> Estimate:
@@ -129,22 +142,29 @@ def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] 
     total = float(relative.sum())
     weight = relative / total
     log_psi = top + float(np.log(total)) - float(np.log(len(log_weight)))
-    groups = _groups(paths.key, dict(classes or {}))
+    names = [*(classes or {}).values(), OTHER]
+    groups = grouped(weight, paths.key, np.array([*(classes or {})], dtype=np.int64), paths.now, paths.span)
+    span = max(float(groups.span.sum()), 1e-300)
+    control = groups.control.sum(axis=0) / span
+    errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].guides.mirrored)
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     ends = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
-    rollouts, paired = parts[shown], parts[0].guides.mirrored
+    rollouts = parts[shown]
     return Estimate(
-        control=mean_control(weight, paths) + source.push(rollouts.x0, rollouts.guides),
+        control=control + source.push(rollouts.x0, rollouts.guides),
         log_psi=log_psi,
         value=-source.problem.temperature * log_psi,
-        value_error=source.problem.temperature * deviation(weight, first, paired),
-        control_error=_control_error(weight, paths, first, paired),
+        value_error=source.problem.temperature * float(errors[0]),
+        control_error=errors[1:] / span,
         ess=float(1.0 / np.sum(weight**2)),
         weight=weight[ends[shown] - rollouts.size : ends[shown]],
-        class_weights={name: float(weight[mask].sum()) for name, mask in groups.items()},
-        class_ess={name: _ess(weight[mask]) for name, mask in groups.items()},
-        class_controls={name: mean_control(np.where(mask, weight, 0.0), paths) for name, mask in groups.items()},
+        class_weights=dict(zip(names, groups.weight.tolist(), strict=True)),
+        class_ess=dict(zip(names, (groups.weight**2 / np.maximum(groups.square, 1e-300)).tolist(), strict=True)),
+        class_controls={
+            name: total / max(under_way, 1e-300)
+            for name, total, under_way in zip(names, groups.control, groups.span.tolist(), strict=True)
+        },
         proposal_weights=drawn_around.reshape(len(parts), -1).sum(axis=0).tolist(),
         survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
         rollouts=rollouts,
@@ -174,14 +194,11 @@ def joined(parts: Sequence[Rollouts]) -> tuple[Paths, Array, NDArray[np.int64]]:
 
 def _log_mean(log_ratio: Array, share: Array) -> Array:
     """log sum_g share_g exp(log_ratio_g), row by row."""
-    top = log_ratio.max(axis=1)
+    top = log_ratio[:, 0].copy()
+    for column in log_ratio.T[1:]:  # few and long: several times as fast as a maximum along the rows
+        np.maximum(top, column, out=top)
     mean: Array = top + np.log(np.einsum("sh,h->s", np.exp(log_ratio - top[:, None]), share))
     return mean
-
-
-def _ess(weight: Array) -> float:
-    square = float(np.sum(weight**2))
-    return float(weight.sum()) ** 2 / square if square > 0 else 0.0
 
 
 def mean_control(weight: Array, paths: Paths) -> Array:
@@ -191,34 +208,10 @@ def mean_control(weight: Array, paths: Paths) -> Array:
     return mean
 
 
-def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> float:
-    """Standard deviation of a sum of terms (S,), those around one reference being distributed alike.
+def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> Array:
+    """Standard deviations (k,) of sums of terms (S, k), those around one reference being distributed alike.
 
-    Terms are independent, or those of antithetic pairs are only so together. What stands alone around its reference
-    says nothing about its spread; the term itself stands for it.
+    Terms are independent, or those of antithetic pairs are only so together.
     """
-    number = np.diff(first)
-    own = np.repeat(np.arange(len(number)), number)
-    if paired:
-        pairs = (number + 1) // 2
-        which = np.concatenate([[0], np.cumsum(pairs)])[own] + (np.arange(len(terms)) - first[own]) // 2
-        terms, number = np.asarray(np.bincount(which, terms), dtype=float), pairs
-        own = np.repeat(np.arange(len(pairs)), pairs)
-    mean = np.bincount(own, terms, len(number)) / np.maximum(number, 1)
-    square = np.bincount(own, (terms - np.where(number > 1, mean, 0.0)[own]) ** 2, len(number))
-    return float(np.sqrt(square @ (number / np.maximum(number - 1, 1))))
-
-
-def _control_error(weight: Array, paths: Paths, first: NDArray[np.int64], paired: bool) -> Array:
-    """Standard error (m,) of the control, a ratio of sums over samples, to first order (delta method)."""
-    off = weight[:, None] * (paths.now - paths.span[:, None] * mean_control(weight, paths))
-    span = max(float(np.einsum("s,s->", weight, paths.span)), 1e-300)
-    return np.array([deviation(column, first, paired) for column in off.T]) / span
-
-
-def _groups(key: NDArray[np.int64], names: Mapping[int, str]) -> dict[str, NDArray[np.bool_]]:
-    groups = {name: key == k for k, name in names.items()}
-    rest = np.ones(len(key), dtype=np.bool_)
-    for mask in groups.values():
-        rest &= ~mask
-    return {**groups, OTHER: rest}
+    spread: Array = scatter(np.ascontiguousarray(terms), first, 2 if paired else 1)
+    return spread

@@ -86,7 +86,7 @@ def curvature(problem: Problem, parts: Sequence[Rollouts]) -> tuple[Array, Array
         terms -= _expected(weight, now, span, first, noise)
     scale, G = R / problem.temperature, problem.dynamics.G_c(x)
     slopes: Array = terms @ scale @ np.linalg.inv(G) / s**2
-    errors = [deviation(column, first, parts[0].guides.mirrored) for column in slopes.reshape(len(slopes), -1).T]
+    errors = deviation(slopes.reshape(len(slopes), -1), first, parts[0].guides.mirrored)
     return slopes.sum(axis=0), np.reshape(errors, slopes.shape[1:])
 
 

@@ -119,20 +119,20 @@ class PathIntegral:
         first = np.concatenate([[0], np.cumsum(number)]).astype(np.int64)
         leads = self._guides(x, times, np.array(controls, dtype=float), first, corners, guides, correction)
         S = int(first[-1])
-        paths = empty_paths(S, H, self.problem.dynamics.m)
+        paths, log_weight = empty_paths(S, H, self.problem.dynamics.m), np.empty(S)
         x0 = np.ascontiguousarray(x, dtype=float)
 
         def work(part: tuple[int, int]) -> None:
             self.kernels.sample(self.world, leads, x0, np.uint64(seed), part[0], part[1], paths)
+            log_weight[slice(*part)] = log_weights(self.problem, self.sampling.weights, paths, first, part)
 
         _in_parallel(work, S, self.threads)
-        log_weight = log_weights(self.problem, self.sampling.weights, paths, number)
         rollouts = Rollouts(x0=x0, seed=seed, guides=leads, paths=paths, log_weight=log_weight)
         return rollouts if self.beyond is None else self._completed(rollouts, self.beyond)
 
     def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Rollouts:
         """The same, with paths that are under way at the end of the grid charged what the rest costs."""
-        paths, number = rollouts.paths, np.diff(rollouts.guides.first)
+        paths = rollouts.paths
         under_way = np.flatnonzero(paths.outcome == Outcome.TIMEOUT)
         if len(under_way) == 0:
             return rollouts
@@ -140,7 +140,9 @@ class PathIntegral:
         work[under_way] += beyond(self.trace(rollouts, under_way)[0][:, -1])
         outcome[under_way] = Outcome.GOAL
         arrived = paths._replace(work=work, outcome=outcome)
-        return replace(rollouts, log_weight=log_weights(self.problem, self.sampling.weights, arrived, number))
+        return replace(
+            rollouts, log_weight=log_weights(self.problem, self.sampling.weights, arrived, rollouts.guides.first)
+        )
 
     def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
         """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.

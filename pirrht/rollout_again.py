@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pirrht.jit import kernel
 from pirrht.lanes import LANES, room
 from pirrht.rollout_block import RECORDED, block
+from pirrht.sampled import empty_paths
 from pirrht.scene import Array
 
 
@@ -52,8 +53,6 @@ def _recorded(
     world: Any, guides: Any, x0: Array, seed: np.uint64, chosen: NDArray[np.int64]
 ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]]:
     """Reference, places in `chosen`, numbers of steps and steps (., T, RECORDED) of the samples, block by block."""
-    from pirrht.rollout import empty_paths
-
     H, T, m = guides.control.shape
     order = np.argsort(chosen, kind="stable")
     listed = np.ascontiguousarray(chosen[order])

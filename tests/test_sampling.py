@@ -57,10 +57,10 @@ def to_both_sides(integral: PathIntegral, seed: int, **options) -> Estimate:
 
 
 def spread_and_error(estimates: list[Estimate]) -> tuple[Array, Array]:
-    """Standard deviation over estimates of v, u_1, u_2, and the mean of what they report, (3,)."""
+    """Standard deviation over estimates of v, u_1, u_2, and the root mean square of what they report, (3,)."""
     found = np.array([[e.value, *e.control] for e in estimates])
     errors = np.array([[e.value_error, *e.control_error] for e in estimates])
-    return found.std(axis=0, ddof=1), errors.mean(axis=0)
+    return found.std(axis=0, ddof=1), np.sqrt(np.mean(errors**2, axis=0))
 
 
 # -- standard errors ---------------------------------------------------------------------------------------------
