@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -19,6 +20,7 @@ from pirrht.errors import OptionError
 from sim.rows import COLUMNS, key_of, record_of, row_of
 
 FORMAT = 1
+TREES = ".trees-"  # begins the names of folders that trees lie in while they are driven through
 CHUNK_RUNS, CHUNK_SECONDS = 500, 2.0  # a file is written after so many runs, or so long after the first of them [s]
 PATIENCE = 60.0  # how long rows that cannot be written are kept before the sweep ends [s]
 LIBRARIES = ("mujoco", "numpy", "numba", "scipy", "python-fcl")
@@ -104,6 +106,8 @@ class Dataset:
             self.runs.mkdir(parents=True, exist_ok=True)
             for left in [*self.runs.glob(".part-*"), *self.folder.glob(".manifest*")]:
                 left.unlink()
+            for left in self.folder.glob(f"{TREES}*"):
+                shutil.rmtree(left, ignore_errors=True)
             known = self.manifest() if (self.folder / "manifest.json").exists() else {}
             wishes = [*known.get("asked", []), plain(asked)]
             content = {

@@ -198,11 +198,14 @@ def needs_tree(job: Job) -> bool:
 
 
 def unpacked(planned: Planned, folder: Path, number: int) -> Planned:
-    """The same plan with its tree in a file, for processes of this machine."""
+    """The same plan with its tree in a file, for processes of this machine; at hand if there is no room for one."""
     if not planned.tree or isinstance(planned.tree, str):
         return planned
     file = folder / f"{number}.tree"
-    file.write_bytes(planned.tree)
+    try:
+        file.write_bytes(planned.tree)
+    except OSError:
+        return planned
     return replace(planned, tree=str(file))
 
 

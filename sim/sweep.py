@@ -20,7 +20,7 @@ from pirrht.errors import OptionError
 from pirrht.methods import METHODS
 from sim import engine, present, runs
 from sim.colors import title
-from sim.dataset import Dataset
+from sim.dataset import TREES, Dataset
 from sim.mjcf import scene_names
 from sim.rows import key_of
 from sim.runs import Errand, Job, Planned, Survey
@@ -137,7 +137,8 @@ def sweep(
     workers = min(jobs_at_once or len(os.sched_getaffinity(0)), max(1, len(waiting)))
     with ExitStack() as stack:
         stop = stack.enter_context(engine.interruptible())
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="pirrht-")))
+        near = None if dataset is None else dataset.folder
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=TREES, dir=near)))
         crew = _crew(stack, stop, workers, scheduler, alone=dataset is None)
         errands = _planned(waiting, crew, stop, None if scheduler else folder)
         bar = stack.enter_context(

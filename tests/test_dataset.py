@@ -109,10 +109,12 @@ def test_a_later_sweep_adds_files_and_takes_none_away(dataset, clock):
 def test_what_a_killed_sweep_left_half_written_is_cleared_away(dataset, clock):
     (dataset.runs / ".part-000000.parquet").write_bytes(b"PAR1 half")
     (dataset.folder / ".manifest.json").write_text("{")
+    (dataset.folder / ".trees-x").mkdir()
+    (dataset.folder / ".trees-x" / "0.tree").write_bytes(b"half")
     assert Dataset(dataset.folder, clock).records() == []
     Dataset(dataset.folder, clock).begin(SETTINGS, SCENES, ASKED)
     assert not list(dataset.runs.iterdir())
-    assert not (dataset.folder / ".manifest.json").exists()
+    assert sorted(file.name for file in dataset.folder.iterdir()) == ["manifest.json", "runs"]
 
 
 @pytest.mark.parametrize(

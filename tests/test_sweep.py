@@ -225,6 +225,12 @@ def test_a_bad_sweep_is_refused_before_anything_is_written(words, culprit, tmp_p
     assert not list(tmp_path.iterdir())
 
 
+def test_a_tree_without_room_on_disk_stays_at_hand(tmp_path):
+    planned = runs.Planned(tree=b"tree")
+    assert runs.unpacked(planned, tmp_path / "nowhere", 0) is planned
+    assert Path(str(runs.unpacked(planned, tmp_path, 0).tree)).read_bytes() == b"tree"
+
+
 def test_files_of_one_name_are_told_apart(tmp_path):
     paths = [tmp_path / name / "wall.xml" for name in ("a", "b")]
     for path in paths:
