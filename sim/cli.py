@@ -15,10 +15,11 @@ from sim.columns import explained
 EXPLAINED = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line."""
 
     def error(self, message: str) -> NoReturn:
+        """Raise the OptionError of a command line that cannot be read."""
         raise OptionError(f"{message}; see `{self.prog} --help`")
 
 
@@ -42,11 +43,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="pirrht",
         description="Topology-guided path integral control (PI-RRHT*): plan with FCL, drive in MuJoCo, watch in Rerun.",
     )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
     commands.add_parser("scenes", help="list the built-in scenes")
     plan = commands.add_parser("plan", help="grow the tree and print one row per homology class")
     plan.add_argument("-o", "--output", type=Path, metavar="TREE.npz", help="save the tree for `--tree`")

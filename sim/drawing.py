@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,8 @@ from pirrht.homology import Homology
 from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER, Estimate, PathIntegral
 from pirrht.places import ROOT
+from pirrht.plan import Plan
+from pirrht.problem import Problem
 from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
 from sim.colors import Color
@@ -21,6 +23,7 @@ from sim.colors import Color
 Floats = NDArray[np.float32]
 Indices = NDArray[np.int64]
 DEAD = "dead"
+TAPE_SAMPLES = 2000  # of a round, for the line where the tape leads
 
 
 def at_most(points: Array, count: int) -> Array:
@@ -35,6 +38,34 @@ def even(points: Array, count: int) -> Array:
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.linspace(0.0, along[-1], count)
     return np.column_stack([np.interp(at, along, points[:, i]) for i in (0, 1)])
+
+
+def ahead(plan: Plan, problem: Problem) -> Array:
+    """Where a plan's tape alone would lead, (k, 2), as far as a tenth of the weight is still under way."""
+    x, still, path = plan.state, np.zeros(problem.dynamics.m), [plan.state[:2]]
+    tape, alive = _tape_of(plan)
+    for u, dt, share in zip(tape, np.diff(plan.times), alive, strict=True):
+        if share < 0.1 or problem.scene.goal.contains(x[:2]):
+            break
+        x = problem.dynamics.step(x, u, still, dt)
+        path.append(x[:2])
+    return np.array(path)
+
+
+def _tape_of(plan: Plan) -> tuple[Array, Array]:
+    """A plan's tape (T, m) and the weight under way (T,), by as many samples as a picture needs.
+
+    All noise must be drawn again for it. Of several rounds the smallest serves that is large enough.
+    """
+    estimate = plan.estimate
+    if estimate is None:
+        return plan.tape, np.ones(len(plan.tape))
+    if len(estimate.parts) > 1:
+        met = [part for part in estimate.parts if np.isfinite(part.log_weight.max())]
+        enough = [part for part in met if part.size >= TAPE_SAMPLES]
+        part = min(enough, key=lambda part: part.size) if enough else max(met, key=lambda part: part.size)
+        estimate = replace(estimate, parts=(part,))
+    return estimate.tape, estimate.alive
 
 
 def apart(lines: Sequence[NDArray[Any]]) -> list[int]:

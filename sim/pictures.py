@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import rerun as rr
 
 from pirrht.plan import Plan
-from pirrht.scene import Array
 from sim import drawing
 from sim.colors import DEAD_COLOR, ClassColors, Color, fade, mix, title
 from sim.drawing import at_most, lift, packed
@@ -22,7 +20,6 @@ CHUNK_BYTES, POINT_BYTES = (
     9,
 )  # cost of an entity and of a point in the file; compression takes 3 of 12 off
 REFERENCE_POINTS = 48
-TAPE_SAMPLES = 2000  # of a round, for the line where the tape leads
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 
 
@@ -38,7 +35,8 @@ class Pictures:
         """Log a plan at a step and simulated time [s]."""
         self._now = step, time
         self._references(plan)
-        self._log("/world/tape", rr.LineStrips3D(self._tape(plan)[None]))
+        tape = at_most(drawing.ahead(plan, self._subject.path_integral.problem), REFERENCE_POINTS)
+        self._log("/world/tape", rr.LineStrips3D(lift(tape, 0.07)[None]))
         found: dict[str, drawing.Fan] = {}
         if plan.estimate is not None and self._subject.samples != "none":
             homology = self._subject.space.homology
@@ -104,36 +102,8 @@ class Pictures:
         labels = list(texts[: len(places)])
         self._log(path, rr.Points3D(points, radii=0.001, colors=pale, labels=labels, show_labels=True))
 
-    def _tape(self, plan: Plan) -> drawing.Floats:
-        """The path the tape alone would take, as far as a tenth of the weight is still under way."""
-        problem = self._subject.path_integral.problem
-        x, still, path = plan.state, np.zeros(problem.dynamics.m), [plan.state[:2]]
-        tape, alive = _tape_of(plan)
-        for u, dt, share in zip(tape, np.diff(plan.times), alive, strict=True):
-            if share < 0.1 or problem.scene.goal.contains(x[:2]):
-                break
-            x = problem.dynamics.step(x, u, still, dt)
-            path.append(x[:2])
-        return lift(at_most(np.array(path), REFERENCE_POINTS), 0.07)
-
     def _log(self, path: str, archetype: rr.AsComponents) -> None:
         self._stream.log(path, *self._now, archetype)
-
-
-def _tape_of(plan: Plan) -> tuple[Array, Array]:
-    """A plan's tape (T, m) and the weight under way (T,), by as many samples as a picture needs.
-
-    All noise must be drawn again for it. Of several rounds the smallest serves that is large enough.
-    """
-    estimate = plan.estimate
-    if estimate is None:
-        return plan.tape, np.ones(len(plan.tape))
-    if len(estimate.parts) > 1:
-        met = [part for part in estimate.parts if np.isfinite(part.log_weight.max())]
-        enough = [part for part in met if part.size >= TAPE_SAMPLES]
-        part = min(enough, key=lambda part: part.size) if enough else max(met, key=lambda part: part.size)
-        estimate = replace(estimate, parts=(part,))
-    return estimate.tape, estimate.alive
 
 
 def _fan_path(name: str) -> str:
