@@ -126,7 +126,7 @@ class PathIntegral:
             self.kernels.sample(self.world, leads, x0, np.uint64(seed), part[0], part[1], paths)
             log_weight[slice(*part)] = log_weights(self.problem, self.sampling.weights, paths, first, part)
 
-        _in_parallel(work, S, self.threads)
+        _in_parallel(work, S, self.threads if self.kernels.alone < S else 1)
         rollouts = Rollouts(x0=x0, seed=seed, guides=leads, paths=paths, log_weight=log_weight)
         return rollouts if self.beyond is None else self._completed(rollouts, self.beyond)
 
@@ -302,7 +302,7 @@ def _world(problem: Problem, space: FreeSpace, bridge: bool) -> World:
 
 def _in_parallel(work, count: int, threads: int) -> None:  # type: ignore[no-untyped-def]
     """Split a range of samples over threads; what a sample is does not depend on the split."""
-    if threads == 1 or count < 64:
+    if threads == 1:
         work((0, count))
         return
     edges = np.linspace(0, count, 2 * threads + 1).astype(int)

@@ -20,6 +20,8 @@ from pirrht.rollout_loops import Kernels, loops
 from pirrht.sampled import Guides, Paths, World, empty_paths
 from pirrht.scene import Array
 
+ALONE = 2400  # samples of a point, many abreast
+
 __all__ = ["Guides", "Kernels", "Paths", "World", "empty_paths", "kernels_for"]
 
 
@@ -31,7 +33,7 @@ def kernels_for(problem: Problem) -> Kernels:
     noise = None if constant else as_jitable(_function(d.diffusion_block))
     q = as_jitable(problem.q) if callable(problem.q) else unit_rate
     if is_point(d) and not callable(problem.q):
-        return Kernels(sample, control, trace, added)
+        return Kernels(sample, control, trace, added, alone=ALONE)
     one_path, room = any_path(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
     return loops(one_path, room, d.m)
 

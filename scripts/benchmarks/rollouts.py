@@ -91,7 +91,7 @@ def _compare(setting: Setting, samples: int, repeats: int) -> Result:
     for name, (_, build) in PEERS.items():
         if name not in absent:
             work[name] = build(setting.task(), samples)
-    seconds = interleaved(work, repeats)
+    seconds = interleaved(work, repeats, warm=True)
     table, values = [], {}
     for name, spent in seconds.items():
         own = name in setting.kernels
@@ -140,7 +140,7 @@ def _limit(setting: Setting) -> Result:
         "two normals": lambda _: limit.normals(samples, threads),
         "two normals and the arithmetic": lambda _: limit.steps(field, goal, cuts, setting.H, samples, threads),
     }
-    seconds = interleaved(work, 5)
+    seconds = interleaved(work, 5, warm=True)
     rates = {name: work[name](0) / spent for name, spent in seconds.items()}
     table = [
         row(f"limit: {name}", seconds[name], rate=f"{rate / 1e6:.1f} M steps/s", note=f"{1e9 / rate:.2f} ns a step")

@@ -8,11 +8,16 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 
-def interleaved(work: Mapping[str, Callable[[int], object]], repeats: int) -> dict[str, float]:
-    """Median seconds of each function, called in turn with the number of the repeat; a first call is not counted."""
+def interleaved(work: Mapping[str, Callable[[int], object]], repeats: int, *, warm: bool = False) -> dict[str, float]:
+    """Median seconds of each function, called in turn with the number of the repeat; a first call is not counted.
+
+    With `warm`, neither is one before each turn: what the others have left in caches and threads is no one's cost.
+    """
     spent: dict[str, list[float]] = {name: [] for name in work}
     for repeat in range(-1, repeats):
         for name, function in work.items():
+            if warm:
+                function(repeat + 1)
             began = time.perf_counter()
             function(repeat + 1)
             spent[name].append(time.perf_counter() - began)
