@@ -17,6 +17,7 @@ from pirrht.errors import PirrhtError
 TRIES = 3  # processes that an errand may end before it counts as failed
 TICK = 0.2  # how often the loop looks up while nothing happens [s]
 READY, DONE = "ready", "done"
+LIBRARIES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
 class Item(Protocol):
@@ -133,7 +134,7 @@ class Worker:
         context = multiprocessing.get_context("spawn")  # forking a process that has threads is not safe
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with _without_interrupts():
+        with _without_interrupts(), _single_threaded():
             self.process.start()
         theirs.close()
         self.item: Any = None
@@ -277,3 +278,15 @@ def _without_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _single_threaded() -> Iterator[None]:
+    """A process that begins here does linear algebra in one thread: the others' cores are taken."""
+    added = [name for name in LIBRARIES if name not in os.environ]
+    os.environ.update(dict.fromkeys(added, "1"))
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]

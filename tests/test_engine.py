@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.engine import TRIES, Agenda, Pool, Stop, in_turn, interruptible
+from sim.engine import LIBRARIES, TRIES, Agenda, Pool, Stop, in_turn, interruptible
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,10 @@ def square(task: Task) -> int:
 def process_of(task: Task) -> tuple[str, int]:
     time.sleep(0.02)
     return task.scene, os.getpid()
+
+
+def threads_of(task: Task) -> list[str | None]:
+    return [os.environ.get(name) for name in LIBRARIES]
 
 
 def die_at_first(task: Task) -> int:
@@ -85,6 +89,14 @@ def test_two_processes_keep_to_scenes_of_their_own_while_there_are_some():
         scenes = [scene for scene, own in done if own == pid]
         switches += sum(a != b for a, b in zip(scenes, scenes[1:], strict=False))
     assert switches <= 2  # three scenes and two processes: one more scene each at most
+
+
+def test_processes_do_linear_algebra_in_one_thread_each_unless_told_otherwise(monkeypatch):
+    for name in LIBRARIES:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(LIBRARIES[0], "3")
+    assert results(threads_of, TASKS[:1]) == [["3", *["1"] * (len(LIBRARIES) - 1)]]
+    assert threads_of(TASKS[0]) == ["3", *[None] * (len(LIBRARIES) - 1)]
 
 
 def test_an_item_goes_to_a_point_that_nobody_is_at():
