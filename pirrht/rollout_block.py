@@ -51,6 +51,7 @@ from pirrht.lanes import (
     draw,
     move,
     room,
+    row_of,
     weigh,
 )  # fmt: skip
 from pirrht.lanes_exits import SLOW, bridge, judge, look, single_field
@@ -91,18 +92,21 @@ def cut(field, goal, radius, B, step, k, random, f):  # type: ignore[no-untyped-
 
 
 @inlined
+def lane(k):  # type: ignore[no-untyped-def]
+    """A lane's number, in bounds the compiler sees (`row_of`)."""
+    return min(max(k, 0), LANES)
+
+
+@inlined
 def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def]
     """Write log dQ_g/dP of a path whose last step took a time `until` to out (H,)."""
-    y0, y1, own = np.float64(f[Z0 + k]), np.float64(f[Z1 + k]), 0.0
-    for i in range(-1, H):  # first of the reference that it follows: the others are kept as what they are more
-        g = h if i < 0 else i
-        a0, a1 = np.float64(a[2 * g * L + k]), np.float64(a[2 * g * L + L + k])
-        last = a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
-        if i < 0:
-            own = np.float64(ratio[h * L + k]) + np.float64(f[LOST + k])
-            out[h] = own + last
-        elif g != h:
-            out[g] = own + np.float64(ratio[g * L + k]) + last
+    y0, y1 = np.float64(f[Z0 + k]), np.float64(f[Z1 + k])
+    own = np.float64(ratio[row_of(h, 1) + k]) + np.float64(f[LOST + k])
+    for g in range(H):  # the others are kept as what they are more
+        row = row_of(g, 2)
+        a0, a1 = np.float64(a[row + k]), np.float64(a[row + L + k])
+        more = 0.0 if g == h else np.float64(ratio[row_of(g, 1) + k])
+        out[g] = own + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
 
 
 @inlined
@@ -111,11 +115,12 @@ def leave(  # type: ignore[no-untyped-def]
     work, log_ratio, key, ended, steps, now, spans,
 ):  # fmt: skip
     """Note down a path that ends after a share of step i."""
+    k = lane(k)
     s, dt = long[SAMPLE + k], times[i + 1] - times[i]
     until = dt * share  # at a crossing nothing after it enters dQ/dP
     n0, n1, span = np.float64(f[SUM0 + k]), np.float64(f[SUM1 + k]), times[min(i, window)]
     if i < window:
-        own = 2 * h * L + k
+        own = row_of(h, 2) + k
         n0, n1, span = n0 + f[Z0 + k] - a[own] * until, n1 + f[Z1 + k] - a[own + L] * until, span + until
     likelihood(h, H, until, k, f, a, ratio, log_ratio[s])
     work[s], key[s], ended[s], steps[s], spans[s] = rate * (times[i] + until), long[KEY + k], outcome, i + 1, span
@@ -124,17 +129,21 @@ def leave(  # type: ignore[no-untyped-def]
 
 
 @inlined
-def fill_up(k, last, H, random, f, short, long, a, ratio):  # type: ignore[no-untyped-def]
+def fill_up(k, last, H, leaning, random, f, short, long, a, ratio):  # type: ignore[no-untyped-def]
     """Move the last lane to where one has left."""
-    for row in (Z0, Z1, NX, NY, C1, E1, G1, SUM0, SUM1, SIGN, LOST, U, V):
-        f[row + k] = f[row + last]
-    for corner in range(4):
-        f[CORNER + corner * L + k] = f[CORNER + corner * L + last]
-    short[CELL + k] = short[CELL + last]
+    k, last = lane(k), lane(last)
+    f[Z0 + k], f[Z1 + k], f[NX + k], f[NY + k] = f[Z0 + last], f[Z1 + last], f[NX + last], f[NY + last]
+    f[C1 + k], f[E1 + k], f[G1 + k] = f[C1 + last], f[E1 + last], f[G1 + last]
+    f[SUM0 + k], f[SUM1 + k], f[SIGN + k], f[LOST + k] = f[SUM0 + last], f[SUM1 + last], f[SIGN + last], f[LOST + last]
+    if leaning:
+        f[U + k], f[V + k], short[CELL + k] = f[U + last], f[V + last], short[CELL + last]
+        for corner in range(4):
+            f[CORNER + corner * L + k] = f[CORNER + corner * L + last]
     random[k], long[KEY + k], long[SAMPLE + k] = random[last], long[KEY + last], long[SAMPLE + last]
     for g in range(H if k < last else 0):
-        short[STAGE + g * L + k], ratio[g * L + k] = short[STAGE + g * L + last], ratio[g * L + last]
-        a[2 * g * L + k], a[2 * g * L + L + k] = a[2 * g * L + last], a[2 * g * L + L + last]
+        one, two = row_of(g, 1), row_of(g, 2)
+        short[STAGE + one + k], ratio[one + k] = short[STAGE + one + last], ratio[one + last]
+        a[two + k], a[two + L + k] = a[two + last], a[two + L + last]
 
 
 @inlined
@@ -204,7 +213,7 @@ def block(world, guides, h, x0, seed, chosen, start, stop, paths, into, scratch)
                         work, log_ratio, key, ended, steps, now, spans,
                     )  # fmt: skip
                     n -= 1
-                    fill_up(k, n, H, random, f, short, long, a, ratio)
+                    fill_up(k, n, H, reach > 0.0, random, f, short, long, a, ratio)
         if n == 0:
             return
         for k in range(n if keep else 0):
