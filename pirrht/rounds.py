@@ -22,7 +22,7 @@ from pirrht.scene import Array
 
 DOUBT = 10.0  # a correction found by so many effective samples is halved
 FILLED = 0.6  # of the time left is used by the next round, since the pace changes; with the last, it is all used
-MOST = 60_000  # samples of a plan, however much time there is: weighing more of them takes longer than it is worth
+MOST = 150_000  # samples of a plan, however much time there is: weighing more of them takes longer than it is worth
 SMOOTH = 0.2  # corrections are averaged over about this time [s]
 
 Draw = Callable[[NDArray[np.int64], Array | None], Rollouts]  # by counts (H,) and correction (H, T, m)

@@ -6,6 +6,7 @@ The strip |x| < L, left at no cost, has a closed form (see test_path_integral). 
 
 from __future__ import annotations
 
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -268,6 +269,18 @@ def test_a_shifted_tape_carries_on_where_the_last_one_is_now():
     np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.1), [[3.0, 0.0], [0.0, 2.0]], atol=1e-12)
     np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.05), [[2.0, 0.0], [1.5, 1.0]], atol=1e-12)
     np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.35), [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)
+
+
+def test_a_million_samples_would_take_less_than_a_gibibyte(slit: Scenario, slit_tree: HomologyTree):
+    """Ten times less, as numpy's allocations tell; what is kept of a path does not grow with its steps."""
+    controller = slit.with_settings(samples=33_334, allocation="equal").controller(slit_tree)
+    tracemalloc.start()
+    plan = controller.plan(slit.start)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert plan.estimate is not None
+    assert plan.estimate.rollouts.size == 100_002
+    assert most < 0.1 * 2**30
 
 
 def test_the_last_tape_gets_a_quarter_of_the_samples_and_keeps_the_value(slit: Scenario, slit_tree: HomologyTree):
