@@ -2,8 +2,8 @@
 
 All of them steer the same robot under the same noise of the plant, and those with samples draw them with the same
 kernels and exit rule, so that what differs is what is said here. Around each of H references there are N samples;
-"best-class" has the same number in all, "mppi" N times the classes that are allowed at the start (sim), at least as
-many, and "single" and "passive" have N.
+"best-class" has the same number in all, and "single", "passive" and "mppi" are given N times the classes that are
+allowed at the start (sim), at least as many.
 """
 
 from __future__ import annotations

@@ -101,18 +101,16 @@ class Scenario:
     def mppi(self) -> Mppi:
         """MPPI, with at least as many samples as "pi-rrht" draws from the start."""
         s = self.settings
-        sampling = replace(
-            self.sampling,
-            samples=s.samples * self._classes_at_start(),
-            first=None,
-            guide="open-loop",
-            draws="independent",
-            memory=False,
-            budget=None if s.budget is None else s.budget * self._classes_at_start(),
-        )
+        sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent", memory=False)
         loud = replace(s, noise=s.exploration * s.noise)
         problem = pose(self.loaded.dynamics_name, self.loaded.scene, loud)
         return Mppi(problem, self.space, sampling, horizon=s.horizon, rng=np.random.default_rng(self.seeds()[1]))
+
+    def _at_once(self) -> Sampling:
+        """Sampling around one reference, or none, with at least as many samples as "pi-rrht" draws from the start."""
+        s, classes = self.settings, self._classes_at_start()
+        budget = None if s.budget is None else s.budget * classes
+        return replace(self.sampling, samples=s.samples * classes, budget=budget)
 
     def _classes_at_start(self) -> int:
         """Classes with |1 - H_i| <= H_limit at the start, `settings.classes` at most."""
@@ -129,7 +127,7 @@ class Scenario:
             self.problem,
             self.space,
             tree,
-            self.sampling,
+            self._at_once() if self.settings.method in ("single", "passive") else self.sampling,
             method=self.settings.method,
             polished=self.settings.polish,
             consistency=self.settings.consistency,
