@@ -30,21 +30,13 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
 
 
 def _drive(scene: Scene) -> rrb.Container:
-    begin = rrb.TimeRangeBoundary.infinite()
-    now: dict[str, dict[str, Any]] = {"sim_time": {"seconds": 0.0}, "step": {"seq": 0}}
-    so_far = rrb.VisibleTimeRanges(
-        [
-            rrb.VisibleTimeRange(line, start=begin, end=rrb.TimeRangeBoundary.cursor_relative(**cursor))
-            for line, cursor in now.items()
-        ]
-    )
     view = rrb.Spatial3DView(
         origin="/world",
         name="From above",
         background=list(BACKGROUND),
         line_grid=False,
         eye_controls=_eye(scene, tilt=0.02, height=0.0),
-        overrides={"world/path": so_far},
+        overrides={"world/path": _so_far()},
     )
     side = rrb.Vertical(
         rrb.TextDocumentView(origin="/about", name="What you see"),
@@ -71,7 +63,7 @@ def _why(*, truth: bool) -> rrb.Container:
         return rrb.Horizontal(plots, log, column_shares=[3, 1], name="Why")
     beside = rrb.Vertical(
         _series("/why/optimum/control", "Distance from the optimal control", "RightTop"),
-        _series("/why/optimum/value", "Value beside the exact one, which is 0 here [cost]", "RightTop"),
+        _series("/why/optimum/value", "Value beside the exact one, which is 0 here [cost]", "RightBottom"),
         log,
         row_shares=[3, 3, 1],
     )
@@ -99,6 +91,19 @@ def _tree(scene: Scene, path: str, title: str, turn: float) -> rrb.View:
         background=list(BACKGROUND),
         line_grid=False,
         eye_controls=_eye(scene, tilt=1.1, height=turn),
+        overrides={f"{path}/growth": _so_far()},
+    )
+
+
+def _so_far() -> rrb.VisibleTimeRanges:
+    """Everything from the start to the time shown."""
+    begin = rrb.TimeRangeBoundary.infinite()
+    now: dict[str, dict[str, Any]] = {"sim_time": {"seconds": 0.0}, "step": {"seq": 0}}
+    return rrb.VisibleTimeRanges(
+        [
+            rrb.VisibleTimeRange(line, start=begin, end=rrb.TimeRangeBoundary.cursor_relative(**cursor))
+            for line, cursor in now.items()
+        ]
     )
 
 

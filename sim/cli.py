@@ -223,6 +223,12 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
         default="some",
         help="sampled paths to record (some)",
     )
+    recording.add_argument(
+        "--record-lift",
+        type=_obstacles,
+        metavar="K1,K2",
+        help="obstacles whose H is the height in the tab Tree (two that tell the shortest classes apart)",
+    )
     recording.add_argument("--video", type=Path, metavar="FILE.mp4", help="film the drive in MuJoCo (extra `video`)")
     recording.add_argument("--png", type=Path, metavar="FILE.png", help="its last picture (extra `video`)")
     recording.add_argument("--view", action="store_true", help="open the Rerun viewer")
@@ -234,6 +240,14 @@ def _run_options(parser: argparse.ArgumentParser) -> None:
     recording.add_argument(
         "--connect", metavar="URL", help="stream to a running viewer, rerun+http://127.0.0.1:9876/proxy"
     )
+
+
+def _obstacles(text: str) -> list[int]:
+    """Numbers of obstacles, as in 5,12."""
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no list of obstacles; write it like 5,12") from None
 
 
 def _export_options(commands: Any) -> None:

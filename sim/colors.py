@@ -60,8 +60,10 @@ def title(name: str) -> str:
 
 
 def nth_color(index: int) -> Color:
-    """The colour of the class that appeared as number `index`: palette, then tints, then shades."""
-    color, round_ = PALETTE[index % len(PALETTE)], index // len(PALETTE) % 3
+    """The colour of the class that appeared as number `index`: palette, tints, shades, then greyish ones in turn."""
+    color, round_ = PALETTE[index % len(PALETTE)], index // len(PALETTE)
+    if round_ > 2:  # late comers must not be taken for the first classes
+        return mix(color, (128, 128, 128), 0.7)
     return (color, mix(color, (255, 255, 255), 0.5), mix(color, (0, 0, 0), 0.35))[round_]
 
 

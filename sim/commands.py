@@ -51,11 +51,12 @@ def scenes(_: argparse.Namespace) -> int:
 def plan(arguments: argparse.Namespace) -> int:
     """Grow the tree and print one row per class."""
     _check_outputs(arguments, "json", "png", "convergence", "output")
-    drawings = {option: getattr(arguments, option) for option in ("png", "convergence") if getattr(arguments, option)}
-    for option in drawings:
-        from sim import figures
+    for option in ("png", "convergence"):
+        path: Path | None = getattr(arguments, option)
+        if path is not None:
+            from sim import figures
 
-        figures.pyplot(f"--{option}")
+            figures.check(path, f"--{option}")
     began = time.perf_counter()
     scenario = _scenario(arguments)
     convergence = None
@@ -112,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
                 recorder.log(frame, news, known)
             if film is not None:
                 film.add(frame)
-            if news:
+            if news and frame.outcome is None:  # how it ended is in the summary
                 bar.write(news)
             bar.update(round(frame.end_time - bar.n, 6))
             bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
@@ -221,7 +222,7 @@ def given(arguments: argparse.Namespace) -> dict[str, Any]:
 def _scenario(arguments: argparse.Namespace) -> Scenario:
     if arguments.start is not None and len(arguments.start) not in (2, 3):
         raise OptionError(f"--start has {len(arguments.start)} numbers; it must be X Y or X Y TH")
-    return prepare(
+    scenario = prepare(
         arguments.scene,
         robot=arguments.robot,
         radius=arguments.radius,
@@ -230,6 +231,8 @@ def _scenario(arguments: argparse.Namespace) -> Scenario:
         preset=arguments.preset,
         given=given(arguments),
     )
+    warm.announce(scenario.loaded.dynamics_name, sampling=arguments.command != "plan")
+    return scenario
 
 
 def _planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
@@ -299,6 +302,7 @@ def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyT
         hz=arguments.record_hz,
         samples=arguments.record_samples,
         truth=arguments.truth,
+        lift=arguments.record_lift,
         settings={
             "scene": scenario.loaded.scene.name,
             "robot": scenario.loaded.robot,

@@ -153,16 +153,21 @@ def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, le
     return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02)
 
 
-def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> tuple[Array, Array]:
+def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) -> tuple[Array, Array]:
     """Edges from nodes to their parents with the paper's H of one obstacle as third coordinate.
+
+    Args:
+        most: so many at most.
+        since: only those of vertices from this number on.
 
     Returns:
         (k, 2, 3) ends [m, m, turns] with k at most `most`, and (k,) height of the middle [turns].
     """
     graph, size = tree.graph, tree.size
     width = graph.parent.shape[1]
-    live = np.arange(width) < graph.nodes[:size, None]
-    vertex, slot = np.nonzero(live & (graph.parent[:size] != ROOT))
+    live = np.arange(width) < graph.nodes[since:size, None]
+    vertex, slot = np.nonzero(live & (graph.parent[since:size] != ROOT))
+    vertex += since
     if len(vertex) > most:
         keep = np.linspace(0, len(vertex) - 1, most).astype(np.int64)
         vertex, slot = vertex[keep], slot[keep]

@@ -15,6 +15,8 @@ from pirrht.tree import HomologyTree, Reference
 from sim.colors import ClassColors, title
 from sim.scenarios import Scenario
 
+ENDINGS = (".png", ".pdf", ".svg")
+
 
 def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Sequence[Reference]) -> None:
     """Write a map with obstacles, tree and the reference of every class."""
@@ -166,6 +168,17 @@ def _save(plt: Any, figure: Any, path: Path, option: str) -> None:
 
 def _rgb(color: Any) -> tuple[float, ...]:
     return tuple(float(v) / 255.0 for v in color[:3])
+
+
+def check(path: Path, option: str) -> None:
+    """Make sure, before any work, that a figure can be drawn and has an ending that says how.
+
+    Raises:
+        OptionError: matplotlib is missing, or it knows no such ending.
+    """
+    pyplot(option)
+    if path.suffix.lower() not in ENDINGS:
+        raise OptionError(f"{option} {path}: no figure has this ending; give a file that ends in {', '.join(ENDINGS)}")
 
 
 def pyplot(option: str = "--png") -> Any:

@@ -21,6 +21,7 @@ from sim.stream import Stream
 LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
 BAND = "one standard error"
 STROKE, THINNEST = 0.01, 0.002  # time between strokes that fill an area [s], the least share that is drawn
+PRECISION = 2**15
 DIM = (120, 122, 128)
 
 
@@ -118,7 +119,7 @@ class Plots:
             strokes = 2 * max(1, round(r.duration / STROKE))
             at += [(r.step, r.time + r.duration * k / strokes) for k in range(strokes)]
             table += edges * (strokes // 2)
-        columns = rr.Scalars.columns(scalars=np.ravel(table)).partition([LINES + 1] * len(table))
+        columns = rr.Scalars.columns(scalars=_short(np.ravel(table))).partition([LINES + 1] * len(table))
         self._stream.columns("/why/weight", [step for step, _ in at], [time for _, time in at], columns)
 
     def _optimum(self, rows: Sequence[Row]) -> None:
@@ -143,6 +144,13 @@ class Plots:
         self._favourite = row.favourite
 
     def _lines_of(self, path: str, rows: Sequence[Row], table: Sequence[Sequence[float]]) -> None:
-        flat = np.array(table)
+        flat = _short(np.array(table))
         columns = rr.Scalars.columns(scalars=flat.ravel()).partition([flat.shape[1]] * len(rows))
         self._stream.columns(path, [r.step for r in rows], [r.time for r in rows], columns)
+
+
+def _short(values: Array) -> Array:
+    """Values to one part in 2^15: what a plot can show; the zero bytes left behind take no room in a file."""
+    mantissa, exponent = np.frexp(values)
+    short: Array = np.ldexp(np.rint(mantissa * PRECISION) / PRECISION, exponent)
+    return short

@@ -9,7 +9,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from pathlib import Path
 from types import TracebackType
@@ -18,12 +18,12 @@ from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.path_integral import PathIntegral
 from pirrht.tree import HomologyTree
-from sim import viewer
+from sim import drawing, viewer
 from sim.blueprint import layout
 from sim.episode import Frame
 from sim.mjcf import Loaded
-from sim.stage import Subject
-from sim.steps import Row
+from sim.stage import TREE_EDGES, Subject, telling
+from sim.steps import Edges, Row
 from sim.stream import Stream, forget_lost_viewers
 from sim.truth import Truth
 from sim.writer import Writer
@@ -48,6 +48,7 @@ class Recorder:
         hz: how often references and samples are drawn, per simulated second.
         samples: which sampled paths are drawn: "all", "some" or "none".
         truth: whether every frame comes with the exact value and the optimal control.
+        lift: obstacles, from 1, whose H is the height of a tree; by default those that tell the shortest classes apart.
         settings: what the drive was made with; kept as properties of the recording.
 
     Raises:
@@ -68,6 +69,7 @@ class Recorder:
         hz: float = 5.0,
         samples: str = "some",
         truth: bool = False,
+        lift: Sequence[int] | None = None,
         settings: dict[str, object],
     ) -> None:
         if not (math.isfinite(hz) and hz > 0):
@@ -91,7 +93,10 @@ class Recorder:
             samples=samples,
             settings=settings,
             truth=truth,
+            lift=_lifts(space, tree, path_integral, lift),
         )
+        self._lifted = [obstacle for obstacle, _, _ in subject.lifted]
+        self._tree, self._size = tree, 0 if tree is None else tree.size
         path_integral.warm_up()
         self._interval, self._due = 1.0 / hz, 0.0
         self._file = None if file is None else _Target(subject, _to_file(subject, file))
@@ -127,11 +132,18 @@ class Recorder:
         drawn = frame.time >= self._due - 1e-9 or frame.outcome is not None
         if drawn:
             self._due = max(self._due + self._interval, frame.time)
-        row = Row.of(frame, drawn, news, truth)
+        row = Row.of(frame, drawn, news, truth, self._growth() if drawn else ())
         for target in self._live:
             target.put(row)
         if self._file is not None:
             self._file.put(row)
+
+    def _growth(self) -> tuple[Edges, ...]:
+        """Edges of the vertices that the tree has gained since the last picture, per obstacle that it is lifted by."""
+        if self._tree is None or self._tree.size == self._size or not self._lifted:
+            return ()
+        since, self._size = self._size, self._tree.size
+        return tuple(drawing.tree_edges(self._tree, k, TREE_EDGES, since=since) for k in self._lifted)
 
     def close(self) -> None:
         """Write what is left and close everything.
@@ -152,7 +164,7 @@ class _Target:
     def __init__(self, subject: Subject, connect: Connect, *, url: str | None = None) -> None:
         self.dropped = 0
         self._connect, self._url = connect, url
-        self._writer = Writer(Stream(subject.id, orderly=url is None), subject)
+        self._writer = Writer(Stream(subject.application, subject.id, orderly=url is None), subject)
         self._writer.begin()  # kept in memory until the first frame comes: a file is not touched before
         self._rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
         self._closing, self._done = threading.Event(), threading.Event()
@@ -230,6 +242,21 @@ def _to_file(subject: Subject, file: Path) -> Connect:
 
 def _to_viewer(subject: Subject, url: str) -> Connect:
     return lambda stream: stream.connect(url, layout(subject, live=True))
+
+
+def _lifts(
+    space: FreeSpace, tree: HomologyTree | None, path_integral: PathIntegral, lift: Sequence[int] | None
+) -> tuple[int, ...]:
+    """Obstacles, from 0, whose H lifts the tree."""
+    if lift is None:
+        problem = path_integral.problem
+        return () if tree is None else telling(tree, problem.scene.start[: problem.dynamics.n])
+    M = len(space.obstacles)
+    if not all(1 <= k <= M for k in lift):
+        raise OptionError(
+            f"--record-lift {','.join(map(str, lift))}: {space.scene.name} has the obstacles 1 to {M}; name one or two"
+        )
+    return tuple(dict.fromkeys(k - 1 for k in lift))
 
 
 def _check_writable(file: Path) -> None:

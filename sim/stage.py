@@ -14,6 +14,7 @@ import rerun as rr
 
 from pirrht.freespace import FreeSpace
 from pirrht.path_integral import PathIntegral
+from pirrht.scene import Array
 from pirrht.tree import HomologyTree
 from sim import drawing, solids
 from sim.drawing import lift, packed
@@ -43,12 +44,19 @@ class Subject:
     samples: str  # "all", "some" or "none"
     settings: Mapping[str, object]
     truth: bool = False  # whether its steps come with the optimal control
+    lift: tuple[int, ...] = ()  # obstacles, from 0, whose H lifts a tree
 
     @property
     def name(self) -> str:
         """Scene, method and seed."""
         parts = (self.space.scene.name, self.settings.get("method"), self.settings.get("seed"))
         return " ".join(str(part) for part in parts if part is not None)
+
+    @property
+    def application(self) -> str:
+        """The same for recordings that are laid out alike."""
+        parts = ("pirrht", self.space.scene.name, *("truth" for _ in range(self.truth)), *(k + 1 for k in self.lift))
+        return " ".join(str(part) for part in parts)
 
     @property
     def id(self) -> str:
@@ -67,8 +75,8 @@ class Subject:
         """Obstacle, entity path and title of each lifted tree."""
         if self.tree is None:
             return []
-        names = [part.names[0] for part in self.space.obstacles[:TREES]]
-        return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1} ({name})") for k, name in enumerate(names)]
+        names = {k: self.space.obstacles[k].names[0] for k in self.lift}
+        return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1} ({name})") for k, name in names.items()]
 
 
 def stage(subject: Subject, log: Log) -> None:
@@ -123,12 +131,7 @@ def _ground(subject: Subject, log: Log) -> None:
 def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
     assert subject.tree is not None
     ends, middle = drawing.tree_edges(subject.tree, obstacle, TREE_EDGES)
-    low, high = (float(middle.min()), float(middle.max())) if len(middle) else (0.0, 1.0)
-    lines = lift(ends, ends[..., 2] * subject.turn)
-    log(
-        f"{path}/edges",
-        rr.LineStrips3D(lines, radii=0.005, colors=packed(drawing.heights(middle, low, high))),
-    )
+    log(f"{path}/edges", branches(subject, ends, middle))
     scene = subject.space.scene
     x, y = np.column_stack([scene.lower, scene.upper])
     back = np.array([(x[0], y[1]), (x[0], y[0])])
@@ -143,6 +146,22 @@ def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
                 show_labels=True,
             ),
         )
+
+
+def branches(subject: Subject, ends: Array, middle: Array) -> rr.LineStrips3D:
+    """Edges of a lifted tree: ends (k, 2, 3) [m, m, turns] and heights of their middles (k,) [turns]."""
+    assert subject.tree is not None
+    limit = subject.tree.limit
+    colors = drawing.heights(middle, 1.0 - limit, 1.0 + limit)
+    return rr.LineStrips3D(lift(ends, ends[..., 2] * subject.turn), radii=0.005, colors=packed(colors))
+
+
+def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
+    """Obstacles, from 0, by which the shortest classes from x (n,) differ, before all others."""
+    lengths = tree.lengths(x)
+    windings = sorted(lengths, key=lambda winding: lengths[winding])
+    apart = [k for w in windings[1:] for k in np.flatnonzero(np.not_equal(w, windings[0])).tolist()]
+    return tuple(dict.fromkeys([*apart, *range(tree.space.homology.M)]))[:most]
 
 
 def _legend(subject: Subject) -> str:

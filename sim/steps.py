@@ -24,6 +24,8 @@ from pirrht.scene import Array
 from sim.episode import Frame
 from sim.truth import Truth
 
+Edges = tuple[Array, Array]  # ends (k, 2, 3) [m, m, turns] and heights of their middles (k,) [turns]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Row:
@@ -52,9 +54,17 @@ class Row:
     outcome: Outcome | None
     plan: Plan | None  # where a picture is due
     news: str | None
+    growth: tuple[Edges, ...] = ()  # of the tree since the last picture, per obstacle that it is lifted by
 
     @classmethod
-    def of(cls, frame: Frame, drawn: bool, news: str | None, truth: Truth | None = None) -> Row:
+    def of(
+        cls,
+        frame: Frame,
+        drawn: bool,
+        news: str | None,
+        truth: Truth | None = None,
+        growth: tuple[Edges, ...] = (),
+    ) -> Row:
         """The row of a frame."""
         plan, advance, estimate = frame.plan, frame.advance, frame.plan.estimate
         value, value_error = (inf, inf) if plan.exact is None else (plan.exact, 0.0)
@@ -84,6 +94,7 @@ class Row:
             outcome=frame.outcome,
             plan=plan if drawn else None,
             news=news,
+            growth=growth,
         )
 
 

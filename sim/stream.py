@@ -9,19 +9,18 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
-APPLICATION = "pirrht"
-
 
 class Stream:
     """One recording on its way to one file or viewer, with the timelines `step` and `sim_time`.
 
-    `orderly` keeps chunks in the order in which they were logged, which files need to be compared.
+    `orderly` keeps chunks in the order in which they were logged, which files need to be compared. A viewer lays out
+    all recordings of an `application` alike.
     """
 
-    def __init__(self, recording_id: str, *, orderly: bool) -> None:
+    def __init__(self, application: str, recording_id: str, *, orderly: bool) -> None:
         self._orderly = orderly
         self._stream = rr.RecordingStream(
-            APPLICATION,
+            application,
             recording_id=recording_id,
             send_properties=False,  # they would hold the wall time
             batcher_config=rr.ChunkBatcherConfig.NEVER(),  # chunks end where we say, not where a clock does

@@ -17,10 +17,20 @@ from pirrht.scene import Goal, Scene
 from sim.options import ROBOT_DEFAULTS
 from sim.scenarios import pose
 
+# Modules of kernels that take long, by which one knows whether they have been compiled.
+PLANNER, SAMPLER = "growth", {"single_integrator": "rollout_again", "unicycle": "rollout_loops"}
+
+
+def announce(dynamics_name: str, *, sampling: bool) -> None:
+    """Tell a person at a terminal why the first command of an installation is slow."""
+    ready = cached(PLANNER) and (cached(SAMPLER[dynamics_name]) or not sampling)
+    if sys.stderr.isatty() and not ready:
+        print("compiling kernels, once: about a minute", file=sys.stderr)
+
 
 def start(dynamics_name: str) -> subprocess.Popen[bytes] | None:
     """Begin to compile in another process, if there is anything to compile; wait for it before sampling."""
-    if cached("rollout"):
+    if cached(SAMPLER[dynamics_name]):
         return None
     command = [sys.executable, "-m", "sim.warm", dynamics_name]
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

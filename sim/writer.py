@@ -11,6 +11,8 @@
               last, where it is known, the exact one
 /why/optimum  control: the length of u's standard error, and |u - u*| of the control chosen;
               value: one standard error below and above the estimate's error, that error, and 0 for the exact one
+/tree/K       tree lifted by the H of obstacle K: references from the state, and in `growth` the edges of the vertices
+              that it has gained since the picture before, those of its first ones being static
 /log          what happened
 /timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill
 """
@@ -30,13 +32,13 @@ from sim.colors import ClassColors
 from sim.drawing import lift
 from sim.pictures import Pictures
 from sim.plots import Plots
-from sim.stage import Subject, properties, stage
+from sim.stage import Subject, branches, properties, stage
 from sim.steps import Row, columns
 from sim.stream import Stream
 
-BATCH_STEPS = 32  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
-WAIT = 0.12  # how long a step may wait for its batch before it is written ahead of it [s]
-BATCH_LEAST, BATCH_TIME = 8, 0.32  # fewer will do once they span so much simulated time [s]
+BATCH_STEPS = 36  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
+WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
+BATCH_LEAST, BATCH_TIME = 8, 0.36  # fewer will do once they span so much simulated time [s]
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
 
 
@@ -96,6 +98,8 @@ class Writer:
                 self.stream.log("/log", row.step, row.time, rr.TextLog(row.news, level="INFO"))
             if row.plan is not None:
                 self._pictures.draw(row.plan, row.step, row.time)
+            for (_, path, _), edges in zip(self._subject.lifted, row.growth, strict=False):
+                self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, *edges))
 
     def _robot(self, rows: Sequence[Row]) -> None:
         states = np.array([r.state for r in rows])

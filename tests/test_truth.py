@@ -58,11 +58,13 @@ def test_value_and_distance_from_the_optimum_are_numbers_at_every_step(recorded,
     estimates = [frame.plan.estimate for frame in frames]
     off = np.linalg.norm([frame.plan.control for frame in frames] - best, axis=1)
     error = [np.linalg.norm(e.control_error) for e in estimates]
-    np.testing.assert_allclose(table["/why/optimum/control"]["Scalars:scalars"], np.column_stack([error, off]))
-    np.testing.assert_allclose(np.array(table["/why/value"]["Scalars:scalars"])[:, -1], exact)
+    np.testing.assert_allclose(
+        table["/why/optimum/control"]["Scalars:scalars"], np.column_stack([error, off]), rtol=1e-4
+    )
+    np.testing.assert_allclose(np.array(table["/why/value"]["Scalars:scalars"])[:, -1], exact, rtol=1e-4)
     value, spread = np.array([(e.value, e.value_error) for e in estimates]).T
     beside = np.column_stack([value - spread, value + spread, value, exact]) - exact[:, None]
-    np.testing.assert_allclose(table["/why/optimum/value"]["Scalars:scalars"], beside, atol=1e-12)
+    np.testing.assert_allclose(table["/why/optimum/value"]["Scalars:scalars"], beside, rtol=1e-4, atol=1e-9)
     assert result["value"] == exact[0]
     assert result["mean_control_error"] == pytest.approx(off.mean())
     assert result["max_control_error"] == pytest.approx(off.max())
@@ -80,7 +82,7 @@ def test_a_drive_tells_how_far_from_the_optimum_it_was(tmp_path, capsys, method)
     assert "|u - u*|" in capsys.readouterr().out
     told, off = json.loads((tmp_path / "a.json").read_text()), columns(tmp_path / "a.rrd")["/why/optimum/control"]
     mean = np.array(off["Scalars:scalars"])[:, 1].mean()
-    assert told["truth"]["mean_control_error"] == pytest.approx(mean, abs=1e-12)
+    assert told["truth"]["mean_control_error"] == pytest.approx(mean, rel=1e-4)
     assert (mean < 1e-9) == (method == "optimal")
     if method == "optimal":
         assert told["truth"]["value"] == told["value_estimate"]
