@@ -5,6 +5,8 @@
 3  lengths of the car's best paths per class against the iteration, and its references (Fig. 3)
 4  snapshots of a drive of the car (Fig. 4)
 5  probability of each class at the start against b, sampled and by the grid
+
+Those of the README: --only 1,2,5 --format png --dpi 160 -o docs
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ def main() -> int:
     parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, default=Path("figures"), metavar="DIR", help="folder (figures)")
     parser.add_argument("--format", choices=style.FORMATS, default="pdf", help="of the files (pdf)")
+    parser.add_argument("--dpi", type=gallery.dots, default=style.DPI, metavar="N", help="dots per inch of PNG (300)")
     parser.add_argument("--only", metavar="1,3", help="figures to make (all)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of trees, samples and drives (0)")
     try:
@@ -38,7 +41,8 @@ def main() -> int:
         with tqdm(total=pieces, desc="figures", leave=False, disable=None) as bar:
             for number in numbers:
                 bar.set_postfix_str(gallery.FIGURES[number].text)
-                bar.write(str(gallery.make(number, options.output, options.format, effort, bar.update)))
+                file = gallery.make(number, options.output, options.format, effort, bar.update, dpi=options.dpi)
+                bar.write(str(file))
     except PirrhtError as error:
         print(f"reproduce_figures.py: {error}", file=sys.stderr)
         return 2

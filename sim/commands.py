@@ -44,7 +44,7 @@ def scenes(_: argparse.Namespace) -> int:
                 str(loaded.path),
             ]
         )
-    print(present.table(["scene", "size", "solids", "robot", "file"], rows))
+    print(present.table(["scene", "size", "solids", "robot", "file"], rows, present.width()))
     return 0
 
 
@@ -66,8 +66,10 @@ def plan(arguments: argparse.Namespace) -> int:
     else:
         tree, references = _planned(scenario)
     seconds = time.perf_counter() - began
-    print(present.class_table(references))
-    print(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
+    print(present.class_table(references, present.width()))
+    present.say(
+        f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s"
+    )
     if arguments.output:
         tree_file.save(tree, arguments.output)
         print(f"tree: {arguments.output}")
@@ -94,7 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
     compiling = None if optimal else warm.start(scenario.loaded.dynamics_name)
     tree, references = (None, []) if settings.method in TREELESS else _planned(scenario)
     if references:
-        print(present.class_table(references))
+        print(present.class_table(references, present.width()))
     if compiling is not None:
         compiling.wait()
     exact = truth if truth is not None and truth.dt is None else None
@@ -155,12 +157,12 @@ def estimate(arguments: argparse.Namespace) -> int:
         decision = controller.plan(x)
         references = decision.references
         estimates.append(decision.estimate)
-    print(present.estimate_table(estimates, [r.id for r in references], truth))
+    print(present.estimate_table(estimates, [r.id for r in references], truth, present.width()))
     if any(e is None for e in estimates):
         dead = sum(e is None for e in estimates)
-        print(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples")
+        present.say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples")
     for line in present.doubts(estimates, [r.id for r in references], scenario.settings.target_error):
-        print(line)
+        present.say(line)
     if arguments.json:
         present.write_json(arguments.json, present.estimate_json(scenario, references, estimates, truth))
     return 0
@@ -343,23 +345,23 @@ def _bar(what: str, total: float, unit: str) -> Any:
 def _print_summary(result: dict[str, Any]) -> None:
     ms = result["step_ms"]
     executed = "none" if result["executed_class"] is None else title(result["executed_class"])
-    print(
+    present.say(
         f"{result['outcome']} after {result['time']:.2f} s: cost {result['cost']:.3f}, "
         f"noisy path of {result['path_length']:.2f} m"
     )
-    print(
+    present.say(
         f"class {executed}, {result['class_switches']} class switches, {result['fallbacks']} fallbacks, "
         f"least clearance {result['min_clearance']:.3f} m"
     )
     if "real_time" in result:
-        print(timing.summary(result["real_time"]))
-    print(
+        present.say(timing.summary(result["real_time"]))
+    present.say(
         f"{result['steps']} control steps: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, max {ms['max']:.1f}, "
         f"{result['deadline_misses']} {'late' if 'real_time' in result else 'longer than the period'}"
     )
     if "truth" in result:
         exact = result["truth"]
-        print(
+        present.say(
             f"beside the optimal control: |u - u*| {exact['mean_control_error']:.3f} on average, "
             f"{exact['max_control_error']:.3f} at most; exact value at the start {exact['value']:.4f}"
         )

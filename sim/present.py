@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
+import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,14 +26,44 @@ from sim.scenarios import Scenario
 from sim.truth import Truth
 
 FEW_CLASSES = 4
+LEAST = 30  # columns of a terminal that text is broken for
+WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 LONE = 1.5  # effective samples of a class of which no more than one has any weight
 WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns padded to their widest cell; the first is left-aligned, the others right."""
+def width() -> int | None:
+    """Columns of the terminal that standard output goes to; None where it goes elsewhere."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+
+
+def say(text: str) -> None:
+    """Print lines, broken between words where a terminal is narrower."""
+    room = width()
+    for line in text.splitlines():
+        print(line if room is None else textwrap.fill(line, max(room, LEAST), subsequent_indent="  ", **WORDS))
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]], room: int | None = None, *, keep: int = 1) -> str:
+    """Columns padded to their widest cell; the first is left-aligned, the others right.
+
+    Args:
+        room: a table that is wider becomes several, each with the first `keep` columns and some of the others.
+    """
     cells = [list(header), *[list(row) for row in rows]]
     widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
+    first = list(range(keep))
+    parts = [list(first)]
+    for i in range(keep, len(widths)):
+        wide = sum(widths[k] + 2 for k in parts[-1]) + widths[i]
+        if room is not None and wide > room and len(parts[-1]) > keep:
+            parts.append(list(first))
+        parts[-1].append(i)
+    return "\n\n".join(_block([[row[i] for i in part] for row in cells], [widths[i] for i in part]) for part in parts)
+
+
+def _block(cells: Sequence[Sequence[str]], widths: Sequence[int]) -> str:
+    """A table's header, a line under it, and its rows."""
     lines = [
         "  ".join(
             cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
@@ -40,16 +73,18 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(line.rstrip() for line in [lines[0], "-" * len(lines[0]), *lines[1:]])
 
 
-def class_table(references: Sequence[Reference]) -> str:
+def class_table(references: Sequence[Reference], room: int | None = None) -> str:
     """One row per homology class, cheapest first."""
     if references and len(references[0].winding) > 4:  # too wide for a terminal; JSON has it all
         rows = [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}"] for r in references]
-        return table(["class", "cost", "length [m]"], rows)
+        return table(["class", "cost", "length [m]"], rows, room)
     rows = [[r.id, f"{r.cost:.4f}", f"{r.length:.3f}", " ".join(f"{h:+.2f}" for h in r.signature)] for r in references]
-    return table(["class", "cost", "length [m]", "H"], rows)
+    return table(["class", "cost", "length [m]", "H"], rows, room)
 
 
-def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None) -> str:
+def estimate_table(
+    estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None, room: int | None = None
+) -> str:
     """One row per repeat: value, control, their standard errors, effective sample size and class weights.
 
     With a truth also the errors.
@@ -72,7 +107,7 @@ def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], tru
     if truth is not None:
         exact = [f"{truth.value:.4f}", "-", _vector(truth.control), "-"]
         rows.append(["truth", *exact, *["-"] * (len(ids) + 4)])
-    return table(header, rows)
+    return table(header, rows, room)
 
 
 def doubts(estimates: Sequence[Estimate | None], ids: Sequence[str], target: float | None) -> list[str]:

@@ -151,7 +151,7 @@ def sweep(
     return [done[key] for key in keys]
 
 
-def summary(rows: Sequence[dict[str, Any]]) -> str:
+def summary(rows: Sequence[dict[str, Any]], room: int | None = None) -> str:
     """A table with one line per scene, noise and method; `length` is the driven over the shortest reference's."""
     points: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for row in rows:
@@ -197,7 +197,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> str:
                 _shares([r["executed_class"] for r in arrived]),
             ]
         )
-    return present.table(header, lines)
+    return present.table(header, lines, room, keep=3)
 
 
 Crew = Callable[[Callable[[Any], Any], Sequence[Any], Callable[[Any, str], Any]], Iterator[Any]]

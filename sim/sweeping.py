@@ -24,7 +24,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         raise OptionError("--again makes runs of a dataset anew; add its folder, -o DIR")
     else:
         records = engine.sweep(grid.jobs(), jobs_at_once=arguments.jobs, scheduler=arguments.scheduler)
-    print(engine.summary(records))
+    print(engine.summary(records, present.width()))
     if arguments.json:
         present.write_json(arguments.json, records)
     errors = sum(record["outcome"] is None for record in records)

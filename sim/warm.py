@@ -18,7 +18,7 @@ from sim.options import ROBOT_DEFAULTS
 from sim.scenarios import pose
 
 # Modules of kernels that take long, by which one knows whether they have been compiled.
-PLANNER, SAMPLER = "growth", {"single_integrator": "rollout_again", "unicycle": "rollout_loops"}
+PLANNER, SAMPLER = "growth", {"single_integrator": "rollout_block", "unicycle": "rollout_loops"}
 
 
 def announce(dynamics_name: str, *, sampling: bool) -> None:

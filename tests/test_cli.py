@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mjcf_samples import FLOOR, GOAL, SITES, START, mjcf
 
+from sim import present
 from sim.cli import main
 from sim.scenarios import prepare
 
@@ -356,3 +357,28 @@ def test_estimate_says_what_its_standard_errors_do_not_know(capsys):
     assert "class 0,0: hardly a sample in" in told
     assert "not reached in 4 of 4 repeats" in told
     assert "1200 samples drawn" in told
+
+
+def test_a_table_wider_than_the_terminal_becomes_several_that_fit():
+    header, rows = ["scene", "b", "success", "cost", "time"], [["slit", "0.1", "99", "8.4401", "4.2"]]
+    whole = present.table(header, rows)
+    assert present.table(header, rows, len(whole.splitlines()[1])) == whole
+    parts = present.table(header, rows, 24, keep=2).split("\n\n")
+    assert [part.splitlines()[0].split() for part in parts] == [
+        ["scene", "b", "success"],
+        ["scene", "b", "cost", "time"],
+    ]
+    assert all(len(line) <= 24 for part in parts for line in part.splitlines())
+    assert [part.splitlines()[2].split() for part in parts] == [["slit", "0.1", "99"], ["slit", "0.1", "8.4401", "4.2"]]
+    assert present.table(header, rows, 3).count("slit") == 4  # one column beside the first, however narrow
+
+
+def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
+    line = "class -1,0, 1 class switches, 0 fallbacks, least clearance 0.115 m"
+    present.say(line)
+    assert capsys.readouterr().out == line + "\n"
+    monkeypatch.setattr(present, "width", lambda: 40)
+    present.say(line)
+    shown = capsys.readouterr().out.splitlines()
+    assert " ".join(part.strip() for part in shown) == line
+    assert max(map(len, shown)) <= 40

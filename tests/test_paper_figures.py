@@ -155,6 +155,7 @@ def script(*arguments, **options):
         (["--only", "9"], "--only: there is no figure '9'; name some of 1,2,3,4,5"),
         (["--only", ""], "--only: there is no figure ''"),
         (["--format", "gif"], "gif"),
+        (["--dpi", "5"], "from 50 to 1200"),
         (["-o", "/dev/null/figures"], "-o /dev/null/figures: no folder can be made there"),
         (["--seed", "-1"], "seed"),
     ],

@@ -50,3 +50,11 @@ def test_every_command_explains_itself(command, capsys):
         cli.main([command, "--help"])
     assert end.value.code == 0
     assert command in capsys.readouterr().out
+
+
+def test_every_picture_is_there_and_all_together_are_small():
+    folder = Path(__file__).parent.parent / "docs"
+    shown = re.findall(r"!\[[^\]]+\]\(docs/(.*?)\)", README)
+    assert shown
+    assert not [name for name in shown if not (folder / name).is_file()]
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 1_500_000

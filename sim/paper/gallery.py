@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import ArgumentTypeError
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,6 +77,13 @@ def chosen(text: str | None) -> list[int]:
     return sorted({int(part) for part in numbers})
 
 
+def dots(text: str) -> int:
+    """A resolution [1/in] from 50 to 1200."""
+    if not (text.isdecimal() and 50 <= int(text) <= 1200):
+        raise ArgumentTypeError(f"{text!r} must be a whole number from 50 to 1200")
+    return int(text)
+
+
 def open_folder(path: Path) -> None:
     """Make sure that a folder exists.
 
@@ -88,7 +96,7 @@ def open_folder(path: Path) -> None:
         raise OptionError(f"-o {path}: no folder can be made there ({error.strerror}); choose another") from None
 
 
-def make(number: int, folder: Path, format: str, effort: Effort, tick: Tick) -> Path:
+def make(number: int, folder: Path, format: str, effort: Effort, tick: Tick, *, dpi: int = style.DPI) -> Path:
     """Make one figure and write it; its file.
 
     Raises:
@@ -101,7 +109,7 @@ def make(number: int, folder: Path, format: str, effort: Effort, tick: Tick) -> 
     with plt.rc_context(style.RULES):
         figure = entry.draw(plt, effort, tick)
         try:
-            style.save(figure, file)
+            style.save(figure, file, dpi)
         finally:
             plt.close(figure)
     return file

@@ -11,7 +11,7 @@ from sim.files import replaced
 from sim.present import check_writable
 
 COLUMN, PAGE = 3.5, 7.16  # widths of a column and of a page [in]
-DPI = 300
+DPI = 300  # of PNG files
 FORMATS = ("png", "pdf", "svg")
 
 INK, WALL, FLOOR, BORDER = "#222222", "#5c6672", "#fbfbfa", "#8a8f96"
@@ -64,8 +64,8 @@ def check(folder: Path, name: str, format: str) -> Path:
     return file
 
 
-def save(figure: Any, file: Path) -> None:
+def save(figure: Any, file: Path, dpi: int = DPI) -> None:
     """Write a figure whole or not at all, in the format of the file's ending, without a date."""
     kind = file.suffix[1:]
     with replaced(file, "-o") as stream:
-        figure.savefig(stream, format=kind, dpi=DPI, metadata=METADATA[kind])
+        figure.savefig(stream, format=kind, dpi=dpi, metadata=METADATA[kind])
