@@ -72,7 +72,7 @@ def wait_for(happened, patience: float = 300.0) -> None:
 def long_sweep(tmp_path_factory) -> tuple[list[str], list[dict]]:
     """A sweep of some seconds, and its rows when nothing disturbs it."""
     folder = tmp_path_factory.mktemp("whole") / "sweep"
-    words = ["slit", "--methods", "passive", "--noise", "0.1,0.3", "--seeds", "0:120", "--jobs", "2", *QUICK]
+    words = ["slit", "--methods", "passive", "--noise", "0.1,0.3", "--seeds", "0:80", "--jobs", "2", *QUICK]
     assert main(["sweep", *words, "-o", str(folder)]) == 0
     return words, rows(folder)
 
@@ -116,10 +116,10 @@ def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sw
 
 
 def test_ctrl_c_twice_and_sigterm_end_it_at_once_and_keep_what_was_finished(tmp_path):
-    words = ["slit", "--methods", "pi-rrht", "--seeds", "0:50", "--jobs", "2", "--vertices", "100"]
+    words = ["slit", "--methods", "passive", "--seeds", "0:50", "--jobs", "2", "--plant", "sde"]
     for number, signals in enumerate(([signal.SIGINT] * 2, [signal.SIGTERM])):
         folder = tmp_path / str(number)
-        with started(*words, "--samples", "400", "--max-time", "3", "-o", str(folder)) as process:
+        with started(*words, "--samples", "400", "--max-time", "5", "-o", str(folder)) as process:
             wait_for(lambda folder=folder: written(folder) > 0)
             for one in signals:
                 process.send_signal(one)
