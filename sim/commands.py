@@ -21,11 +21,12 @@ from pirrht.outcome import Outcome
 from pirrht.path_integral import OTHER, Estimate
 from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
-from sim import episode, present, realtime, sweeping, timing, warm
+from sim import episode, present, realtime, timing, warm
 from sim.colors import title
 from sim.executor import Plant
 from sim.mjcf import load, scene_names
 from sim.scenarios import Scenario, prepare
+from sim.sweeps import sweeping
 from sim.truth import Truth, Witness
 
 
@@ -291,7 +292,6 @@ def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyT
         return None
     from sim.recorder import Recorder
 
-    s = scenario.settings
     recorder = Recorder(
         scenario.loaded,
         scenario.space,
@@ -305,17 +305,7 @@ def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyT
         samples=arguments.record_samples,
         truth=arguments.truth,
         lift=arguments.record_lift,
-        settings={
-            "scene": scenario.loaded.scene.name,
-            "robot": scenario.loaded.robot,
-            "method": s.method,
-            "seed": s.seed,
-            "noise": s.noise,
-            "lambda": scenario.problem.temperature,
-            "samples": s.samples,
-            "dt": s.dt,
-            "period": s.period,
-        },
+        settings=present.settings_json(scenario),
     )
     if recorder.server is not None:
         print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)

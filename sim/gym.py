@@ -28,11 +28,11 @@ from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.plan import Plan
 from pirrht.scene import Array
-from sim import runs
 from sim.episode import Driver, Frame, Tally
 from sim.mjcf import scene_names
-from sim.runs import Job
 from sim.scenarios import prepare
+from sim.sweeps import runs
+from sim.sweeps.runs import Job
 
 try:
     import gymnasium
@@ -219,7 +219,7 @@ def score(
         environment: a wrapped `Drive`; without it one of `scene` and `options` is made.
 
     Returns:
-        records that `sim.rows` makes rows of a dataset of.
+        records that `sim.sweeps.rows` makes rows of a dataset of.
     """
     env = Drive(scene, **options) if environment is None else environment
     made: Callable[[int], Any] = policy if anew else lambda seed: policy  # type: ignore[assignment]

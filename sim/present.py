@@ -190,8 +190,8 @@ def convergence_json(convergence: Convergence) -> dict[str, Any]:
     }
 
 
-def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[str, Any]) -> dict[str, Any]:
-    """The public JSON of `run`."""
+def settings_json(scenario: Scenario) -> dict[str, Any]:
+    """What a run was asked for, by the names of the public JSON."""
     s = scenario.settings
     return {
         "scene": scenario.loaded.scene.name,
@@ -203,6 +203,14 @@ def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[s
         "samples": s.samples,
         "dt": s.dt,
         "period": s.period,
+    }
+
+
+def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[str, Any]) -> dict[str, Any]:
+    """The public JSON of `run`."""
+    s = scenario.settings
+    return {
+        **settings_json(scenario),
         "grow": s.grow if s.real_time else s.grow or 0,
         **result,
         "obstacles": obstacles_json(scenario.space),

@@ -16,13 +16,13 @@ import pytest
 
 from pirrht.errors import OptionError, PirrhtError
 from sim.cli import main
-from sim.dataset import Dataset
-from sim.engine import Agenda, Stop
-from sim.rows import RESULTS, key_of
+from sim.sweeps.dataset import Dataset
+from sim.sweeps.engine import Agenda, Stop
+from sim.sweeps.rows import RESULTS, key_of
 
 distributed = pytest.importorskip("distributed")
 
-from sim.cluster import Cluster  # noqa: E402
+from sim.sweeps.cluster import Cluster  # noqa: E402
 
 ROOT = Path(__file__).parent.parent
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
@@ -165,7 +165,7 @@ def test_a_wish_to_stop_waits_for_the_batches_under_way(local):
 
 
 def test_no_scheduler_costs_one_line(capsys, monkeypatch):
-    monkeypatch.setattr("sim.cluster.PATIENCE", "1s")
+    monkeypatch.setattr("sim.sweeps.cluster.PATIENCE", "1s")
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(OptionError, match="no scheduler answers there"):
             Cluster(address)

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from pirrht.errors import OptionError
-from sim import dataset as module
-from sim.dataset import Dataset, Unwritable, wished
-from sim.rows import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
+from sim.sweeps import dataset as module
+from sim.sweeps.dataset import Dataset, Unwritable, wished
+from sim.sweeps.rows import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
 
 SETTINGS = {"samples": 50, "robot": None, "start": (1.0, 2.0)}
 SCENES = {"slit": "0123"}
@@ -173,10 +173,8 @@ def test_runs_that_ended_with_an_error_can_be_forgotten(dataset):
 
 def test_a_folder_has_one_writer_at_a_time_and_a_dead_one_keeps_nobody_out(tmp_path):
     pytest.importorskip("fcntl")
-    script = (
-        f"from pathlib import Path\nfrom sim.dataset import Dataset\nimport os\nd = Dataset(Path({str(tmp_path)!r}))"
-    )
-    script += "\nwith d.locked():\n    print('in', flush=True)\n    os.read(0, 1)"
+    script = "from pathlib import Path\nfrom sim.sweeps.dataset import Dataset\nimport os\n"
+    script += f"d = Dataset(Path({str(tmp_path)!r}))\nwith d.locked():\n    print('in', flush=True)\n    os.read(0, 1)"
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
     holder = subprocess.Popen(
         [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment

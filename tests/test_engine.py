@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.engine import LIBRARIES, TRIES, Agenda, Pool, Stop, in_turn, interruptible
+from sim.sweeps.engine import LIBRARIES, TRIES, Agenda, Pool, Stop, in_turn, interruptible
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def test_ctrl_c_is_a_wish_and_afterwards_an_interrupt_again():
 PARENT = """
 import sys
 from test_engine import Task, slow
-from sim.engine import Agenda, Pool, Stop
+from sim.sweeps.engine import Agenda, Pool, Stop
 if __name__ == "__main__":
     tasks = [Task(str(n), n, sys.argv[1]) for n in (8, 9)]
     with Pool(2) as pool:

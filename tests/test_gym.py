@@ -14,9 +14,10 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from pirrht.errors import OptionError  # noqa: E402
 from pirrht.tree import HomologyTree  # noqa: E402
-from sim import episode, gym, rows, runs  # noqa: E402
+from sim import episode, gym  # noqa: E402
 from sim.mjcf import scene_names  # noqa: E402
 from sim.scenarios import Scenario  # noqa: E402
+from sim.sweeps import rows, runs  # noqa: E402
 
 INFO = {"outcome", "cost", "time", "min_clearance", "path_length"}
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from sim.cli import main
-from sim.dataset import Dataset
-from sim.report import ALL, report
-from sim.rows import RESULTS
+from sim.sweeps.dataset import Dataset
+from sim.sweeps.report import ALL, report
+from sim.sweeps.rows import RESULTS
 
 ASKED = {"methods": ["pi-rrht", "passive", "optimal"], "noise": {"slit": [0.1]}, "seeds": [0, 40]}
 SETTINGS = {"samples": 50, "plan_seed": 0}

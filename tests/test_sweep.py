@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim import runs, sweep
 from sim.cli import main
-from sim.dataset import Dataset
-from sim.rows import RESULTS, key_of
+from sim.sweeps import runs, sweep
+from sim.sweeps.dataset import Dataset
+from sim.sweeps.rows import RESULTS, key_of
 
 ROOT = Path(__file__).parent.parent
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]

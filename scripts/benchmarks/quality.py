@@ -255,7 +255,7 @@ def shares(_: argparse.Namespace) -> Table:
 
 def drives(options: argparse.Namespace) -> Table:
     """Drives in MuJoCo against the optimal law at the physics rate, on the same noise seeds."""
-    from sim import sweep
+    from sim.sweeps import sweep
 
     table, values = [], []
     few = max(1, options.seeds // 3)  # of methods that are far from the optimum anyway
@@ -293,7 +293,7 @@ def drives(options: argparse.Namespace) -> Table:
 
 
 def _jobs(method: str, preset: str | None, given: dict[str, Any], seeds: int) -> list[Any]:
-    from sim.runs import Job
+    from sim.sweeps.runs import Job
 
     task = tuple({"robot": None, "radius": None, "start": None, "goal": None, "preset": preset}.items())
     shared = tuple({"plan_seed": 0, **given}.items())

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import pirrht
 from pirrht.errors import OptionError, PirrhtError
-from sim.engine import TICK, Agenda, Item, Stop
+from sim.sweeps.engine import TICK, Agenda, Item, Stop
 
 BATCH_SECONDS, BATCH_ITEMS = 2.0, 64  # a worker reports after so long, or so many items
 AHEAD = 2  # batches that a worker has at hand, the one under way included

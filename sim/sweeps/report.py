@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from pirrht.methods import METHODS
-from sim.dataset import Dataset, wished
-from sim.statistics import Interval, holm, mcnemar, mean, paired_shares, ratio, sign_flips, wilson
+from sim.sweeps.dataset import Dataset, wished
+from sim.sweeps.statistics import Interval, holm, mcnemar, mean, paired_shares, ratio, sign_flips, wilson
 
 BASE = "pi-rrht"  # what other methods are compared with
 BEST = "optimal"  # what costs are held against

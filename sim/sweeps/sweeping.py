@@ -13,7 +13,7 @@ from sim import present
 
 def sweep(arguments: argparse.Namespace) -> int:
     """Many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
-    from sim import sweep as engine
+    from sim.sweeps import sweep as engine
 
     if arguments.json is not None:
         present.check_writable(arguments.json, "--json")
@@ -35,8 +35,8 @@ def sweep(arguments: argparse.Namespace) -> int:
 
 def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """The records of a sweep whose finished runs a folder keeps."""
-    from sim import sweep as engine
-    from sim.dataset import Dataset
+    from sim.sweeps import sweep as engine
+    from sim.sweeps.dataset import Dataset
 
     folder: Path = arguments.output
     dataset = Dataset(folder)
@@ -59,12 +59,12 @@ def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 def report(arguments: argparse.Namespace) -> int:
     """Sum up a sweep: on the terminal, as Markdown and as a page."""
-    from sim import report as engine
-    from sim import report_text
-    from sim.dataset import Dataset
     from sim.files import replaced
-    from sim.report_html import page
-    from sim.report_pictures import pictures
+    from sim.sweeps import report as engine
+    from sim.sweeps import report_text
+    from sim.sweeps.dataset import Dataset
+    from sim.sweeps.report_html import page
+    from sim.sweeps.report_pictures import pictures
 
     folder: Path = arguments.output or arguments.folder
     text, web = folder / "report.md", folder / "report.html"

@@ -18,12 +18,13 @@ from tqdm import tqdm
 from pirrht.desirability import Desirability
 from pirrht.errors import OptionError
 from pirrht.methods import METHODS
-from sim import engine, present, runs
+from sim import present
 from sim.colors import title
-from sim.dataset import TREES, Dataset
 from sim.mjcf import scene_names
-from sim.rows import key_of
-from sim.runs import Errand, Job, Planned, Survey
+from sim.sweeps import engine, runs
+from sim.sweeps.dataset import TREES, Dataset
+from sim.sweeps.rows import key_of
+from sim.sweeps.runs import Errand, Job, Planned, Survey
 
 _OWN = ("methods", "noise", "seeds", "jobs", "output", "scheduler", "again")  # options that are no settings of a run
 
@@ -206,7 +207,7 @@ Crew = Callable[[Callable[[Any], Any], Sequence[Any], Callable[[Any, str], Any]]
 def _crew(stack: ExitStack, stop: engine.Stop, workers: int, scheduler: str | None, *, alone: bool) -> Crew:
     """Who does the work: a cluster, processes, or this thread if one is enough and nothing must be kept."""
     if scheduler is not None:
-        from sim.cluster import Cluster
+        from sim.sweeps.cluster import Cluster
 
         cluster = stack.enter_context(Cluster(scheduler))
         return lambda work, items, lost: cluster.run(work, engine.Agenda(items), stop, lost)

@@ -8,8 +8,8 @@ from math import isfinite
 from typing import Any
 
 from sim.colors import title
-from sim.report import ALL, BASE, BEST, Comparison, Point, Report, p_value
-from sim.statistics import Interval
+from sim.sweeps.report import ALL, BASE, BEST, Comparison, Point, Report, p_value
+from sim.sweeps.statistics import Interval
 
 SHOWN = 4  # classes in a table
 

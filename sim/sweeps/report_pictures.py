@@ -11,8 +11,8 @@ from typing import Any
 
 from pirrht.methods import METHODS
 from sim.colors import OTHER_COLOR, ClassColors, Color, nth_color, title
-from sim.report import ALL, Point, Report
-from sim.statistics import Interval
+from sim.sweeps.report import ALL, Point, Report
+from sim.sweeps.statistics import Interval
 
 MOST = 6  # scenes with pictures of their own; of more, all together
 SHOWN = 6  # classes with a colour of their own

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from sim import report_text
-from sim.report import Report
-from sim.report_pictures import Picture
+from sim.sweeps import report_text
+from sim.sweeps.report import Report
+from sim.sweeps.report_pictures import Picture
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1b1f24;
