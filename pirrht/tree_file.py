@@ -129,10 +129,12 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
         found = about["format"], about["version"]
     except FileNotFoundError:
         raise OptionError(f"{name} does not exist; make it with `pirrht plan SCENE -o {name}`") from None
-    except (*UNREADABLE, *BROKEN_ZIP, AttributeError) as error:
+    except (OSError, *BROKEN_ZIP) as error:
         raise OptionError(
-            f"{name} is no tree that can be read ({_line(error)}); make one with `pirrht plan -o`"
+            f"{name} is no tree that can be read ({_line(error)}); make one with `pirrht plan SCENE -o FILE`"
         ) from None
+    except (*UNREADABLE, AttributeError):  # in words of NumPy's that help nobody here
+        raise OptionError(f"{name} is no tree of pirrht; make one with `pirrht plan SCENE -o FILE`") from None
     if found != (FORMAT, pirrht.__version__):
         raise OptionError(
             f"{name} was written by pirrht {found[1]} in format {found[0]}; this is {pirrht.__version__} with "

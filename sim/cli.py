@@ -20,13 +20,17 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise the OptionError of a command line that cannot be read."""
+        if message == "argument --seeds: expected one argument":  # it is what a leading minus sign leads to
+            message += " A:B, and seeds are not negative"
         raise OptionError(f"{message}; see `{self.prog} --help`")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; 0 is success, 1 a drive that failed, 2 bad input, 130 an interruption."""
     try:
-        arguments = _parser().parse_args(argv)
+        arguments, unknown = _parser().parse_known_args(argv)
+        if unknown:
+            raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
         from sim import commands
 
         status: int = commands.COMMANDS[arguments.command](arguments)

@@ -25,6 +25,7 @@ from sim import episode, present, realtime, timing, warm
 from sim.colors import title
 from sim.executor import Plant
 from sim.mjcf import load, scene_names
+from sim.options import refuse_idle
 from sim.scenarios import Scenario, prepare
 from sim.sweeps import sweeping
 from sim.truth import Truth, Witness
@@ -219,7 +220,10 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
 def given(arguments: argparse.Namespace) -> dict[str, Any]:
     """What the user said, by setting."""
     skip = {"command", "scene", "scenes", "robot", "radius", "start", "goal", "preset", "json", "png", "convergence"}
-    return {name: value for name, value in vars(arguments).items() if name not in skip}
+    said = {name: value for name, value in vars(arguments).items() if name not in skip}
+    if "methods" in said:
+        refuse_idle(said, [m.strip() for m in said["methods"].split(",")])
+    return said
 
 
 def _scenario(arguments: argparse.Namespace) -> Scenario:

@@ -30,6 +30,7 @@ from pirrht.plan import Plan
 from pirrht.scene import Array
 from sim.episode import Driver, Frame, Tally
 from sim.mjcf import scene_names
+from sim.robots import control_limits
 from sim.scenarios import prepare
 from sim.sweeps import runs
 from sim.sweeps.runs import Job
@@ -53,7 +54,8 @@ class Drive(gymnasium.Env[Array, Array]):
         robot, radius, start, goal: as the options of `pirrht run`.
         noise: b; None: what the scene or the robot says, and likewise period [s], max_time [s], plant and phi.
         penalty: taken off at a collision where phi is infinite.
-        bound: actions are clipped to [-bound, bound]; infinite by default, but learners like a finite one.
+        bound: actions are clipped to [-bound, bound], and to what the robot's ctrlranges allow; infinite by default,
+            but learners like a finite one.
 
     Raises:
         SceneError, OptionError: with one line for a person.
@@ -93,12 +95,24 @@ class Drive(gymnasium.Env[Array, Array]):
         d = self.scenario.problem.dynamics
         self.render_mode = None
         self.observation_space = Box(-np.inf, np.inf, (d.n,), np.float64)
-        self.action_space = Box(-bound, bound, (d.m,), np.float64)
+        low, high = np.full(d.m, -bound), np.full(d.m, bound)
+        if self.scenario.settings.plant == "mujoco":
+            least, most = control_limits(self.scenario.loaded.model, self.scenario.loaded.command, d)
+            low, high = np.maximum(low, least), np.minimum(high, most)
+        if not np.all(low < high):
+            raise OptionError("the robot's ctrlranges leave no control; widen them, or choose another speed or bound")
+        self.action_space = Box(low, high, (d.m,), np.float64)
         self._frame: Frame | None = None
         self._tally: Tally | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Stand at the start; without a seed one is drawn."""
+        """Stand at the start; without a seed one is drawn.
+
+        Raises:
+            OptionError: the seed is negative or no whole number.
+        """
+        if seed is not None:
+            seed = _seed(seed)
         super().reset(seed=seed)
         self.seed = int(self.np_random.integers(2**31)) if seed is None else seed
         self._rng = self.scenario.with_settings(seed=self.seed).plant_rng()
@@ -214,12 +228,17 @@ def score(
     """Drive a policy once per seed; one record each, as those of `pirrht sweep`.
 
     Args:
-        policy: observation to action; with `anew` a function that makes such a policy for a seed.
+        policy: takes the state x (n,) and returns the control u (m,), held for one period; with `anew` a function
+            that takes a seed and makes such a policy. (Of a wrapped environment: its observation, its action.)
+        seeds: one drive each, whole numbers from 0 on.
         method: what tables and reports call it.
         environment: a wrapped `Drive`; without it one of `scene` and `options` is made.
 
     Returns:
         records that `sim.sweeps.rows` makes rows of a dataset of.
+
+    Raises:
+        OptionError: a negative seed, or a policy whose control has another shape or is not finite.
     """
     env = Drive(scene, **options) if environment is None else environment
     made: Callable[[int], Any] = policy if anew else lambda seed: policy  # type: ignore[assignment]
@@ -231,9 +250,12 @@ def _scored(env: gymnasium.Env[Any, Any], policy: Any, seed: int, method: str) -
     assert isinstance(drive, Drive)
     began = time.perf_counter()
     x, _ = env.reset(seed=seed)
-    over = False
+    over, step = False, 0
     while not over:
-        x, _, terminated, truncated, _ = env.step(policy(x))
+        action = policy(x)
+        _check_action(action, env.action_space, f"seed {seed}, step {step}")
+        x, _, terminated, truncated, _ = env.step(action)
+        step += 1
         over = terminated or truncated
     scenario = drive.scenario
     return {
@@ -254,6 +276,27 @@ def _scored(env: gymnasium.Env[Any, Any], policy: Any, seed: int, method: str) -
         "drive_seconds": time.perf_counter() - began,
         "error": None,
     }
+
+
+def _check_action(action: Any, space: Any, where: str) -> None:
+    """Refuse what no environment with a box of actions could hold."""
+    if not isinstance(space, Box):
+        return
+    try:
+        u = np.asarray(action, dtype=float)
+    except (TypeError, ValueError):
+        u = np.full(0, np.nan)
+    if u.shape != space.shape:
+        found = f"the shape {u.shape}" if u.size else f"{action!r}"
+        raise OptionError(f"{where}: the policy returned {found}; expected is a control of the shape {space.shape}")
+    if not np.all(np.isfinite(u)):
+        raise OptionError(f"{where}: the policy returned {u.tolist()}; a control must be finite")
+
+
+def _seed(seed: int) -> int:
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise OptionError(f"seed is {seed}; it must be a whole number of at least 0")
+    return int(seed)
 
 
 def name_of(scene: str) -> str:

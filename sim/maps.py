@@ -23,6 +23,7 @@ MODES = ("trinary", "scale", "raw")
 DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.196, "negate": 0, "mode": "trinary"}
 HEIGHT = 0.5  # of the walls [m]
 SUFFIXES = (".yaml", ".yml")
+PICTURES = (".pgm", ".png", ".ppm", ".bmp", ".gif", ".jpg", ".jpeg", ".tif", ".tiff")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

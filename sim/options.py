@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -29,7 +29,8 @@ PRESETS: dict[str, dict[str, Any]] = {
         "between": "hold",
     },
 }
-BASELINES = ("consistency", "horizon", "exploration")  # options of one of the methods each
+BASELINES = {"consistency": "best-class", "horizon": "mppi", "exploration": "mppi"}  # option -> its only method
+WITHOUT = {"mppi": {"guide": "open-loop", "draws": "independent", "memory": False}}  # what else does nothing there
 PAPER_SAMPLES = {"single_integrator": 200, "unicycle": 300}
 
 
@@ -92,6 +93,8 @@ class Settings:
             raise OptionError(f"--grow is {self.grow}; --method {self.method} has no tree that could grow")
         if self.real_time and self.target_error is not None:
             raise OptionError("--real-time and --target-error both say when to stop sampling; leave one of them out")
+        if self.method == "mppi" and self.horizon < self.dt:
+            raise OptionError(f"--horizon is {self.horizon:g}; it must be at least a step, --dt {self.dt:g}")
         choices = {
             "method": METHODS,
             "plant": PLANTS,
@@ -139,6 +142,8 @@ def settle(
     for name in ("speed", "rho"):
         if dynamics_name != "unicycle" and given.get(name) is not None:
             raise OptionError(f"--{name} is for cars and this robot is none; leave it out or choose --robot unicycle")
+    if "method" in given:  # a sweep settles before it takes each of its methods
+        refuse_idle(given, [given["method"] or base.method])
     if given.get("tree") is not None and given.get("vertices") is not None:
         raise OptionError("--vertices and --tree: a saved tree brings its own vertices; leave one of them out")
     known = {f.name for f in fields(Settings)}
@@ -149,6 +154,21 @@ def settle(
     layers.append({name: value for name, value in given.items() if value is not None and name in known})
     merged = {name: value for layer in layers for name, value in layer.items()}
     return replace(base, **{name: _typed(name, value, base) for name, value in merged.items()})
+
+
+def refuse_idle(given: Mapping[str, Any], methods: Sequence[str]) -> None:
+    """Refuse what was given (not None) and that none of the methods would heed.
+
+    Raises:
+        OptionError: names the option and what it belongs to.
+    """
+    for name, method in BASELINES.items():
+        if given.get(name) is not None and method not in methods:
+            raise OptionError(f"--{name} is of the method {method} alone, which is not asked for; leave it out")
+    for method, fixed in WITHOUT.items():
+        for name, value in fixed.items() if set(methods) == {method} else ():
+            if given.get(name) not in (None, value):
+                raise OptionError(f"--{name}: the method {method} has no such choice; leave it out")
 
 
 def _typed(name: str, value: Any, base: Settings) -> Any:

@@ -28,6 +28,7 @@ from sim.truth import Truth
 FEW_CLASSES = 4
 LEAST = 30  # columns of a terminal that text is broken for
 WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
+FEW = 10.0  # effective samples of an estimate that are too few for standard errors
 LONE = 1.5  # effective samples of a class of which no more than one has any weight
 WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
 
@@ -111,9 +112,15 @@ def estimate_table(
 
 
 def doubts(estimates: Sequence[Estimate | None], ids: Sequence[str], target: float | None) -> list[str]:
-    """What standard errors do not tell: classes that next to no sample was of, and targets that were not reached."""
+    """What standard errors do not tell: that few samples have any weight, or are of a class, and targets missed."""
     known = [e for e in estimates if e is not None]
     lines = []
+    poor = sum(e.ess < FEW for e in known)
+    if poor:
+        lines.append(
+            f"effective sample size (ESS) below {FEW:g} in {poor} of {len(known)} repeats; standard errors say "
+            "nothing there, try more --samples"
+        )
     for name in ids:
         thin = sum(e.class_ess.get(name, 0.0) < LONE for e in known)
         if thin and max(e.class_weights.get(name, 0.0) for e in known) >= WORTH:

@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from pirrht.dynamics import Dynamics
 from pirrht.errors import SceneError
 from pirrht.scene import Array
 from sim.library import compile_spec, find, parse
@@ -78,6 +79,25 @@ def read_robot(which: str | Path, radius: float | None) -> Robot:
         rest=_rest(model, path),
         rolling=rolls(model),
     )
+
+
+def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) -> tuple[Array, Array]:
+    """Least and greatest control (m,) that no actuator cuts off at its ctrlrange; infinite where none would.
+
+    Actuators that several controls share bound none of them.
+    """
+    x, first = np.zeros(dynamics.n), dynamics.n - dynamics.m
+    rates = dynamics.f(x)[first:] + np.vstack([np.zeros(dynamics.m), dynamics.G_c(x).T])
+    still, *moved = (command @ dynamics.twist(x, rate) for rate in rates)
+    slopes = np.column_stack(moved) - still[:, None]
+    low, high = np.full(dynamics.m, -np.inf), np.full(dynamics.m, np.inf)
+    for i in np.flatnonzero(model.actuator_ctrllimited):
+        owners = np.flatnonzero(slopes[i])
+        if len(owners) == 1:
+            j = owners[0]
+            ends = np.sort((model.actuator_ctrlrange[i] - still[i]) / slopes[i, j])
+            low[j], high[j] = max(low[j], ends[0]), min(high[j], ends[1])
+    return low, high
 
 
 def _resize(body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float) -> None:

@@ -25,6 +25,7 @@ from sim import maps
 from sim.mjcf import load
 from sim.sdf import Solid, World, read_sdf
 
+BORDER = "--workspace X0 X1 Y0 Y1"
 WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a workspace [m]
 _MATERIALS = {
     "box": "crate",
@@ -115,16 +116,20 @@ def import_world(
     """
     source, target = Path(source), Path(target)
     _check_target(source, target)
-    if source.suffix.lower() in maps.SUFFIXES:
+    if source.suffix.lower() in maps.PICTURES:
+        raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
+    mapped = source.suffix.lower() in maps.SUFFIXES
+    if mapped:
         world = maps.read_map(source).world(unknown or "occupied", progress)
         workspace = world.ground.tolist() if workspace is None and world.ground is not None else workspace
     elif unknown is not None:
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(maps.SUFFIXES)}; leave it out")
     else:
         world = read_sdf(source)
-    place = _numbers(source, "--start X Y [TH]", start, (2, 3))
-    goal_disc = _numbers(source, "--goal X Y R", goal, (3,))
-    bounds = _workspace(source, world, workspace, np.array([place[:2], goal_disc[:2]]))
+    place, goal_disc = _task(source, "map" if mapped else "world", start, goal)
+    if workspace is None and mapped and world.ground is None:
+        raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
+    bounds = _workspace(source, world, workspace, place, goal_disc)
     scene = _scene(target.stem, world.solids, place, goal_disc, bounds)
     with _draft(scene, target) as draft:
         obstacles = _count_obstacles(draft, source)
@@ -141,27 +146,43 @@ def _check_target(source: Path, target: Path) -> None:
         raise SceneError(f"{target}: this is a folder or the world itself; choose another name")
 
 
-def _numbers(source: Path, option: str, given: Sequence[float] | Array | None, counts: tuple[int, ...]) -> Array:
-    if given is None:
-        raise SceneError(f"{source}: a world does not tell it: add {option}")
+def _task(source: Path, kind: str, start: Sequence[float] | None, goal: Sequence[float] | None) -> tuple[Array, Array]:
+    """Start (2,) or (3,) and goal disc (3,)."""
+    options = "--start X Y [TH]", "--goal X Y R"
+    if start is None or goal is None:
+        missing = " and ".join(f"the {name}" for name, given in (("start", start), ("goal", goal)) if given is None)
+        raise SceneError(f"{source}: a {kind} does not tell {missing}: give {' and '.join(options)}")
+    place, disc = _numbers(source, options[0], start, (2, 3)), _numbers(source, options[1], goal, (3,))
+    if not disc[2] > 0:
+        raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive")
+    return place, disc
+
+
+def _numbers(source: Path, option: str, given: Sequence[float] | Array, counts: tuple[int, ...]) -> Array:
     values = np.array(given, dtype=float)
     if len(values) not in counts or not np.all(np.isfinite(values)):
         raise SceneError(f"{source}: {list(given)} is no {option}; give {counts[-1]} finite numbers")
     return values
 
 
-def _workspace(source: Path, world: World, given: Sequence[float] | None, task: Array) -> Array:
+def _workspace(source: Path, world: World, given: Sequence[float] | None, start: Array, goal: Array) -> Array:
     """Left, right, low and high border [m]."""
-    option = "--workspace X0 X1 Y0 Y1"
-    if given is None and (world.ground is None or max(np.diff(world.ground)[::2]) > WIDEST):
-        points = np.vstack([task, *(solid.pose[None, :2, 3] for solid in world.solids)])
-        low, high = np.floor(points.min(axis=0) - 1), np.ceil(points.max(axis=0) + 1)
-        guess = f"{low[0]:g} {high[0]:g} {low[1]:g} {high[1]:g}"
-        raise SceneError(f"{source}: no ground plane bounds it: add {option}, for example {guess}")
-    bounds = _numbers(source, option, world.ground if given is None else given, (4,))
+    if given is not None:
+        bounds = _numbers(source, BORDER, given, (4,))
+    elif world.ground is not None and max(np.diff(world.ground)[::2]) <= WIDEST:
+        bounds = world.ground
+    else:
+        raise SceneError(f"{source}: no ground plane bounds it: add {_example(world, start, goal)}")
     if not (bounds[0] < bounds[1] and bounds[2] < bounds[3]):
-        raise SceneError(f"{source}: the workspace {bounds.tolist()} is empty; write {option}, least first")
+        raise SceneError(f"{source}: the workspace {bounds.tolist()} is empty; write {BORDER}, least first")
     return bounds
+
+
+def _example(world: World, start: Array, goal: Array) -> str:
+    """How to say the workspace, with numbers that hold start, goal and what is in the world."""
+    points = np.vstack([start[:2], goal[:2], *(solid.pose[None, :2, 3] for solid in world.solids)])
+    low, high = np.floor(points.min(axis=0) - 1), np.ceil(points.max(axis=0) + 1)
+    return f"{BORDER}, for example {low[0]:g} {high[0]:g} {low[1]:g} {high[1]:g}"
 
 
 def _count_obstacles(draft: Path, source: Path) -> int:

@@ -13,6 +13,7 @@ from mjcf_samples import FLOOR, GOAL, SITES, START, mjcf
 
 from sim import present
 from sim.cli import main
+from sim.options import refuse_idle
 from sim.scenarios import prepare
 
 Run = Callable[..., tuple[int, Any]]
@@ -382,3 +383,36 @@ def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
     shown = capsys.readouterr().out.splitlines()
     assert " ".join(part.strip() for part in shown) == line
     assert max(map(len, shown)) <= 40
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        ("run slit --plan-seed 3", "unrecognized arguments: --plan-seed 3; see `pirrht run --help`"),
+        ("sweep slit --seeds -3:2", "seeds are not negative; see `pirrht sweep --help`"),
+        ("run slit --consistency 0.5", "--consistency is of the method best-class alone"),
+        ("run slit --method mppi --consistency 0.5", "--consistency is of the method best-class alone"),
+        ("estimate slit --at 1 2 --horizon 2", "--horizon is of the method mppi alone"),
+        ("sweep slit --methods single,passive --exploration 2", "--exploration is of the method mppi alone"),
+        ("run slit --method mppi --guide feedback", "--guide: the method mppi has no such choice"),
+        ("sweep slit --methods mppi --draws antithetic", "--draws: the method mppi has no such choice"),
+        ("run slit --method mppi --memory", "--memory: the method mppi has no such choice"),
+        ("run slit --method mppi --horizon 0.05", "--horizon is 0.05; it must be at least a step, --dt 0.1"),
+    ],
+)
+def test_what_would_be_ignored_is_refused(capsys, arguments: str, what: str):
+    assert main(arguments.split()) == 2
+    error = capsys.readouterr().err.strip()
+    assert what in error
+    assert len(error.splitlines()) == 1
+
+
+def test_what_one_of_several_methods_heeds_is_not_refused():
+    refuse_idle({"guide": "feedback", "horizon": 2.0, "consistency": None}, ["pi-rrht", "mppi"])
+    refuse_idle({"guide": "open-loop", "draws": "independent", "memory": None}, ["mppi"])
+
+
+def test_few_effective_samples_are_said(capsys):
+    words = ["estimate", "slit", "--at", "1", "2.5", "--method", "mppi", "--classes", "1", "--repeat", "2"]
+    assert main([*words, "--samples", "2"]) == 0
+    assert "effective sample size (ESS) below 10 in 2 of 2 repeats" in capsys.readouterr().out

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,10 +13,12 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
+from pirrht.dynamics import Unicycle  # noqa: E402
 from pirrht.errors import OptionError  # noqa: E402
 from pirrht.tree import HomologyTree  # noqa: E402
 from sim import episode, gym  # noqa: E402
 from sim.mjcf import scene_names  # noqa: E402
+from sim.robots import control_limits  # noqa: E402
 from sim.scenarios import Scenario  # noqa: E402
 from sim.sweeps import rows, runs  # noqa: E402
 
@@ -192,3 +195,38 @@ def test_wrapped_environments_and_policies_made_for_each_seed_are_scored_alike()
     for a, b in zip(one, other, strict=True):
         assert a["outcome"] == b["outcome"]
         assert a["cost"] == pytest.approx(b["cost"])
+
+
+@pytest.mark.parametrize(
+    ("action", "what"),
+    [
+        (np.zeros(3), r"seed 4, step 0: the policy returned the shape \(3,\); expected .* shape \(2,\)"),
+        (1.0, r"the policy returned the shape \(\); expected .* shape \(2,\)"),
+        ("left", r"the policy returned 'left'; expected"),
+        (np.array([1.0, np.nan]), r"seed 4, step 0: the policy returned \[1.0, nan\]; a control must be finite"),
+    ],
+)
+def test_a_policy_that_returns_no_control_is_named_with_seed_and_step(action, what: str):
+    with pytest.raises(OptionError, match=what):
+        gym.score(lambda x: action, scene="slit", seeds=[4], method="m")
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5])
+def test_seeds_are_whole_numbers_from_zero_on(seed):
+    with pytest.raises(OptionError, match=f"seed is {seed}"):
+        gym.score(ahead, scene="slit", seeds=[seed], method="m")
+
+
+def test_the_ranges_of_the_actuators_bound_the_actions():
+    """Speed and turn rate of wheels h apart share a range; the sde plant has no actuators."""
+    car = gym.Drive("slit", robot="unicycle")
+    np.testing.assert_allclose([car.action_space.low, car.action_space.high], [[-500.0], [500.0]])
+    assert gym.Drive("slit", robot="unicycle", bound=2.0).action_space.high == 2.0
+    assert gym.Drive("slit", robot="unicycle", plant="sde").action_space.high == np.inf
+    wheels = np.array([[10.0, -1.5], [10.0, 1.5]])
+    limited = SimpleNamespace(actuator_ctrllimited=np.ones(2), actuator_ctrlrange=np.array([[-20.0, 16.0]] * 2))
+    low, high = control_limits(limited, wheels, Unicycle(V=1.0, rho=0.5))
+    np.testing.assert_allclose([low, high], [[-2.0], [2.0]])
+    for u in (low, high):
+        ctrl = wheels @ Unicycle(V=1.0, rho=0.5).twist(np.zeros(3), u / 0.5)
+        assert ctrl.max() == pytest.approx(16.0)

@@ -199,8 +199,28 @@ def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys, see
 
 def test_a_turned_map_asks_for_a_workspace(tmp_path: Path):
     path = written(tmp_path, rooms(0), origin="[0, 0, 0.2]")
-    with pytest.raises(SceneError, match="--workspace"):
+    with pytest.raises(SceneError, match="a turned map needs --workspace X0 X1 Y0 Y1, for example "):
         import_world(path, tmp_path / "a.xml", start=[2, 2], goal=[6, 6, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("task", "what"),
+    [
+        ({}, r"a map does not tell the start and the goal: give --start X Y \[TH\] and --goal X Y R"),
+        ({"goal": [6, 6, 0.3]}, r"a map does not tell the start: give --start"),
+        ({"start": [2, 2]}, r"a map does not tell the goal: give --start .* --goal"),
+        ({"start": [2, 2], "goal": [7, 3, -0.3]}, r"--goal: its radius is -0.3; it must be positive"),
+    ],
+)
+def test_start_and_goal_of_a_map_are_asked_for(tmp_path: Path, task, what: str):
+    with pytest.raises(SceneError, match=what):
+        import_world(written(tmp_path, rooms(0)), tmp_path / "a.xml", **task)
+
+
+def test_a_picture_is_not_taken_for_a_world(tmp_path: Path):
+    written(tmp_path, rooms(0))
+    with pytest.raises(SceneError, match=r"map\.pgm: a picture .*; give the map's \.yaml"):
+        import_world(tmp_path / "map.pgm", tmp_path / "a.xml", start=[2, 2], goal=[6, 6, 0.3])
 
 
 def test_unknown_is_a_word_for_maps_only(tmp_path: Path):

@@ -201,6 +201,14 @@ def test_a_file_that_ends_too_early_is_refused(slit: Scenario, saved: bytes, sha
         tree_file.load(BytesIO(saved[: int(share * len(saved))]), slit.space, StraightLine())
 
 
+@pytest.mark.parametrize("content", [b"a text\n", b"", b"\x80\x04K\x01."])
+def test_a_file_of_another_kind_is_refused_with_the_way_to_a_tree(slit: Scenario, tmp_path: Path, content: bytes):
+    file = tmp_path / "bad.npz"
+    file.write_bytes(content)
+    with pytest.raises(OptionError, match=r"bad\.npz is no tree of pirrht; make one with `pirrht plan SCENE -o FILE`$"):
+        tree_file.load(file, slit.space, StraightLine())
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_a_flipped_bit_never_goes_unnoticed_into_a_kernel(slit: Scenario, saved: bytes, seed: int):
     """It is refused, or it hit what does not matter, such as a time stamp."""
