@@ -29,6 +29,7 @@ from sim.options import refuse_idle
 from sim.scenarios import Scenario, prepare
 from sim.sweeps import sweeping
 from sim.truth import Truth, Witness
+from sim.words import counted
 
 
 def scenes(_: argparse.Namespace) -> int:
@@ -344,13 +345,15 @@ def _print_summary(result: dict[str, Any]) -> None:
         f"noisy path of {result['path_length']:.2f} m"
     )
     present.say(
-        f"class {executed}, {result['class_switches']} class switches, {result['fallbacks']} fallbacks, "
+        f"class {executed}, {counted(result['class_switches'], 'class switch', 'class switches')}, "
+        f"{counted(result['fallbacks'], 'fallback')}, "
         f"least clearance {result['min_clearance']:.3f} m"
     )
     if "real_time" in result:
         present.say(timing.summary(result["real_time"]))
     present.say(
-        f"{result['steps']} control steps: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, max {ms['max']:.1f}, "
+        f"{counted(result['steps'], 'control step')}: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, "
+        f"max {ms['max']:.1f}, "
         f"{result['deadline_misses']} {'late' if 'real_time' in result else 'longer than the period'}"
     )
     if "truth" in result:

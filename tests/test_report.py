@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from sim.cli import main
+from sim.sweeps import report_text
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.report import ALL, report
 from sim.sweeps.rows import RESULTS
@@ -158,6 +159,102 @@ def test_without_matplotlib_the_report_has_no_pictures_and_says_so(dataset, caps
     assert "<img" not in (dataset.folder / "report.html").read_text()
 
 
+def test_a_sweep_of_errors_alone_tells_how_many_there_were_of_each(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    failed = [record(method, seed, None) for method in ("pi-rrht", "single") for seed in range(3)]
+    for number, one in enumerate(failed):
+        one["error"] = "no way" if number else "a lost wheel"
+    dataset = stored(tmp_path / "sweep", failed)
+    assert main(["report", str(dataset.folder)]) == 0
+    told = capsys.readouterr().out
+    for shown in (told, (dataset.folder / "report.md").read_text(), (dataset.folder / "report.html").read_text()):
+        assert "6 runs ended with an error" in shown
+        assert "5 x no way" in shown
+        assert "1 x a lost wheel" in shown
+        assert "every run ended with an error" in shown
+        assert "<img" not in shown
+
+
+def test_a_scene_of_errors_alone_takes_no_picture_from_another(tmp_path):
+    pytest.importorskip("matplotlib")
+    from sim.sweeps.report_pictures import pictures
+
+    asked = {"methods": ["pi-rrht"], "noise": {"a": [0.1], "b": [0.1]}, "seeds": [0, 3]}
+    records = [record("pi-rrht", seed, scene="a") for seed in range(3)]
+    records += [record("pi-rrht", seed, None, scene="b", error="no way") for seed in range(3)]
+    drawn = [picture.text.split()[0] for picture in pictures(report(stored(tmp_path / "two", records, asked)))]
+    assert drawn == ["Success", "Cost", "Homology", "Step"]
+
+
+def test_step_times_stand_at_an_axis_of_plain_numbers():
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from sim.sweeps.report_pictures import _logarithmic
+
+    for values in ([2.1, 2.3], [0.5, 300.0]):
+        figure, axes = pyplot.subplots()
+        axes.plot(values)
+        _logarithmic(axes)
+        figure.canvas.draw()
+        low, high = axes.get_ylim()
+        shown = [tick.label1.get_text() for tick in axes.yaxis.get_major_ticks() if low <= tick.get_loc() <= high]
+        assert len(shown) > 1
+        assert all(re.fullmatch(r"[0-9.]+", text) for text in shown)
+        pyplot.close(figure)
+
+
+def test_columns_have_names_of_their_own_and_a_ratio_to_the_optimum_only_if_there_is_one(dataset, tmp_path):
+    known = report_text.tables(report(dataset))
+    for table in known:
+        assert len(set(table.header)) == len(table.header)
+        assert all(len(row) == len(table.header) for row in table.rows)
+    assert {"p goals", "p cost"} <= set(known[3].header)
+    assert "cost over optimal" in known[1].header
+    alone = report(stored(tmp_path / "alone", [record("pi-rrht", 0)]))
+    assert "optimal" not in report_text.markdown(alone).replace("passive", "")
+    assert all(len(row) == len(table.header) for table in report_text.tables(alone) for row in table.rows)
+
+
+@pytest.mark.parametrize(("seeds", "hopeless"), [(5, True), (6, True), (7, False)])
+def test_too_few_seeds_for_any_finding_are_said_to_be_too_few(seeds, hopeless, tmp_path):
+    """Two questions: twice McNemar's 2 / 2^n falls below 0.05 from n = 7 on."""
+    same = [record(method, seed) for method in ("pi-rrht", "single") for seed in range(seeds)]
+    known = report(stored(tmp_path / "sweep", same))
+    assert known.least_p == pytest.approx(4 * 0.5**seeds)
+    told = " ".join(report_text.findings(known))
+    assert "None of 2 comparisons" in told
+    assert ("It takes at least 7 pairs" in told) == hopeless
+
+
+def test_no_runs_are_not_missing_methods(tmp_path):
+    empty = report(stored(tmp_path / "sweep", []))
+    assert report_text.findings(empty) == ["No comparison: there are no runs."]
+
+
+def test_one_is_singular(tmp_path):
+    asked = {**ASKED, "methods": ["pi-rrht"], "seeds": [0, 1]}
+    failed = report(stored(tmp_path / "sweep", [record("pi-rrht", 0, None, error="no way")], asked))
+    assert report_text.lead(failed)[:2] == [
+        "1 of 1 run asked for is there.",
+        "1 run ended with an error and counts in no figure:",
+    ]
+
+
+def test_a_file_in_place_of_a_folder_is_called_a_file(dataset, tmp_path, capsys):
+    file = tmp_path / "letter.txt"
+    file.write_text("dear")
+    for words in ([str(file)], [str(dataset.folder), "-o", str(file)]):
+        assert main(["report", *words]) == 2
+        told = capsys.readouterr().err
+        assert told.count("\n") == 1
+        assert "letter.txt is a file; give" in told
+    assert file.read_text() == "dear"
+
+
+def test_the_folder_of_a_report_is_made_with_its_parents(dataset, tmp_path):
+    assert main(["report", str(dataset.folder), "-o", str(tmp_path / "a" / "b")]) == 0
+    assert (tmp_path / "a" / "b" / "report.md").exists()
+
+
 def test_an_unfinished_sweep_is_reported_as_such(tmp_path, capsys):
     dataset = stored(tmp_path / "sweep", [record("pi-rrht", 0)])
     assert main(["report", str(dataset.folder), "-o", str(tmp_path)]) == 0
@@ -172,7 +269,9 @@ def test_an_unfinished_sweep_is_reported_as_such(tmp_path, capsys):
 def test_a_sweep_without_a_single_run_has_a_report(tmp_path, capsys):
     dataset = stored(tmp_path / "sweep", [])
     assert main(["report", str(dataset.folder)]) == 0
-    assert "0 of 120 runs" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "0 of 120 runs" in told
+    assert "there are no runs" in told
 
 
 @pytest.mark.parametrize(("words", "culprit"), [("nowhere", "no sweep"), (".", "no sweep"), ("", "DIR")])

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.cli import main
-from sim.sweeps import runs, sweep
+from sim.cli import _parser, main
+from sim.sweeps import runs, sweep, sweeping
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.rows import RESULTS, key_of
 
@@ -106,9 +106,11 @@ def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sw
         _, told = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "under way are waited for" in told
-    assert told.strip().splitlines()[-1] == "pirrht: interrupted"
+    kept, last = told.strip().splitlines()[-2:]
+    assert last == "pirrht: interrupted"
     assert "Traceback" not in told
     done = rows(tmp_path / "sweep")
+    assert kept == f"{len(done)} of 160 runs kept in {tmp_path / 'sweep'}; the same command goes on"
     assert 0 < len(done) < len(expected)
     assert all(row in expected for row in done)
     assert main(["sweep", *words, "-o", str(tmp_path / "sweep")]) == 0
@@ -144,11 +146,13 @@ def test_equal_seeds_meet_equal_noise_in_the_dataset_as_in_memory(tmp_path):
     assert len(results(direct)) == 8
 
 
-def test_a_larger_grid_adds_runs_and_repeats_none(tmp_path):
+def test_a_larger_grid_adds_runs_and_repeats_none(tmp_path, capsys):
     words = ["sweep", "slit", "--methods", "passive", *QUICK, "-o", str(tmp_path / "sweep")]
     assert main([*words, "--noise", "0.1", "--seeds", "0:2"]) == 0
     before = {file: file.stat().st_mtime_ns for file in Dataset(tmp_path / "sweep").files()}
+    capsys.readouterr()
     assert main([*words, "--noise", "0.1,0.2", "--seeds", "0:3"]) == 0
+    assert capsys.readouterr().err == "2 of 6 runs are there already\n"
     assert all(file.stat().st_mtime_ns == time for file, time in before.items())
     found = Counter((row["noise"], row["seed"]) for row in rows(tmp_path / "sweep"))
     assert found == Counter({(noise, seed): 1 for noise in (0.1, 0.2) for seed in range(3)})
@@ -166,7 +170,46 @@ def test_a_run_that_crashes_is_a_row_and_the_others_go_on(tmp_path, capsys, monk
     told = json.loads((tmp_path / "rows.json").read_text())
     assert [row["error"] for row in told] == [None, "ZeroDivisionError: a wheel came off", None]
     assert told[1]["outcome"] is None
-    assert "error" in capsys.readouterr().out.splitlines()[0]
+    shown = capsys.readouterr()
+    assert "error" in shown.out.splitlines()[0]
+    assert shown.err.splitlines() == ["1 run ended with an error:", "  1 x ZeroDivisionError: a wheel came off"]
+
+
+def test_of_many_errors_the_most_frequent_are_told(capsys):
+    errors = ["a", "b", "c", "c\nmore", "d", "e", "d"]
+    sweeping._tell(errors, stored=True)
+    assert capsys.readouterr().err.splitlines() == [
+        "7 runs ended with an error:",
+        *("  2 x c", "  2 x d", "  1 x a", "  and 2 other errors"),
+        "the same command with --again makes them anew",
+    ]
+    sweeping._tell([], stored=True)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_method_without_one(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("letter.npz").write_text("dear")
+    assert main(["plan", "slit", "--vertices", "100", "-o", "slit.npz"]) == 0
+    robot = ["slit", "--tree", "slit.npz", "--robot", "unicycle"]
+    for words, culprit in (
+        (["slit", "--tree", "nosuch.npz"], "nosuch.npz does not exist"),
+        (["slit", "--tree", "letter.npz"], "letter.npz is no tree"),
+        (["slit", "clutter", "--tree", "slit.npz"], "slit.npz was grown for another task"),
+        (robot, "slit.npz was grown for another task"),
+    ):
+        for output in ([], ["-o", "sweep"]):
+            capsys.readouterr()
+            assert main(["sweep", *words, "--methods", "passive,pi-rrht", "--seeds", "0:1", *output]) == 2
+            told = capsys.readouterr()
+            assert told.err.count("\n") == 1
+            assert culprit in told.err
+            assert told.out == ""
+    assert not Path("sweep").exists()
+    grid = sweep.parse_grid(_parser().parse_args(["sweep", *robot, "--methods", "passive"]))
+    assert len(sweep.checked(grid.jobs())) == 10
 
 
 def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again(tmp_path, capsys):
@@ -181,7 +224,10 @@ def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again
         blocked = (row["scene"], row["method"]) == ("wall", "pi-rrht")
         assert (row["outcome"] is None) == blocked
         assert ("no allowed class reaches the goal" in (row["error"] or "")) == blocked
-    assert "8 runs, 2 of them ended with an error" in capsys.readouterr().out
+    shown = capsys.readouterr()
+    assert "8 runs, 2 of them ended with an error" in shown.out
+    assert "  2 x no allowed class reaches the goal" in shown.err
+    assert "--again makes them anew" in shown.err
     files = Dataset(tmp_path / "sweep").files()
     assert main([*words, "--again"]) == 1
     assert rows(tmp_path / "sweep") == found

@@ -58,6 +58,8 @@ class Dataset:
         Raises:
             OptionError: the folder holds none, or it cannot be read.
         """
+        if self.folder.is_file():
+            raise OptionError(f"{self.folder} is a file; give the folder of `pirrht sweep -o`")
         file = self.folder / "manifest.json"
         try:
             found = json.loads(file.read_text())

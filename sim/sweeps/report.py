@@ -12,6 +12,7 @@ import numpy as np
 from pirrht.methods import METHODS
 from sim.sweeps.dataset import Dataset, wished
 from sim.sweeps.statistics import Interval, holm, mcnemar, mean, paired_shares, ratio, sign_flips, wilson
+from sim.words import counted
 
 BASE = "pi-rrht"  # what other methods are compared with
 BEST = "optimal"  # what costs are held against
@@ -29,11 +30,12 @@ class Point:
     noise: float
     method: str
     runs: int  # those that came to an end
+    arrived: int  # those that reached the goal
     errors: int  # those that did not; they count nowhere else
     success: Interval
     collision: Interval
     timeout: Interval
-    cost: Interval  # of runs that reached the goal, like the next three
+    cost: Interval  # of those that arrived, like the next three
     cost_over_optimal: Interval  # ratio of means over seeds that reached the goal by both
     path_length: Interval  # [m]
     time: Interval  # [s]
@@ -74,6 +76,7 @@ class Report:
     points: list[Point]
     comparisons: list[Comparison]
     questions: int  # that the comparisons could answer
+    least_p: float  # the smallest adjusted p-value that so many pairs and questions allow
     findings: list[str]
 
     @property
@@ -106,6 +109,7 @@ def report(dataset: Dataset) -> Report:
         points=points,
         comparisons=comparisons,
         questions=sum(len(_questions(c)) for c in comparisons),
+        least_p=_least(comparisons),
         findings=_findings(comparisons),
     )
 
@@ -145,6 +149,7 @@ def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[R
         noise=noise,
         method=method,
         runs=len(runs),
+        arrived=len(arrived),
         errors=len(everyone) - len(runs),
         success=share("goal"),
         collision=share("collision"),
@@ -211,6 +216,23 @@ def _questions(c: Comparison) -> list[str]:
     return [name for name, pairs in (("success", c.pairs), ("cost", c.arrived)) if pairs]
 
 
+def _least(comparisons: Sequence[Comparison]) -> float:
+    """The adjusted p-value if all pairs of the comparison that has most differed, all of them one way.
+
+    Flips of signs, of which there are no more pairs, reach no smaller one.
+    """
+    questions = sum(len(_questions(c)) for c in comparisons)
+    return min(1.0, max(1, questions) * mcnemar(max((c.pairs for c in comparisons), default=0), 0))
+
+
+def pairs_needed(questions: int) -> int:
+    """The fewest pairs with which one of so many questions can come out significant."""
+    pairs = 1
+    while questions * mcnemar(pairs, 0) >= LEVEL:
+        pairs += 1
+    return pairs
+
+
 def _findings(comparisons: Sequence[Comparison]) -> list[str]:
     """What is significant, in words; and if nothing is, that."""
     told = []
@@ -220,13 +242,13 @@ def _findings(comparisons: Sequence[Comparison]) -> list[str]:
             word = "more" if c.success.value > 0 else "less"
             told.append(
                 f"{where} reaches the goal {word} often than {BASE}, by {100 * abs(c.success.value):.1f} points "
-                f"({c.gained} seeds gained, {c.lost} lost; adjusted p = {p_value(c.success_adjusted)})"
+                f"({counted(c.gained, 'seed')} gained, {c.lost} lost; adjusted p = {p_value(c.success_adjusted)})"
             )
         if c.cost_adjusted < LEVEL:
             word = "more" if c.cost.value > 0 else "less"
             told.append(
                 f"{where} costs {word} than {BASE} where both arrive, by {abs(c.cost.value):.3f} "
-                f"({c.arrived} seeds; adjusted p = {p_value(c.cost_adjusted)})"
+                f"({counted(c.arrived, 'seed')}; adjusted p = {p_value(c.cost_adjusted)})"
             )
     return told
 

@@ -42,15 +42,11 @@ def pictures(report: Report) -> list[Picture]:
     drawn = [
         _levels(plt, report, scenes, "success", "runs that reach the goal [%]", lambda p: p.success, 100.0),
         _levels(plt, report, scenes, "cost", "cost of runs that reach the goal", lambda p: p.cost, 1.0),
+        _levels(plt, report, scenes, "cost over optimal", "cost over optimal", lambda p: p.cost_over_optimal, 1.0),
+        _shares(plt, report, scenes),
+        _levels(plt, report, scenes, "step times", "median step [ms]", lambda p: p.step_ms, 1.0, log=True),
     ]
-    if any(isfinite(p.cost_over_optimal.value) for p in report.points):
-        drawn.append(
-            _levels(plt, report, scenes, "cost over optimal", "cost over optimal", lambda p: p.cost_over_optimal, 1.0)
-        )
-    if scenes != [ALL] and any(p.classes for p in report.points):
-        drawn.append(_shares(plt, report, scenes))
-    drawn.append(_levels(plt, report, scenes, "step times", "median step [ms]", lambda p: p.step_ms, 1.0, log=True))
-    return drawn
+    return [picture for picture in drawn if picture is not None]
 
 
 def _levels(
@@ -63,8 +59,10 @@ def _levels(
     scale: float,
     *,
     log: bool = False,
-) -> Picture:
-    """A figure against the noise level, a line per method and a panel per scene."""
+) -> Picture | None:
+    """A figure against the noise level, a line per method and a panel per scene; None without a value."""
+    if not any(isfinite(of(p).value) for p in report.points if p.scene in scenes):
+        return None
     figure, panels = _panels(plt, len(scenes))
     methods = list(dict.fromkeys(p.method for p in report.points))
     for axes, scene in zip(panels, scenes, strict=True):
@@ -85,16 +83,28 @@ def _levels(
         axes.set_title(scene, fontsize=10)
         axes.grid(alpha=0.25, axis="y")
         axes.spines[["top", "right"]].set_visible(False)
-        if log:
-            axes.set_yscale("log")
+        if log and any(isfinite(of(p).value) for p in report.points if p.scene == scene):
+            _logarithmic(axes)
     panels[0].set_ylabel(label)
     panels[-1].legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0))
     return Picture(text=f"{what.capitalize()} against noise, with 95 % intervals", png=_png(plt, figure))
 
 
-def _shares(plt: Any, report: Report, scenes: Sequence[str]) -> Picture:
-    """Bars of class shares, one per noise level and method."""
+def _logarithmic(axes: Any) -> None:
+    """A logarithmic scale whose ticks are plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _shares(plt: Any, report: Report, scenes: Sequence[str]) -> Picture | None:
+    """Bars of class shares, one per noise level and method; None if no run has a class."""
     points = [p for p in report.points if p.scene in scenes and p.classes]
+    if not points:
+        return None
     figure, panels = _panels(plt, len(scenes), height=max(3.2, 0.24 * len(points) / len(scenes) + 1.2))
     for axes, scene in zip(panels, scenes, strict=True):
         rows = [p for p in points if p.scene == scene][::-1]
@@ -112,12 +122,13 @@ def _shares(plt: Any, report: Report, scenes: Sequence[str]) -> Picture:
             left = [a + b for a, b in zip(left, width, strict=True)]
         if len(total) > len(named):
             axes.barh(range(len(rows)), [100 - x for x in left], left=left, color=_rgb(OTHER_COLOR), label="other")
-        axes.set_yticks(range(len(rows)), [f"b = {p.noise:g}  {p.method}" for p in rows], fontsize=8)
+        axes.set_yticks(range(len(rows)), [f"b = {p.noise:g}  {p.method}  (n = {p.arrived})" for p in rows], fontsize=8)
         axes.set_xlim(0, 100)
-        axes.set_xlabel("runs that reach the goal [%]")
+        axes.set_xlabel("share of the runs that reached the goal [%]")
         axes.set_title(scene, fontsize=10)
         axes.spines[["top", "right"]].set_visible(False)
-        axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0), title="class")
+        if named:
+            axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0), title="class")
     return Picture(text="Homology classes of the driven paths", png=_png(plt, figure))
 
 

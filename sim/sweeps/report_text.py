@@ -8,8 +8,9 @@ from math import isfinite
 from typing import Any
 
 from sim.colors import title
-from sim.sweeps.report import ALL, BASE, BEST, Comparison, Point, Report, p_value
+from sim.sweeps.report import ALL, BASE, BEST, LEVEL, Comparison, Point, Report, p_value, pairs_needed
 from sim.sweeps.statistics import Interval
+from sim.words import counted
 
 SHOWN = 4  # classes in a table
 
@@ -26,13 +27,14 @@ class Table:
 
 def lead(report: Report) -> list[str]:
     """How complete the sweep is, and how it was made."""
-    lines = [f"{report.found} of {report.asked} runs asked for are there."]
+    lines = [f"{report.found} of {counted(report.asked, 'run')} asked for {_be(report.asked)} there."]
     if report.found < report.asked:
         lines[0] += " The sweep is unfinished: its command, given again, goes on."
     failed = sum(report.errors.values())
     if failed:
-        lines.append(f"{failed} runs ended with an error and count in no figure:")
-        lines += [f"{count} x {error}" for error, count in report.errors.items()]
+        count = "counts" if failed == 1 else "count"
+        lines.append(f"{counted(failed, 'run')} ended with an error and {count} in no figure:")
+        lines += [f"{number} x {error}" for error, number in report.errors.items()]
     settings = report.manifest["settings"]
     said = " ".join(
         f"--{name.replace('_', '-')} {' '.join(map(str, value)) if isinstance(value, list) else value}"
@@ -46,14 +48,41 @@ def findings(report: Report) -> list[str]:
     """What is significant, plainly."""
     questions = report.questions
     if not questions:
-        return [f"No comparison: the sweep has no method beside {BASE}, or not {BASE}."]
+        return [f"No comparison: {_why_none(report)}."]
     if not report.findings:
-        return [f"None of {questions} comparisons with {BASE} is significant."]
+        none = f"None of {questions} comparisons" if questions > 1 else "The only comparison"
+        told = f"{none} with {BASE} is {'not ' if questions == 1 else ''}significant."
+        return [told, *([_hopeless(report)] if report.least_p >= LEVEL else [])]
     return [*(f"Significant: {line}." for line in report.findings), _rest(questions - len(report.findings))]
 
 
+def _why_none(report: Report) -> str:
+    if not report.found:
+        return "there are no runs"
+    if sum(report.errors.values()) == report.found:
+        return "every run ended with an error"
+    if not report.comparisons:
+        return f"the sweep has no method beside {BASE}, or not {BASE}"
+    return f"there is no seed with which both {BASE} and another method came to an end"
+
+
+def _hopeless(report: Report) -> str:
+    pairs, questions = max(c.pairs for c in report.comparisons), report.questions
+    return (
+        f"None could be, with so few seeds: if all of {counted(pairs, 'pair')} differed one way, McNemar's p would be "
+        f"{p_value(report.least_p)} after adjustment for {counted(questions, 'comparison')}. "
+        f"It takes at least {pairs_needed(questions)} pairs."
+    )
+
+
 def _rest(others: int) -> str:
-    return f"The other {others} comparisons are not significant." if others else "There are no other comparisons."
+    if not others:
+        return "There are no other comparisons."
+    return f"The other {f'{others} comparisons' if others > 1 else 'comparison'} {_be(others)} not significant."
+
+
+def _be(number: int) -> str:
+    return "is" if number == 1 else "are"
 
 
 def tables(report: Report) -> list[Table]:
@@ -113,14 +142,21 @@ def _outcomes(points: Sequence[Point]) -> Table:
 
 
 def _costs(points: Sequence[Point]) -> Table:
+    known = any(p.method == BEST for p in points)
     rows = [
-        (*_where(p), _mean(p.cost), _mean(p.cost_over_optimal, 4), _mean(p.path_length), _mean(p.time)) for p in points
+        (
+            *_where(p),
+            _mean(p.cost),
+            *((_mean(p.cost_over_optimal, 4),) if known else ()),
+            _mean(p.path_length),
+            _mean(p.time),
+        )
+        for p in points
     ]
-    text = (
-        f"Of runs that reached the goal. Cost over optimal is the ratio of mean costs on the seeds by which `{BEST}` "
-        "reached it too."
-    )
-    header = ("scene", "b", "method", "cost", "cost over optimal", "path [m]", "time [s]")
+    text, ratios = "Of runs that reached the goal.", ("cost over optimal",) if known else ()
+    if known:
+        text += f" Cost over optimal is the ratio of mean costs on the seeds by which `{BEST}` reached it too."
+    header = ("scene", "b", "method", "cost", *ratios, "path [m]", "time [s]")
     return Table(heading="Cost and path", text=text, header=header, rows=rows)
 
 
@@ -158,12 +194,15 @@ def _against(comparisons: Sequence[Comparison]) -> Table:
         "pairs",
         "goals",
         "points",
-        "p (adjusted)",
+        "p goals",
         "both arrive",
         "cost",
-        "p (adjusted) ",
+        "p cost",
     )
-    text = f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost difference."
+    text = (
+        f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost difference; "
+        "p with the adjusted one in brackets."
+    )
     return Table(heading=f"Against {BASE}", text=text, header=header, rows=rows)
 
 

@@ -25,6 +25,7 @@ from sim.sweeps import engine, runs
 from sim.sweeps.dataset import TREES, Dataset
 from sim.sweeps.rows import key_of
 from sim.sweeps.runs import Errand, Job, Planned, Survey
+from sim.words import counted
 
 _OWN = ("methods", "noise", "seeds", "jobs", "output", "scheduler", "again")  # options that are no settings of a run
 
@@ -94,9 +95,10 @@ def checked(jobs: Sequence[Job]) -> list[Job]:
     """The jobs with noise and the scene's digest filled in.
 
     Raises:
-        PirrhtError: a scene or a setting is wrong; the first that is.
+        PirrhtError: a scene, a setting or a saved tree is wrong; the first that is.
     """
     known: dict[tuple[Any, ...], dict[str, Any]] = {}
+    fitting: set[tuple[Any, ...]] = set()  # places whose saved tree has been looked at
     runs.forget()
     for job in jobs:
         if job.point in known:
@@ -104,6 +106,9 @@ def checked(jobs: Sequence[Job]) -> list[Job]:
         scenario = runs.settled(job)
         if job.method == "optimal":
             Desirability.spacing_for(scenario.problem, scenario.space)
+        if scenario.settings.tree is not None and runs.needs_tree(job) and job.place not in fitting:
+            scenario.grown_tree()
+            fitting.add(job.place)
         known[job.point] = {
             "scene": job.scene if job.scene in scene_names() else str(scenario.loaded.path.resolve()),
             "noise": scenario.settings.noise,
@@ -135,6 +140,8 @@ def sweep(
     keys = [key_of(runs.failure(job, "")) for job in jobs]
     done = {} if dataset is None else {key_of(record): record for record in dataset.records()}
     waiting = [job for job, key in zip(jobs, keys, strict=True) if key not in done]
+    if done and len(waiting) < len(jobs):
+        print(f"{len(jobs) - len(waiting)} of {counted(len(jobs), 'run')} are there already", file=sys.stderr)
     workers = min(jobs_at_once or len(os.sched_getaffinity(0)), max(1, len(waiting)))
     with ExitStack() as stack:
         stop = stack.enter_context(engine.interruptible())
@@ -148,12 +155,15 @@ def sweep(
         for record in _kept(crew(runs.attempt, errands, _given_up), dataset, stop, bar):
             done[key_of(record)] = record
     if stop.asked:
+        if dataset is not None:
+            kept = f"{sum(key in done for key in keys)} of {counted(len(jobs), 'run')} kept in {dataset.folder}"
+            print(f"{kept}; the same command goes on", file=sys.stderr)
         raise KeyboardInterrupt
     return [done[key] for key in keys]
 
 
 def summary(rows: Sequence[dict[str, Any]], room: int | None = None) -> str:
-    """A table with one line per scene, noise and method; `length` is the driven over the shortest reference's."""
+    """A table with one line per scene, noise and method; a path is held against the shortest reference."""
     points: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for row in rows:
         points.setdefault((row["scene"], row["noise"], row["method"]), []).append(row)
@@ -167,7 +177,7 @@ def summary(rows: Sequence[dict[str, Any]], room: int | None = None) -> str:
         "timeout",
         "cost",
         "time [s]",
-        "length",
+        "path/shortest",
         "switches",
         "ms/step",
         "plan [s]",

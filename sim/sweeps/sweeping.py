@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError
 from sim import present
+from sim.words import counted
+
+SHOWN = 3  # errors that are told on the terminal
 
 
 def sweep(arguments: argparse.Namespace) -> int:
@@ -27,10 +32,25 @@ def sweep(arguments: argparse.Namespace) -> int:
     print(engine.summary(records, present.width()))
     if arguments.json:
         present.write_json(arguments.json, records)
-    errors = sum(record["outcome"] is None for record in records)
+    errors = [str(record["error"]) for record in records if record["outcome"] is None]
     if arguments.output is not None:
-        print(f"{arguments.output}: {len(records)} runs, {errors} of them ended with an error")
+        print(f"{arguments.output}: {counted(len(records), 'run')}, {len(errors)} of them ended with an error")
+    _tell(errors, stored=arguments.output is not None)
     return 1 if errors else 0
+
+
+def _tell(errors: Sequence[str], *, stored: bool) -> None:
+    """The most frequent errors, and how to try again."""
+    if not errors:
+        return
+    known = Counter((error.splitlines() or [""])[0] for error in errors).most_common()
+    lines = [f"{counted(len(errors), 'run')} ended with an error:"]
+    lines += [f"  {count} x {error}" for error, count in known[:SHOWN]]
+    if len(known) > SHOWN:
+        lines.append(f"  and {counted(len(known) - SHOWN, 'other error')}")
+    if stored:
+        lines.append(f"the same command with --again makes {'it' if len(errors) == 1 else 'them'} anew")
+    print("\n".join(lines), file=sys.stderr)
 
 
 def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
@@ -67,8 +87,14 @@ def report(arguments: argparse.Namespace) -> int:
     from sim.sweeps.report_pictures import pictures
 
     folder: Path = arguments.output or arguments.folder
+    if arguments.output is not None and folder.is_file():
+        raise OptionError(f"--output {folder} is a file; give the path of a folder")
     text, web = folder / "report.md", folder / "report.html"
     known = engine.report(Dataset(arguments.folder))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OptionError(f"--output {folder}: {error.strerror or error}; choose another place") from None
     for option, file in (("--output", text), ("--output", web), ("--json", arguments.json)):
         if file is not None:
             present.check_writable(file, option)
