@@ -14,11 +14,18 @@ from numba import types
 from numba.extending import intrinsic
 
 
-def _loader(element: Any, machine: ir.Type) -> Any:
+def _type(name: str) -> ir.Type:
+    # Made anew for every use: llvmlite's types note down what they are asked, and a kernel whose closure holds one that
+    # has changed is not found on disk.
+    known = {"float": ir.FloatType, "double": ir.DoubleType}
+    return known[name]() if name in known else ir.IntType(int(name[1:]))
+
+
+def _loader(element: Any, machine: str) -> Any:
     @intrinsic  # type: ignore[untyped-decorator]
     def load(typing_context: Any, address: Any, index: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            pointer = builder.inttoptr(arguments[0], machine.as_pointer())
+            pointer = builder.inttoptr(arguments[0], _type(machine).as_pointer())
             return builder.load(builder.gep(pointer, [arguments[1]]))
 
         return element(types.intp, types.intp), generate
@@ -27,19 +34,19 @@ def _loader(element: Any, machine: ir.Type) -> Any:
     return load
 
 
-load_int8 = _loader(types.int8, ir.IntType(8))
-load_int16 = _loader(types.int16, ir.IntType(16))
-load_float32 = _loader(types.float32, ir.FloatType())
-load_int32 = _loader(types.int32, ir.IntType(32))
-load_float64 = _loader(types.float64, ir.DoubleType())
-load_int64 = _loader(types.int64, ir.IntType(64))
+load_int8 = _loader(types.int8, "i8")
+load_int16 = _loader(types.int16, "i16")
+load_float32 = _loader(types.float32, "float")
+load_int32 = _loader(types.int32, "i32")
+load_float64 = _loader(types.float64, "double")
+load_int64 = _loader(types.int64, "i64")
 
 
-def _storer(element: Any, machine: ir.Type) -> Any:
+def _storer(element: Any, machine: str) -> Any:
     @intrinsic  # type: ignore[untyped-decorator]
     def store(typing_context: Any, address: Any, index: Any, value: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            pointer = builder.inttoptr(arguments[0], machine.as_pointer())
+            pointer = builder.inttoptr(arguments[0], _type(machine).as_pointer())
             builder.store(arguments[2], builder.gep(pointer, [arguments[1]]))
             return context.get_dummy_value()
 
@@ -49,8 +56,8 @@ def _storer(element: Any, machine: ir.Type) -> Any:
     return store
 
 
-store_int8 = _storer(types.int8, ir.IntType(8))
-store_int16 = _storer(types.int16, ir.IntType(16))
-store_int32 = _storer(types.int32, ir.IntType(32))
-store_int64 = _storer(types.int64, ir.IntType(64))
-store_float64 = _storer(types.float64, ir.DoubleType())
+store_int8 = _storer(types.int8, "i8")
+store_int16 = _storer(types.int16, "i16")
+store_int32 = _storer(types.int32, "i32")
+store_int64 = _storer(types.int64, "i64")
+store_float64 = _storer(types.float64, "double")

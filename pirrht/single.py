@@ -17,11 +17,11 @@ ZERO, HALF, ONE, TWO = (np.float32(v) for v in (0.0, 0.5, 1.0, 2.0))
 INFINITE = np.float32(np.inf)
 
 
-def _cast(source: Any, target: Any, machine: ir.Type) -> Any:
+def _cast(source: Any, target: Any, whole: bool) -> Any:
     @intrinsic  # type: ignore[untyped-decorator]
     def cast(typing_context: Any, value: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.bitcast(arguments[0], machine)
+            return builder.bitcast(arguments[0], ir.IntType(32) if whole else ir.FloatType())
 
         return target(source), generate
 
@@ -29,5 +29,5 @@ def _cast(source: Any, target: Any, machine: ir.Type) -> Any:
     return cast
 
 
-as_bits = _cast(types.float32, types.uint32, ir.IntType(32))
-as_number = _cast(types.uint32, types.float32, ir.FloatType())
+as_bits = _cast(types.float32, types.uint32, True)
+as_number = _cast(types.uint32, types.float32, False)

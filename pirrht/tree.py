@@ -133,10 +133,7 @@ class HomologyTree:
             status = growth.ASK
             if self._grow_kernel is not None:
                 before = i
-                i, status = self._grow_kernel(
-                    self.graph, self.states, self.in_goal, self._surroundings, draws, i, self.steering.radius,
-                    self.steering.cost_per_meter, self._weights, self.limit, self.classes, self.steering.symmetric,
-                )  # fmt: skip
+                i, status = self._compiled(self._grow_kernel, draws, i)
                 self.draws += i - before
             if status == growth.ASK:
                 if i < len(draws):
@@ -145,8 +142,16 @@ class HomologyTree:
             elif status != relaxation.DONE:
                 self._relax()
 
+    def _compiled(self, kernel: Callable[..., tuple[int, int]], draws: Array, i: int) -> tuple[int, int]:
+        return kernel(
+            self.graph, self.states, self.in_goal, self._surroundings, draws, i, self.steering.radius,
+            self.steering.cost_per_meter, self._weights, self.limit, self.classes, self.steering.symmetric,
+        )  # fmt: skip
+
     def reserve(self, vertices: int) -> None:
-        """Make room for about so many vertices at once, lest growth stop for it later."""
+        """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
+        if self._grow_kernel is not None:
+            self._compiled(self._grow_kernel, self.states[:0], 0)
         more = 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
         while len(self.states) < vertices:
             self._double_vertices()

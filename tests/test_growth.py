@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -123,3 +127,16 @@ def test_what_cannot_grow_is_refused(capsys):
     message = capsys.readouterr().err
     assert "--grow is -1" in message
     assert "--method passive has no tree" in message
+
+
+def test_the_kernel_of_growth_is_found_on_disk_by_the_next_process(slit_tree):
+    """A kernel is looked up by what its closure holds; compiling must not change that."""
+    program = (
+        "from sim.scenarios import prepare\n"
+        "tree = prepare('slit').empty_tree(); tree.reserve(20)\n"
+        "stats = tree._grow_kernel.stats; print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))"
+    )
+    slit_tree.reserve(slit_tree.size)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+    told = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ["1", "0"]
