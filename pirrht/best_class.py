@@ -63,6 +63,7 @@ def _own(part: Rollouts, estimate: Estimate) -> Array:
 def _restricted(part: Rollouts, estimate: Estimate, h: int) -> Rollouts:
     # The others weigh nothing; a mean over all samples is the mean over these if each counts S / N_h times.
     first, log_weight = part.guides.first, np.full(part.size, -np.inf)
-    mine = slice(first[h], first[h + 1])
-    log_weight[mine] = _own(part, estimate)[mine] + np.log(part.size / (first[h + 1] - first[h]))
+    mine = int(first[h]), int(first[h + 1])
+    averaged = log_weights(estimate.source.problem, "average", part.paths, first, mine)
+    log_weight[slice(*mine)] = averaged + np.log(len(first) - 1)
     return replace(part, log_weight=log_weight)

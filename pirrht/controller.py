@@ -230,7 +230,8 @@ class Controller:
         if self.tree is None or self.method.most == 0:
             return []
         found = self.tree.references(x, polished=self.polished)
-        return self.method.around(found, self._kept(x, set(self._from_start(found))))
+        kept = [] if self.method.most is not None else self._kept(x, set(self._from_start(found)))
+        return self.method.around(found, kept)
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
         """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""

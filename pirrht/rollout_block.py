@@ -163,13 +163,8 @@ def block(world, guides, h, x0, seed, chosen, start, stop, paths, into, scratch)
     f, a, ratio, short, long, random, bits = scratch
     work, log_ratio, key, ended, steps, now, spans = paths
     goal, radius, cuts, B, D = world.goal, world.goal_radius, world.cuts, world.diffusion, world.gain
-    field, inverse, times, drift, active = (
-        single_field(world.field),
-        world.inverse,
-        guides.times,
-        guides.drift,
-        guides.active,
-    )
+    field, inverse, times, drift = single_field(world.field), world.inverse, guides.times, guides.drift
+    active = guides.active
     gates, count, decay, window = guides.gates.place, guides.gates.count, guides.gates.decay, guides.window
     speed, reach, keep, listed = guides.speed, guides.reach, into.shape[0] > 0, chosen.shape[0] > 0
     H, T, n = drift.shape[0], drift.shape[1], stop - start
@@ -229,20 +224,18 @@ def block(world, guides, h, x0, seed, chosen, start, stop, paths, into, scratch)
 
 
 @kernel
-def blocks(world, guides, x0, seed, start, stop, paths, chosen, into, scratch):  # type: ignore[no-untyped-def]
+def blocks(world, guides, x0, seed, start, stop, paths, scratch):  # type: ignore[no-untyped-def]
     """Fill `paths` for a range of samples, block by block."""
+    all_of_them, nowhere = np.empty(0, np.int64), np.empty((0, 0, RECORDED), np.float32)
     h, s = 0, start
     while s < stop:
         while s >= guides.first[h + 1]:
             h += 1
         end = min(min(stop, guides.first[h + 1]), s + LANES)
-        block(world, guides, h, x0, seed, chosen, s, end, paths, into, scratch)
+        block(world, guides, h, x0, seed, all_of_them, s, end, paths, nowhere, scratch)
         s = end
 
 
 def sample(world: Any, guides: Any, x0: Array, seed: np.uint64, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples."""
-    nothing = np.empty((0, 0, RECORDED), np.float32)
-    blocks(
-        world, guides, x0, seed, start, stop, paths, np.empty(0, np.int64), nothing, room(len(guides.control))
-    )  # fmt: skip
+    blocks(world, guides, x0, seed, start, stop, paths, room(len(guides.control)))

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from pirrht.errors import OptionError
+from pirrht.files import replaced
 from pirrht.scene import Array
 from sim.columns import described
-from sim.files import replaced
 from sim.recording import Cells, Recording
 
 FORMATS = (".parquet", ".npz")

@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 
 from pirrht.errors import OptionError
+from pirrht.files import replaced
 from pirrht.plan import Plan
 from pirrht.scene import Array
 from sim.colors import ClassColors
 from sim.drawing import at_most
 from sim.episode import Frame
-from sim.files import replaced
 from sim.mjcf import Loaded
 from sim.offscreen import Offscreen, Picture
 from sim.stage import DRIVEN

@@ -16,12 +16,12 @@ import numpy as np
 
 from pirrht.convergence import Convergence
 from pirrht.errors import OptionError
+from pirrht.files import replaced
 from pirrht.freespace import FreeSpace
 from pirrht.path_integral import Estimate
 from pirrht.scene import Array
 from pirrht.tree import HomologyTree, Reference
 from sim.colors import title
-from sim.files import replaced
 from sim.scenarios import Scenario
 from sim.truth import Truth
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError
+from pirrht.files import replaced
 from sim.colors import DEAD_COLOR, Color, mix
-from sim.files import replaced
 from sim.present import check_writable
 
 COLUMN, PAGE = 3.5, 7.16  # widths of a column and of a page [in]

@@ -79,7 +79,7 @@ def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 def report(arguments: argparse.Namespace) -> int:
     """Sum up a sweep: on the terminal, as Markdown and as a page."""
-    from sim.files import replaced
+    from pirrht.files import replaced
     from sim.sweeps import report as engine
     from sim.sweeps import report_text
     from sim.sweeps.dataset import Dataset
