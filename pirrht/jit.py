@@ -16,11 +16,17 @@ from typing import Any, TypeVar
 from weakref import WeakSet
 
 import numba
+import numpy as np
 from numba import njit
 from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+DISABLED = bool(numba.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels are plain Python, for debuggers and coverage
+
+if DISABLED:
+    np.seterr(over="ignore", divide="ignore", invalid="ignore")  # as compiled: keys wrap, division is IEEE's
 
 _inlined: set[str] = set()
 _named: WeakSet[Any] = WeakSet()  # kernels that have the same name in every process
@@ -50,7 +56,7 @@ def jitable(function: F) -> F:
 @cache  # kernels are built once per function
 def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
     """Make any numeric Python function callable from a kernel (without the disk cache if it is foreign)."""
-    if isinstance(function, Dispatcher) or _name(function) in _inlined:
+    if DISABLED or isinstance(function, Dispatcher) or _name(function) in _inlined:
         return function
     compiled: Callable[..., Any] = njit(function)
     return compiled
@@ -62,6 +68,8 @@ def cached(module: str) -> bool:
 
 
 def _compiled(function: F, **options: Any) -> F:
+    if DISABLED:
+        return function
     identity = _identity(function)
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_FOLDER)  # read when a function is decorated, and only then
@@ -97,12 +105,17 @@ def _identity(function: Callable[..., Any]) -> str | None:
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
+def digest_of(package: Path) -> str:
+    """A short name of all sources of a package, those of its sub-packages included, and of where they lie."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
 def _cache_folder() -> Path:
     """A folder that belongs to exactly these sources; those of earlier ones beside it are removed."""
-    digest = hashlib.sha256()
-    for path in sorted(_HERE.glob("*.py")):
-        digest.update(path.read_bytes())
-    name = f"pirrht-kernels-{digest.hexdigest()[:16]}"
+    name = f"pirrht-kernels-{digest_of(_HERE)}"
     if numba.config.CACHE_DIR:
         return Path(numba.config.CACHE_DIR) / name
     home = _HERE / "__pycache__"

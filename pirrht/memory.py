@@ -7,11 +7,24 @@ which keeps them alive, and hands addresses to the functions that it calls in it
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
+
+from pirrht.jit import DISABLED
+
+_PLAIN: dict[str, Any] = {  # what Python reads where kernels are not compiled; whole numbers widen as they do there
+    "float": (ctypes.c_float, np.float32),
+    "double": (ctypes.c_double, np.float64),
+    "i8": (ctypes.c_int8, np.int64),
+    "i16": (ctypes.c_int16, np.int64),
+    "i32": (ctypes.c_int32, np.int64),
+    "i64": (ctypes.c_int64, np.int64),
+}
 
 
 def _type(name: str) -> ir.Type:
@@ -22,6 +35,10 @@ def _type(name: str) -> ir.Type:
 
 
 def _loader(element: Any, machine: str) -> Any:
+    if DISABLED:
+        kind, number = _PLAIN[machine]
+        return lambda address, index: number(kind.from_address(int(address) + ctypes.sizeof(kind) * int(index)).value)
+
     @intrinsic  # type: ignore[untyped-decorator]
     def load(typing_context: Any, address: Any, index: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -43,6 +60,15 @@ load_int64 = _loader(types.int64, "i64")
 
 
 def _storer(element: Any, machine: str) -> Any:
+    if DISABLED:
+        kind, _ = _PLAIN[machine]
+
+        def put(address: int, index: int, value: Any) -> None:
+            place = kind.from_address(int(address) + ctypes.sizeof(kind) * int(index))
+            place.value = float(value) if machine in ("float", "double") else int(value)
+
+        return put
+
     @intrinsic  # type: ignore[untyped-decorator]
     def store(typing_context: Any, address: Any, index: Any, value: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

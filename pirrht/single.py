@@ -13,11 +13,16 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from pirrht.jit import DISABLED
+
 ZERO, HALF, ONE, TWO = (np.float32(v) for v in (0.0, 0.5, 1.0, 2.0))
 INFINITE = np.float32(np.inf)
 
 
 def _cast(source: Any, target: Any, whole: bool) -> Any:
+    if DISABLED:
+        return lambda value: np.float32(value).view(np.uint32) if whole else np.uint32(value).view(np.float32)
+
     @intrinsic  # type: ignore[untyped-decorator]
     def cast(typing_context: Any, value: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

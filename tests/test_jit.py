@@ -1,0 +1,59 @@
+"""Compiled kernels: one folder on disk per state of the sources, and the same answers without compiling."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from pirrht.jit import digest_of
+
+STRIP = """
+import numpy as np
+from pirrht import *
+import sys
+disc = Obstacle(name="disc", kind=Kind.CYLINDER, size=np.array([0.4, 0.3, 0.0]), position=np.array([2.0, 1.5, 0.2]),
+                rotation=np.eye(3))
+scene = Scene(name="strip", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(disc,), robot_radius=0.2,
+              goal=Goal(center=np.array([3.4, 1.5]), radius=0.3), start=np.array([0.6, 1.5, 0.0]))
+space = FreeSpace.of(scene)
+if sys.argv[1] == "point":
+    problem = Problem(dynamics=SingleIntegrator(b=0.3), scene=scene, R=2 * np.eye(2))
+    steering = StraightLine.of(problem)
+else:
+    problem = Problem(dynamics=Unicycle(b=0.3, rho=0.4), scene=scene, R=np.eye(1), phi=100.0)
+    steering = Dubins.of(problem)
+tree = HomologyTree(space, steering, rng=np.random.default_rng(0), limit=0.9)
+tree.grow(40)
+controller = Controller(problem, space, tree, Sampling(samples=4, threads=1), rng=np.random.default_rng(1))
+plan = controller.plan(scene.start[: problem.dynamics.n])
+print(*plan.ids, *plan.control, plan.estimate.value)
+"""
+
+
+def test_an_edit_two_folders_down_makes_another_digest(tmp_path):
+    deep = tmp_path / "rooms" / "inner" / "kernel.py"
+    deep.parent.mkdir(parents=True)
+    (tmp_path / "__init__.py").write_text("")
+    deep.write_text("STEP = 1\n")
+    before = digest_of(tmp_path)
+    assert digest_of(tmp_path) == before
+    deep.write_text("STEP = 2\n")
+    edited = digest_of(tmp_path)
+    deep.rename(deep.parent / "other.py")
+    assert len({before, edited, digest_of(tmp_path)}) == 3
+
+
+@pytest.mark.parametrize("kind", ["point", "car"])
+def test_a_plan_and_a_control_step_without_compiling_are_those_of_the_kernels(kind):
+    def words(disabled: str) -> list[str]:
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled}
+        command = [sys.executable, "-c", STRIP, kind]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
+
+    plain, compiled = words("1"), words("0")
+    assert plain[:2] == compiled[:2]
+    np.testing.assert_allclose(np.array(plain[2:], float), np.array(compiled[2:], float), rtol=1e-5)
