@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pirrht.clearance import Field, build_field
-from pirrht.collision import Collision
-from pirrht.components import Component, components
-from pirrht.edges import Inspector
+from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.homology import Homology
-from pirrht.scene import Array, Scene
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.field import Field, build_field
+from pirrht.geometry.scene import Scene
+from pirrht.topology.homology import Homology
+from pirrht.topology.obstacles import Component, components
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,11 +50,6 @@ class FreeSpace:
             obstacles=encircled,
             homology=Homology(markers=markers, goal=scene.goal.center.astype(float)),
         )
-
-    @property
-    def inspector(self) -> Inspector:
-        """The judge of proposed edges."""
-        return Inspector(field=self.field, collision=self.collision, homology=self.homology, goal=self.scene.goal)
 
     def clearance(self, position: Array) -> float:
         """FCL's clearance of the robot's centre at one position (2,) [m]."""

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pirrht.dynamics import Dynamics
+from pirrht.arrays import Array
+from pirrht.compiled.jit import jitable
 from pirrht.errors import NotLinearlySolvable, OptionError
-from pirrht.jit import jitable
-from pirrht.scene import Array, Scene
+from pirrht.geometry.scene import Scene
+from pirrht.systems.dynamics import Dynamics
 
 
 @jitable

@@ -106,7 +106,12 @@ def fingerprints() -> dict[str, str]:
         place = Path(folder)
         (place / "forest.xml").write_text(FOREST.format(discs="".join(_discs())))
         jobs: dict[str, Callable[[], str]] = {}
-        tables = (("plan", PLANS, _plan), ("estimate", ESTIMATES, _told), ("run", RUNS, _told), ("record", RECORDED, _held))
+        tables = (
+            ("plan", PLANS, _plan),
+            ("estimate", ESTIMATES, _told),
+            ("run", RUNS, _told),
+            ("record", RECORDED, _held),
+        )
         for number, (kind, table, work) in enumerate(tables):
             for k, (name, words) in enumerate(table.items()):
                 there = place / f"{number}-{k}"

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pirrht.clearance import clearance
-from pirrht.plan import Plan
-from pirrht.scene import Array
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.geometry.field import clearance
 from sim.clock import Clock
 from sim.episode import Driver, size_of
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import rerun.blueprint as rrb
 
-from pirrht.scene import Scene
+from pirrht.geometry.scene import Scene
 from sim.stage import Subject
 
 BACKGROUND = (20, 22, 26)

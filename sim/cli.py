@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from pirrht.control.methods import METHODS
 from pirrht.errors import OptionError, PirrhtError
-from pirrht.methods import METHODS
 from sim.columns import explained
 
 EXPLAINED = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.path_integral import OTHER
+from pirrht.estimation.sampler import OTHER
 
 Color = tuple[int, int, int]  # red, green, blue, 0..255
 

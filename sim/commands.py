@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from pirrht import tree_file
-from pirrht.convergence import Convergence
+from pirrht.arrays import Array
+from pirrht.control.methods import TREELESS
 from pirrht.errors import OptionError, SceneError
-from pirrht.methods import TREELESS
+from pirrht.estimation.sampler import OTHER, Estimate
 from pirrht.outcome import Outcome
-from pirrht.path_integral import OTHER, Estimate
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree, Reference
+from pirrht.tree import file as tree_file
+from pirrht.tree.convergence import Convergence
+from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim import episode, present, realtime, timing, warm
 from sim.colors import title
 from sim.executor import Plant
@@ -252,7 +252,7 @@ def _planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
 
 def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
     """The grown tree, and the lengths of the best path per class from the start while it grew."""
-    from pirrht.convergence import grow
+    from pirrht.tree.convergence import grow
 
     tree, vertices = scenario.empty_tree(), scenario.settings.vertices
     with _bar("plan", vertices, " vertices") as bar:

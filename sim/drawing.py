@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.graph import edge_turns_around, node_turns_around
-from pirrht.homology import Homology
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.estimation.sampler import OTHER, Estimate, PathIntegral
 from pirrht.outcome import Outcome
-from pirrht.path_integral import OTHER, Estimate, PathIntegral
-from pirrht.places import ROOT
-from pirrht.plan import Plan
 from pirrht.problem import Problem
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree, Reference
+from pirrht.topology.homology import Homology
+from pirrht.tree.graph import edge_turns_around, node_turns_around
+from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.layout import ROOT
 from sim.colors import Color
 
 Floats = NDArray[np.float32]

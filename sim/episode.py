@@ -9,14 +9,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.estimation.sampler import OTHER
 from pirrht.freespace import FreeSpace
-from pirrht.homology import class_id
 from pirrht.outcome import Outcome
-from pirrht.path_integral import OTHER
-from pirrht.plan import Plan
 from pirrht.problem import Problem
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree
+from pirrht.topology.homology import class_id
+from pirrht.tree.homology_tree import HomologyTree
 from sim.colors import title
 from sim.executor import Advance, Plant
 from sim.timing import Timing, figures

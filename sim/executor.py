@@ -16,11 +16,11 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from pirrht.dynamics import Dynamics
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.scene import Array
+from pirrht.systems.dynamics import Dynamics
 from sim.mjcf import Loaded
 from sim.robots import STATES
 from sim.stance import stance_of

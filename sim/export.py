@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import replaced
-from pirrht.scene import Array
 from sim.columns import described
 from sim.recording import Cells, Recording
 

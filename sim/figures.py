@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.convergence import Convergence
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.scene import Array, Obstacle
-from pirrht.tree import HomologyTree, Reference
+from pirrht.geometry.scene import Obstacle
+from pirrht.tree.convergence import Convergence
+from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.colors import ClassColors, title
 from sim.scenarios import Scenario
 
@@ -126,7 +127,7 @@ def outline(obstacle: Obstacle) -> Array:
     """Corners (k, 2) of an obstacle's convex outline seen from above [m]."""
     from scipy.spatial import ConvexHull
 
-    from pirrht.scene import Kind
+    from pirrht.geometry.scene import Kind
 
     if obstacle.kind is Kind.MESH:
         assert obstacle.vertices is not None

@@ -9,10 +9,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.files import replaced
-from pirrht.plan import Plan
-from pirrht.scene import Array
 from sim.colors import ClassColors
 from sim.drawing import at_most
 from sim.episode import Frame

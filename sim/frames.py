@@ -9,8 +9,8 @@ from typing import NoReturn
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.scene import Array
 
 DEEPEST = 32  # nested models
 _NAMED = ("model", "link", "frame")

@@ -23,11 +23,11 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.driven import Driven
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
-from pirrht.plan import Plan
-from pirrht.scene import Array
+from pirrht.topology.driven import Driven
 from sim.episode import Driver, Frame, Tally
 from sim.mjcf import scene_names
 from sim.robots import control_limits

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
-from pirrht.scene import Array
 from sim.rectangles import Cells, cover
 from sim.sdf import Solid, World
 

@@ -34,8 +34,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.scene import Array, Goal, Scene
+from pirrht.geometry.scene import Goal, Scene
 from sim.library import compile_spec, find, models_folder, parse, robot_names, scene_names
 from sim.obstacles import Mask, geom_label, read_obstacles, read_workspace
 from sim.robots import Robot, read_robot

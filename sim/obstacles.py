@@ -8,8 +8,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.scene import Array, Kind, Obstacle
+from pirrht.geometry.scene import Kind, Obstacle
 from sim.stance import GROUND
 
 Mask = NDArray[np.bool_]

@@ -12,8 +12,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.scene import Array
 from sim.colors import Color
 
 Picture = NDArray[np.uint8]  # (height, width, 3)

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.best_class import CONSISTENCY
-from pirrht.controller import BETWEEN
+from pirrht.control.best_class import CONSISTENCY
+from pirrht.control.controller import BETWEEN
+from pirrht.control.methods import METHODS, TREELESS
+from pirrht.control.mppi import HORIZON
 from pirrht.errors import OptionError
-from pirrht.methods import METHODS, TREELESS
-from pirrht.mppi import HORIZON
-from pirrht.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, WEIGHTS
+from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, WEIGHTS
 
 PLANTS = ("mujoco", "sde")
 PRESETS: dict[str, dict[str, Any]] = {

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from pirrht.plan import Plan
+from pirrht.control.plan import Plan
 from sim import drawing
 from sim.colors import DEAD_COLOR, ClassColors, Color, fade, mix, title
 from sim.drawing import at_most, lift, packed

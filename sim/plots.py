@@ -11,8 +11,8 @@ from math import inf, log
 import numpy as np
 import rerun as rr
 
-from pirrht.path_integral import OTHER
-from pirrht.scene import Array
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import OTHER
 from sim.colors import ClassColors, title
 from sim.stage import CONTROL, OPTIMUM
 from sim.steps import Row

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.convergence import Convergence
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.estimation.sampler import Estimate
 from pirrht.files import replaced
 from pirrht.freespace import FreeSpace
-from pirrht.path_integral import Estimate
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree, Reference
+from pirrht.tree.convergence import Convergence
+from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.colors import title
 from sim.scenarios import Scenario
 from sim.truth import Truth

@@ -22,10 +22,10 @@ from queue import SimpleQueue
 
 import numpy as np
 
-from pirrht.collision import Collision
-from pirrht.driven import Driven
+from pirrht.arrays import Array
+from pirrht.geometry.collision import Collision
 from pirrht.outcome import Outcome
-from pirrht.scene import Array
+from pirrht.topology.driven import Driven
 from sim.ahead import Handover, Planner, Ready, Stopped
 from sim.clock import Clock, WallClock
 from sim.episode import Driver, Frame

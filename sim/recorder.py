@@ -15,9 +15,9 @@ from pathlib import Path
 from types import TracebackType
 
 from pirrht.errors import OptionError
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
-from pirrht.path_integral import PathIntegral
-from pirrht.tree import HomologyTree
+from pirrht.tree.homology_tree import HomologyTree
 from sim import drawing, viewer
 from sim.blueprint import layout
 from sim.episode import Frame

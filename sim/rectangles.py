@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pirrht.jit import kernel
+from pirrht.compiled.jit import kernel
 
 Cells = NDArray[np.bool_]
 Rectangles = NDArray[np.int64]

@@ -8,9 +8,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from pirrht.dynamics import Dynamics
+from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.scene import Array
+from pirrht.systems.dynamics import Dynamics
 from sim.library import compile_spec, find, parse
 from sim.stance import GROUND, rolls, settled
 

@@ -9,19 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from pirrht import tree_file
-from pirrht.controller import Controller
-from pirrht.desirability import Desirability
-from pirrht.dynamics import Dynamics, SingleIntegrator, Unicycle
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.control.mppi import Mppi
+from pirrht.control.optimal import Optimal
 from pirrht.errors import OptionError
+from pirrht.estimation.sampling import Sampling
+from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
-from pirrht.mppi import Mppi
-from pirrht.optimal import Optimal
+from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
-from pirrht.sampling import Sampling
-from pirrht.scene import Array, Scene
-from pirrht.steering import Steering, StraightLine
-from pirrht.tree import HomologyTree
+from pirrht.steering.steering import Steering
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.systems.unicycle import Unicycle
+from pirrht.tree import file as tree_file
+from pirrht.tree.homology_tree import HomologyTree
 from sim.executor import Analytic, Executor, Plant
 from sim.mjcf import Loaded, load
 from sim.options import Settings, settle
@@ -57,7 +61,7 @@ class Scenario:
     def steering(self) -> Steering:
         """The two-point optimum that fits the dynamics."""
         if isinstance(self.problem.dynamics, Unicycle):
-            from pirrht.dubins import Dubins
+            from pirrht.steering.dubins import Dubins
 
             return Dubins.of(self.problem)
         return StraightLine.of(self.problem)

@@ -14,8 +14,8 @@ from xml.parsers import expat
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.scene import Array
 from sim.frames import Scope, label_of, numbers
 
 LARGEST_FILE = 32 * 2**20  # bytes; the worlds of the BARN data set have one megabyte

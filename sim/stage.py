@@ -12,10 +12,10 @@ from importlib.metadata import version
 import numpy as np
 import rerun as rr
 
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
-from pirrht.path_integral import PathIntegral
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree
+from pirrht.tree.homology_tree import HomologyTree
 from sim import drawing, solids
 from sim.drawing import lift, packed
 from sim.mjcf import Loaded

@@ -13,7 +13,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from pirrht.scene import Array
+from pirrht.arrays import Array
 
 GROUND = "ground"  # the plane a rolling robot brings along, in its worldbody
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
-from pirrht.plan import Plan
-from pirrht.scene import Array
 from sim.episode import Frame
 from sim.truth import Truth
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.scene import Array
+from pirrht.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.desirability import Desirability
-from pirrht.estimate import Estimate
-from pirrht.plan import Plan
-from pirrht.scene import Array
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.estimation.estimate import Estimate
+from pirrht.exact.desirability import Desirability
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

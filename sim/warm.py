@@ -10,15 +10,15 @@ import sys
 
 import numpy as np
 
+from pirrht.compiled.jit import cached
+from pirrht.estimation.sampler import PathIntegral, Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.jit import cached
-from pirrht.path_integral import PathIntegral, Sampling
-from pirrht.scene import Goal, Scene
+from pirrht.geometry.scene import Goal, Scene
 from sim.options import ROBOT_DEFAULTS
 from sim.scenarios import pose
 
 # Modules of kernels that take long, by which one knows whether they have been compiled.
-PLANNER, SAMPLER = "growth", {"single_integrator": "rollout_block", "unicycle": "rollout_loops"}
+PLANNER, SAMPLER = "extend", {"single_integrator": "block", "unicycle": "loops"}
 
 
 def announce(dynamics_name: str, *, sampling: bool) -> None:

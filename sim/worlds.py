@@ -19,8 +19,8 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
-from pirrht.scene import Array
 from sim import maps
 from sim.mjcf import load
 from sim.sdf import Solid, World, read_sdf

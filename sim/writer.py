@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from pirrht.scene import Array
+from pirrht.arrays import Array
 from sim.colors import ClassColors
 from sim.drawing import lift
 from sim.pictures import Pictures

@@ -12,12 +12,13 @@ from functools import cache
 import numpy as np
 from scipy.special import k0, k1
 
-from pirrht.dynamics import SingleIntegrator
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import Estimate, PathIntegral
 from pirrht.freespace import FreeSpace
-from pirrht.path_integral import Estimate, PathIntegral
+from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.scene import Array, Goal, Scene
-from pirrht.steering import StraightLine
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.single_integrator import SingleIntegrator
 
 SEEDS = 24
 SPEED = 1.0  # of straight references, optimal for q = 1 and R = 2 I [m/s]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pirrht.tree import HomologyTree
+from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario, prepare
 
 

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 from rerun.chunk import RrdReader
 
-from pirrht.controller import Controller
-from pirrht.dynamics import SingleIntegrator
+from pirrht.control.controller import Controller
+from pirrht.estimation.sampler import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.path_integral import Sampling
 from pirrht.problem import Problem
-from pirrht.steering import StraightLine
-from pirrht.tree import HomologyTree
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.tree.homology_tree import HomologyTree
 from sim.episode import Frame, Tally, run
 from sim.executor import Executor
 from sim.mjcf import load

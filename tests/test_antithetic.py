@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pirrht.path_integral import PathIntegral
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario
 
 TIMES = np.arange(61) * 0.1

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pirrht.between import STALE, Memory
-from pirrht.desirability import Desirability
-from pirrht.dynamics import SingleIntegrator
+from pirrht.control.feedback import STALE, Memory
+from pirrht.exact.desirability import Desirability
 from pirrht.problem import Problem
+from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 from sim.scenarios import prepare
 

@@ -9,10 +9,11 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from pirrht.clearance import BLOCKED, FREE, REACH, UNSURE, certify_segment, clearance, interpolate
-from pirrht.edges import certify_curve
+from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
+from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_curve, certify_segment
+from pirrht.geometry.field import REACH, clearance, interpolate
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 
 RADIUS = 0.12
 ROUNDING = 1e-6  # the field is kept in single precision [m]

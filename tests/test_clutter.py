@@ -9,12 +9,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from pirrht.collision import Collision
-from pirrht.components import Component
-from pirrht.dubins import Dubins
+from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.scene import Array, Kind
-from pirrht.tree import HomologyTree, Reference
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.scene import Kind
+from pirrht.steering.dubins import Dubins
+from pirrht.topology.obstacles import Component
+from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.mjcf import Loaded, load
 
 NARROW = 4 * 0.15  # four robot radii [m]

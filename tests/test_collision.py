@@ -10,8 +10,9 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from pirrht.collision import Collision
-from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
+from pirrht.arrays import Array
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 
 RADIUS, HEIGHT, HALF = 0.12, 0.1, 2.5
 MILLIMETRE = 1e-3

@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from pirrht.collision import Collision
-from pirrht.components import components, projected_area
-from pirrht.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.topology.obstacles import components, projected_area
 
 RADIUS, HEIGHT = 0.2, 0.1
 OCTAHEDRON = np.vstack([np.eye(3), -np.eye(3)])

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.controller import Controller
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.control.plan import Plan
 from pirrht.errors import NoReference, OptionError
-from pirrht.plan import Plan
-from pirrht.scene import Array
-from pirrht.steering import StraightLine, running_cost
-from pirrht.tree import HomologyTree
+from pirrht.steering.straight_line import StraightLine
+from pirrht.steering.trajectory import running_cost
+from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall

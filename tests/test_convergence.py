@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pirrht.convergence import grow
 from pirrht.errors import OptionError
+from pirrht.tree.convergence import grow
 from sim.scenarios import prepare
 
 

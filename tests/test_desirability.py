@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pirrht import FreeSpace, Goal, Kind, Obstacle, PathIntegral, Problem, Sampling, Scene, SingleIntegrator, Unicycle
-from pirrht.desirability import Desirability
-from pirrht.desirability_check import annulus, convergence
 from pirrht.errors import PirrhtError
+from pirrht.exact.check import annulus, convergence
+from pirrht.exact.desirability import Desirability
 
 START = np.array([1.0, 2.5])
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from test_executor import QUIET, WALL, problem_of, scene_file
 
-from pirrht.dynamics import Unicycle
 from pirrht.outcome import Outcome
+from pirrht.systems.unicycle import Unicycle
 from sim.executor import Executor
 from sim.mjcf import Loaded, load
 

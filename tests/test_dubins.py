@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.curves import TWO_PI, Curves, along, turns_of_curve
-from pirrht.dubins import Dubins
-from pirrht.dynamics import SingleIntegrator, Unicycle
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.polish import polish
+from pirrht.geometry.arcs import TWO_PI, Curves, along, turns_of_curve
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.problem import Problem
-from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
-from pirrht.shortcut import shortcut
-from pirrht.tree import HomologyTree
+from pirrht.shortening.dubins_shortcut import shortcut
+from pirrht.shortening.shorten import polish
+from pirrht.steering.dubins import Dubins
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.systems.unicycle import Unicycle
+from pirrht.tree.edges import Inspector
+from pirrht.tree.homology_tree import HomologyTree
 
 CAR = Dubins(V=1.5, rho=0.8)
 R = CAR.radius
@@ -269,7 +272,7 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
     assert isinstance(car, Dubins)
     saved = []
     for raw in grown.references(grown.space.scene.start, polished=False):
-        path = polish(raw.path, car, grown.inspector)
+        path = polish(raw.path, car, grown.space)
         assert path.length.sum() <= raw.path.length.sum()
         saved.append(1.0 - path.length.sum() / raw.path.length.sum())
         assert np.abs(path.curvature).max() * car.radius <= 1 + 1e-9
@@ -279,10 +282,9 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
         np.testing.assert_allclose(wrapped(finish[:-1, 2] - path.start[1:, 2]), 0.0, atol=1e-8)
         assert np.hypot(*(finish[-1, :2] - goal.center)) == pytest.approx(goal.radius, abs=1e-8)
         assert homology.winding(np.vstack(path.points(0.005))) == raw.winding
-        for i in range(len(path.cost)):
-            assert grown.inspector.curve_free(path.start[i], path.curvature[i], path.length[i])
-        np.testing.assert_array_equal(polish(raw.path, car, grown.inspector).length, path.length)
-        more = shortcut(path, car, grown.inspector, (30, 40))
+        assert np.all(grown.inspector.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
+        np.testing.assert_array_equal(polish(raw.path, car, grown.space).length, path.length)
+        more = shortcut(path, car, grown.space, (30, 40))
         assert more.length.sum() > 0.9 * path.length.sum()
     assert len(saved) >= 6
     assert np.mean(saved) > 0.01
@@ -294,10 +296,10 @@ def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> N
     space, rng = FreeSpace.of(plain()), np.random.default_rng(seed)
     goal = space.scene.goal
     states = np.vstack([rng.uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
-    path = space.inspector.cut_at_goal(CAR.connect(states[:-1], states[1:]))
+    path = Inspector.of(space).cut_at_goal(CAR.connect(states[:-1], states[1:]))
     aims = np.linspace(-np.pi, np.pi, 2001)[:, None]
     rim = np.hstack([goal.center - goal.radius * np.hstack([np.cos(aims), np.sin(aims)]), aims])
     best = CAR.distance(states[0], rim).min() * CAR.V
-    short = polish(path, CAR, space.inspector).length.sum()
+    short = polish(path, CAR, space).length.sum()
     assert path.length.sum() > 1.2 * best
     assert best - 1e-5 <= short <= best + 1e-9

@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pirrht.dynamics import Dynamics, SingleIntegrator, Unicycle
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.scene import Array
+from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.systems.unicycle import Unicycle
 from sim.executor import Analytic, Executor, commanded_rate
 from sim.mjcf import Loaded, load
 

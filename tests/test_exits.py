@@ -9,9 +9,13 @@ import pytest
 from scipy.special import erfcx
 from scipy.stats import kstest, norm
 
-from pirrht.clearance import clearance
-from pirrht.collision import Collision
-from pirrht.exits import (
+from pirrht.arrays import Array
+from pirrht.compiled.streams import stream, uniform
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.field import clearance
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.rollouts.first_exit import (
     COLLISION,
     GOAL,
     INSIDE,
@@ -22,9 +26,6 @@ from pirrht.exits import (
     first_crossing,
     sweep_exit,
 )
-from pirrht.freespace import FreeSpace
-from pirrht.noise import stream, uniform
-from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
 
 DRAWS = 20000
 ENDS = [(0.3, 0.5), (0.3, -0.2), (0.05, 0.4), (1.0, 0.0), (0.6, -1.5), (1e-3, 1e-3)]

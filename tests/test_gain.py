@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from closed_forms import annulus, disc_entry, straight, within
 
-from pirrht.desirability import Desirability
-from pirrht.gain import LinearLaw, bounded, curvature
-from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.control.gain import LinearLaw, bounded, curvature
+from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.exact.desirability import Desirability
 from sim.cli import main
 from sim.scenarios import Scenario, prepare
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from pirrht.gates import aim, gates_of, heading, mean_offset
+from pirrht.guidance.gates import gates_of
+from pirrht.rollouts.gates import aim, heading, mean_offset
 
 CORNER = np.array([1.0, 0.0])
 

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pirrht.clearance import BLOCKED, FREE, UNSURE
-from pirrht.edges import certify_point
-from pirrht.tree import HomologyTree
+from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_point
+from pirrht.tree.homology_tree import HomologyTree
 from sim import episode
 from sim.cli import main
 from sim.scenarios import Scenario, prepare

@@ -13,9 +13,9 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from pirrht.dynamics import Unicycle  # noqa: E402
 from pirrht.errors import OptionError  # noqa: E402
-from pirrht.tree import HomologyTree  # noqa: E402
+from pirrht.systems.unicycle import Unicycle  # noqa: E402
+from pirrht.tree.homology_tree import HomologyTree  # noqa: E402
 from sim import episode, gym  # noqa: E402
 from sim.mjcf import scene_names  # noqa: E402
 from sim.robots import control_limits  # noqa: E402

@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from pirrht.homology import Homology, class_id
-from pirrht.scene import Array
+from pirrht.arrays import Array
+from pirrht.topology.homology import Homology, class_id
 
 MARKERS = np.array([[2.0, 1.0], [3.0, -0.5], [1.0, -1.5]])
 GOAL = np.array([5.0, 0.0])

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from pirrht.jit import digest_of
+from pirrht.compiled.jit import digest_of
 
 STRIP = """
 import numpy as np

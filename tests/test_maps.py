@@ -11,7 +11,7 @@ pytest.importorskip("yaml")
 Image = pytest.importorskip("PIL.Image")
 
 from pirrht.errors import OptionError, SceneError  # noqa: E402
-from pirrht.scene import Kind  # noqa: E402
+from pirrht.geometry.scene import Kind  # noqa: E402
 from sim import cli  # noqa: E402
 from sim.maps import read_map  # noqa: E402
 from sim.mjcf import load  # noqa: E402

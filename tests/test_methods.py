@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from closed_forms import annulus
 
-from pirrht.best_class import alone, best_class, class_values
-from pirrht.controller import Controller
-from pirrht.estimate import Estimate
-from pirrht.methods import METHODS, SAMPLING
-from pirrht.path_integral import Sampling
-from pirrht.plan import Plan
-from pirrht.rounds import sample
-from pirrht.steering import StraightLine
-from pirrht.tree import HomologyTree
+from pirrht.control.best_class import alone, best_class, class_values
+from pirrht.control.controller import Controller
+from pirrht.control.methods import METHODS, SAMPLING
+from pirrht.control.plan import Plan
+from pirrht.estimation.batches import sample
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.sampler import Sampling
+from pirrht.steering.straight_line import StraightLine
+from pirrht.tree.homology_tree import HomologyTree
 from sim import cli, episode
 from sim.scenarios import Scenario
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mjcf_samples import FLOOR, GOAL, SITES, SPACE, START, mjcf, refusal
 
-from pirrht.scene import Kind, Obstacle, Scene
+from pirrht.geometry.scene import Kind, Obstacle, Scene
 from sim.mjcf import load, robot_names, scene_names
 
 

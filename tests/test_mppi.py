@@ -7,14 +7,15 @@ import pytest
 from closed_forms import SEEDS, annulus, disc_entry, wave_number, within
 from scipy.special import k0
 
-from pirrht.dynamics import Unicycle
+from pirrht.control.mppi import Mppi, straight_home
+from pirrht.control.plan import shifted
 from pirrht.errors import OptionError
-from pirrht.mppi import Mppi, straight_home
-from pirrht.path_integral import Sampling
-from pirrht.plan import shifted
+from pirrht.estimation.sampler import Sampling
 from pirrht.problem import Problem
-from pirrht.steering import StraightLine, running_cost
-from pirrht.tree import HomologyTree
+from pirrht.steering.straight_line import StraightLine
+from pirrht.steering.trajectory import running_cost
+from pirrht.systems.unicycle import Unicycle
+from pirrht.tree.homology_tree import HomologyTree
 from sim import episode
 from sim.scenarios import Scenario
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest, norm
 
-from pirrht.jit import kernel
-from pirrht.noise import logarithm, stream, uniform
-from pirrht.noise import normals as two_normals
-from pirrht.scene import Array
+from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
+from pirrht.compiled.streams import logarithm, stream, uniform
+from pirrht.compiled.streams import normals as two_normals
 
 
 @kernel

@@ -18,7 +18,7 @@ from closed_forms import (
     within,
 )
 
-from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.estimation.sampler import PathIntegral, Sampling
 
 REFERENCES = [(), RIGHT, LEFT, (1, -1)]
 

@@ -17,13 +17,15 @@ from closed_forms import (
 )
 from scipy.integrate import solve_bvp
 
-from pirrht.dynamics import Dynamics, SingleIntegrator, Unicycle
+from pirrht.arrays import Array
 from pirrht.errors import NotLinearlySolvable, OptionError
-from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.estimation.sampler import PathIntegral, Sampling
 from pirrht.problem import Problem
-from pirrht.rollout import kernels_for
-from pirrht.rollout_block import blocks
-from pirrht.scene import Array
+from pirrht.rollouts.backend import kernels_for
+from pirrht.rollouts.point.block import blocks
+from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.systems.unicycle import Unicycle
 
 
 def curved_rate(x, p):

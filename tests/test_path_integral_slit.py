@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.homology import class_id
+from pirrht.estimation.sampler import Estimate
 from pirrht.outcome import Outcome
-from pirrht.path_integral import Estimate
+from pirrht.topology.homology import class_id
 from sim.scenarios import Scenario
 
 

@@ -12,14 +12,15 @@ from closed_forms import (
     strip_space,
 )
 
-from pirrht.dubins import Dubins
-from pirrht.dynamics import Unicycle
+from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.estimation.sampler import Estimate, PathIntegral, Rollouts, Sampling
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.outcome import Outcome
-from pirrht.path_integral import Estimate, PathIntegral, Rollouts, Sampling
 from pirrht.problem import Problem
-from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
+from pirrht.steering.dubins import Dubins
+from pirrht.systems.unicycle import Unicycle
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.01])

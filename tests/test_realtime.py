@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pirrht.driven import Driven
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
 from pirrht.errors import NoReference
+from pirrht.estimation.sampler import Rollouts
 from pirrht.outcome import Outcome
-from pirrht.path_integral import Rollouts
-from pirrht.plan import Plan
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree
+from pirrht.topology.driven import Driven
+from pirrht.tree.homology_tree import HomologyTree
 from sim import realtime
 from sim.ahead import Handover, Planner, Ready, foreseen
 from sim.cli import main

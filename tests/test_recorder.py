@@ -14,8 +14,8 @@ import pytest
 from drives import MAX_TIME, Drive, columns, record, rerun
 from rerun.chunk import RrdReader
 
+from pirrht.compiled.jit import cached
 from pirrht.errors import OptionError
-from pirrht.jit import cached
 from sim import drawing, recording, viewer, warm
 from sim.colors import PALETTE, ClassColors, title
 from sim.episode import run

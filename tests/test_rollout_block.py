@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pirrht.path_integral import PathIntegral, Rollouts
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import PathIntegral, Rollouts
 from pirrht.problem import unit_rate
-from pirrht.rollout import Paths
-from pirrht.rollout_any import any_path
-from pirrht.rollout_loops import loops
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree
+from pirrht.rollouts.backend import Paths
+from pirrht.rollouts.general.loops import loops
+from pirrht.rollouts.general.path import any_path
+from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario
 
 TIMES = np.concatenate([np.arange(10) * 0.01, np.arange(1, 40) * 0.1])

@@ -12,18 +12,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pirrht.allocation import Allocation
-from pirrht.controller import Controller, shifted
-from pirrht.dynamics import SingleIntegrator
-from pirrht.estimate import Estimate
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller, shifted
+from pirrht.estimation.allocation import Allocation
+from pirrht.estimation.batches import correction_by, sample
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.path_integral import PathIntegral
+from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.rounds import correction_by, sample
-from pirrht.sampling import Sampling
-from pirrht.scene import Array, Goal, Scene
-from pirrht.steering import StraightLine
-from pirrht.tree import HomologyTree
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario, prepare
 
 HALF, NOISE = 0.5, 0.5  # of the strip: half its width L [m], b [m/sqrt(s)]

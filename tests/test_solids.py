@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pirrht.collision import PROBE, Collision
-from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
-from pirrht.solids import FORMS, Solids, distance_from, tiles
+from pirrht.arrays import Array
+from pirrht.geometry.collision import PROBE, Collision
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.shapes import FORMS, Solids, distance_from, tiles
 
 HEIGHT = 0.12
 

@@ -8,16 +8,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pirrht.curves import Curves
-from pirrht.dubins import Dubins
+from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.graph import class_at
-from pirrht.homology import class_id
-from pirrht.polish import polish
-from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
-from pirrht.steering import Steering, StraightLine
-from pirrht.tree import HomologyTree, Reference
+from pirrht.geometry.arcs import Curves
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.shortening.shorten import polish
+from pirrht.steering.dubins import Dubins
+from pirrht.steering.steering import Steering
+from pirrht.steering.straight_line import StraightLine
+from pirrht.topology.homology import class_id
+from pirrht.tree.graph import class_at
+from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.scenarios import Scenario
 
 EXACT = {"0,0": 8.4, "-1,0": 8.67746, "0,1": 8.67746}  # cost of the taut paths, from their geometry
@@ -128,9 +130,7 @@ def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit,
         assert class_id(reference.winding) == reference.id
         assert np.all(slit.space.collision.clearance(dense(points)) > 0)
         assert np.hypot(*np.diff(points, axis=0).T).sum() == pytest.approx(reference.length)
-        for i in range(len(reference.path.cost)):
-            curve = reference.path
-            assert inspector.curve_free(curve.start[i], curve.curvature[i], curve.length[i])
+        assert np.all(inspector.inspect(reference.path, np.ones(len(reference.path.cost), dtype=np.bool_)).free)
 
 
 # -- limits ------------------------------------------------------------------------------------------------------
@@ -257,7 +257,7 @@ def check_polished(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
     saved = 0.0
     steering = tree.steering
     for reference in tree.references(x, polished=False):
-        short = polish(reference.path, steering, tree.inspector)
+        short = polish(reference.path, steering, tree.space)
         assert short.length.sum() <= reference.path.length.sum() + 1e-9
         points = np.vstack(short.points(0.02))
         np.testing.assert_allclose(points[0], x[:2], atol=1e-9)
@@ -265,7 +265,7 @@ def check_polished(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
         assert space.homology.winding(points) == reference.winding
         assert np.all(space.collision.clearance(dense(points)) > 0)
         saved = max(saved, 1.0 - short.length.sum() / reference.path.length.sum())
-        again = polish(short, steering, tree.inspector)
+        again = polish(short, steering, tree.space)
         assert again.length.sum() <= short.length.sum() + 1e-9
     return saved
 
@@ -287,7 +287,7 @@ def test_polishing_a_cars_path_keeps_class_and_freedom_and_never_lengthens():
 
 def test_a_taut_path_is_left_alone(slit: Scenario, slit_tree: HomologyTree):
     straight: Curves = slit_tree.steering.connect(np.array([[1.0, 2.5]]), np.array([[5.2, 2.5]]))
-    short = polish(straight, slit_tree.steering, slit_tree.inspector)
+    short = polish(straight, slit_tree.steering, slit_tree.space)
     assert short.length.sum() == pytest.approx(4.2)
 
 

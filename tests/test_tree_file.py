@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import pirrht
-from pirrht import tree_file
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.graph import Graph
-from pirrht.scene import Array
-from pirrht.steering import StraightLine
-from pirrht.tree import HomologyTree
+from pirrht.steering.straight_line import StraightLine
+from pirrht.tree import file as tree_file
+from pirrht.tree.graph import Graph
+from pirrht.tree.homology_tree import HomologyTree
 from sim import cli
 from sim.scenarios import Scenario, prepare
 

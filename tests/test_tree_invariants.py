@@ -7,12 +7,13 @@ import heapq
 import numpy as np
 import pytest
 
-from pirrht import graph as g
-from pirrht.dubins import Dubins
 from pirrht.freespace import FreeSpace
-from pirrht.scene import Goal, Kind, Obstacle, Scene
-from pirrht.steering import Steering, StraightLine
-from pirrht.tree import HomologyTree
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.steering.dubins import Dubins
+from pirrht.steering.steering import Steering
+from pirrht.steering.straight_line import StraightLine
+from pirrht.tree import graph as g
+from pirrht.tree.homology_tree import HomologyTree
 
 Class = tuple[int, ...]
 
@@ -126,8 +127,7 @@ def test_the_state_of_every_node_is_driven_to_the_goal_in_its_class(space: FreeS
             path = tree.inspector.cut_at_goal(steering.connect(states[:-1], states[1:]))
             assert path.cost.sum() == pytest.approx(tree.graph.cost[v, slot], abs=1e-9)
             assert space.homology.winding(np.vstack(path.points(0.01))) == tuple(g.class_at(tree.graph, int(v), slot))
-            for i in range(len(path.cost)):
-                assert tree.inspector.curve_free(path.start[i], path.curvature[i], path.length[i])
+            assert np.all(tree.inspector.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
 
 
 def test_equal_seeds_grow_equal_trees(space: FreeSpace) -> None:

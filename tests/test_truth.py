@@ -9,7 +9,7 @@ import pytest
 from drives import Drive, columns
 from rerun.chunk import RrdReader
 
-from pirrht.desirability import Desirability
+from pirrht.exact.desirability import Desirability
 from sim.cli import main
 from sim.stage import CONTROL, OPTIMUM
 from sim.truth import Witness

@@ -11,16 +11,17 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pirrht.controller import running_cost
-from pirrht.dubins import Dubins
-from pirrht.dynamics import Unicycle
+from pirrht.arrays import Array
+from pirrht.control.controller import running_cost
+from pirrht.estimation.sampler import PathIntegral, Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.guides import FEW, Guide
-from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.guidance.tracking import FEW, Guide
 from pirrht.problem import Problem
-from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
-from pirrht.steering import Trajectory
-from pirrht.tree import HomologyTree
+from pirrht.steering.dubins import Dubins
+from pirrht.steering.trajectory import Trajectory
+from pirrht.systems.unicycle import Unicycle
+from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario, prepare
 
 POST = np.array([2.2, 0.1])  # left of the straight way to the goal, so that passing it on the right is cheaper

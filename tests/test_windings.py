@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.curves import turns_of_curve
-from pirrht.cuts import key_of_segment, sector
-from pirrht.homology import Homology
-from pirrht.jit import kernel
-from pirrht.scene import Array
-from pirrht.windings import key_of_pairs, pairs_of_curve, spread, summed
+from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
+from pirrht.geometry.arcs import turns_of_curve
+from pirrht.topology.cuts import key_of_segment, sector
+from pirrht.topology.homology import Homology
+from pirrht.topology.turns import key_of_pairs, pairs_of_curve, spread, summed
 
 GOAL = np.array([20.0, 12.0])
 NUMBERS = [0, 1, 3, 8, 9, 30, 300]

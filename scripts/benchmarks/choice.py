@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pirrht.controller import Controller
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree
+from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario, prepare
 
 STATES = 20

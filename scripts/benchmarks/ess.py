@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import NoReference
-from pirrht.path_integral import Estimate
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree
+from pirrht.estimation.sampler import Estimate
+from pirrht.tree.homology_tree import HomologyTree
 from sim import episode
 from sim.scenarios import Scenario, prepare
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pirrht.clearance import Field
-from pirrht.lanes import LANES, NX, SIGN, L, X, cross, draw, move, room, weigh
-from pirrht.lanes_exits import judge, look, single_field
-from pirrht.threads import mapped
+from pirrht.compiled.threads import mapped
+from pirrht.geometry.field import Field
+from pirrht.rollouts.point.exits import judge, look, single_field
+from pirrht.rollouts.point.stages import LANES, NX, SIGN, L, X, cross, draw, move, room, weigh
 
 STEPS = 60
 

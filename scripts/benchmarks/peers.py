@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.clearance import Field
-from pirrht.scene import Array, Goal
+from pirrht.arrays import Array
+from pirrht.geometry.field import Field
+from pirrht.geometry.scene import Goal
 
 HINT = "not installed: pip install 'pirrht[bench]'"
 COLLISION_COST = 1e6

@@ -16,7 +16,8 @@ from benchmarks.peers import HINT, missing
 from benchmarks.timing import row
 from numba import njit
 
-from pirrht.clearance import FREE, Samples, certify_segment, clearance
+from pirrht.geometry.certify import FREE, certify_segment
+from pirrht.geometry.field import Samples, clearance
 from sim.scenarios import Scenario, prepare
 
 NUMBERS = (1000, 10_000)  # vertices

@@ -16,17 +16,18 @@ import numpy as np
 from benchmarks import plots
 from scipy.stats.qmc import Halton
 
-from pirrht.controller import Controller
-from pirrht.desirability import Desirability
-from pirrht.desirability_check import convergence
-from pirrht.dubins import Dubins
-from pirrht.dynamics import Unicycle
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
+from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.exact.check import convergence
+from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
-from pirrht.path_integral import PathIntegral, Sampling
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.problem import Problem
-from pirrht.scene import Array, Goal, Kind, Obstacle, Scene
-from pirrht.tree import HomologyTree
+from pirrht.steering.dubins import Dubins
+from pirrht.systems.unicycle import Unicycle
+from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario, prepare
 
 NOISES = (0.1, 0.2, 0.3)

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks import limit, peers
 from benchmarks.timing import interleaved, row
 
-from pirrht.path_integral import Estimate, PathIntegral
+from pirrht.estimation.sampler import Estimate, PathIntegral
 from sim.scenarios import Scenario, prepare
 
 NUMBERS = (600, 6000, 60_000)  # rollouts of all classes together

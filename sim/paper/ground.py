@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.scene import Array, Scene
+from pirrht.arrays import Array
+from pirrht.geometry.scene import Scene
 from sim.figures import outline
 from sim.paper import style
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.convergence import Convergence, grow
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree, Reference
+from pirrht.arrays import Array
+from pirrht.tree.convergence import Convergence, grow
+from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.colors import ClassColors, title
 from sim.paper import ground, style
 from sim.paper.effort import Effort, Tick

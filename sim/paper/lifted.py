@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.scene import Array
-from pirrht.tree import HomologyTree, Reference
+from pirrht.arrays import Array
+from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim import drawing
 from sim.colors import ClassColors, title
 from sim.figures import outline

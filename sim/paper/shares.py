@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.desirability import Desirability
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.scene import Array
+from pirrht.exact.desirability import Desirability
 from sim.colors import ClassColors, title
 from sim.paper import ground, style
 from sim.paper.effort import Effort, Tick

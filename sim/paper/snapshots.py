@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.path_integral import OTHER, PathIntegral
-from pirrht.scene import Array
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import OTHER, PathIntegral
 from sim import drawing, episode
 from sim.colors import ClassColors, Color, title
 from sim.episode import Frame

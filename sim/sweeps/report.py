@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.methods import METHODS
+from pirrht.control.methods import METHODS
 from sim.sweeps.dataset import Dataset, wished
 from sim.sweeps.statistics import Interval, holm, mcnemar, mean, paired_shares, ratio, sign_flips, wilson
 from sim.words import counted

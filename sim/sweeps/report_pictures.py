@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from pirrht.methods import METHODS
+from pirrht.control.methods import METHODS
 from sim.colors import OTHER_COLOR, ClassColors, Color, nth_color, title
 from sim.sweeps.report import ALL, Point, Report
 from sim.sweeps.statistics import Interval

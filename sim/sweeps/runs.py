@@ -12,10 +12,10 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from pirrht import tree_file
+from pirrht.control.methods import TREELESS
 from pirrht.errors import PirrhtError
-from pirrht.methods import TREELESS
-from pirrht.tree import HomologyTree
+from pirrht.tree import file as tree_file
+from pirrht.tree.homology_tree import HomologyTree
 from sim import episode
 from sim.library import find
 from sim.scenarios import Scenario, prepare

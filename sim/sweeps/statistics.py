@@ -9,7 +9,7 @@ from math import comb, nan, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pirrht.scene import Array
+from pirrht.arrays import Array
 
 Z = 1.959963984540054  # of a two-sided 95 % interval
 REPEATS = 10_000

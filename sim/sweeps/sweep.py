@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from pirrht.desirability import Desirability
+from pirrht.control.methods import METHODS
 from pirrht.errors import OptionError
-from pirrht.methods import METHODS
+from pirrht.exact.desirability import Desirability
 from sim import present
 from sim.colors import title
 from sim.mjcf import scene_names

@@ -1,0 +1,139 @@
+"""How numeric functions become compiled kernels, and how small ones become part of them and stay plain Python.
+
+Numba's disk cache forgets a function when its own file changes, but not when a function that it inlines does. The
+kernels of this package therefore live in a folder named after a digest of all of its sources.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+from weakref import WeakSet
+
+import numba
+import numpy as np
+from numba import njit
+from numba.core.dispatcher import Dispatcher
+from numba.extending import register_jitable
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+DISABLED = bool(numba.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels are plain Python, for debuggers and coverage
+
+if DISABLED:
+    np.seterr(over="ignore", divide="ignore", invalid="ignore")  # as compiled: keys wrap, division is IEEE's
+
+_inlined: set[str] = set()
+_named: WeakSet[Any] = WeakSet()  # kernels that have the same name in every process
+_HERE = Path(__file__).resolve().parent.parent  # the package
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a numeric function: without the interpreter lock, cached on disk, IEEE division."""
+    return _compiled(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """The same for a small function of numbers, which is always inlined: a call would cost more than it does."""
+    return _compiled(function, forceinline=True)
+
+
+def jitable(function: F) -> F:
+    """Mark a module-level function as inlinable in kernels; it stays an ordinary Python function.
+
+    Kernels close over such functions by reference, so their compiled code can be cached on disk.
+    """
+    _inlined.add(_name(function))
+    marked: F = register_jitable(function)
+    return marked
+
+
+@cache  # kernels are built once per function
+def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Make any numeric Python function callable from a kernel (without the disk cache if it is foreign)."""
+    if DISABLED or isinstance(function, Dispatcher) or _name(function) in _inlined:
+        return function
+    compiled: Callable[..., Any] = njit(function)
+    return compiled
+
+
+def cached(module: str) -> bool:
+    """Whether kernels of a module of this package lie compiled on disk."""
+    return any(_FOLDER.rglob(f"{module}.*.nbi"))
+
+
+def _compiled(function: F, **options: Any) -> F:
+    if DISABLED:
+        return function
+    identity = _identity(function)
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(_FOLDER)  # read when a function is decorated, and only then
+    try:
+        compiled = njit(cache=identity is not None, nogil=True, error_model="numpy", **options)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+    if identity is not None:
+        # Numba names a dispatcher by chance, and looks up what closes over one by that name: it would never be found.
+        compiled._set_uuid(identity)
+        _named.add(compiled)
+    kernel: F = compiled
+    return kernel
+
+
+def _identity(function: Callable[..., Any]) -> str | None:
+    """A name that a kernel has in every process; None if it closes over code that is not of this package."""
+    parts = [_name(function)]
+    for cell in getattr(function, "__closure__", None) or ():
+        value = cell.cell_contents
+        if isinstance(value, Dispatcher):
+            if value not in _named:
+                return None
+            parts.append(str(value._uuid))  # type: ignore[attr-defined]
+        elif callable(value):
+            if not _name(value).startswith("pirrht."):
+                return None
+            parts.append(_name(value))
+        elif value is None or isinstance(value, (bool, int, float, str)):
+            parts.append(repr(value))
+        else:
+            return None
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def digest_of(package: Path) -> str:
+    """A short name of all sources of a package, those of its sub-packages included, and of where they lie."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def _cache_folder() -> Path:
+    """A folder that belongs to exactly these sources; those of earlier ones beside it are removed."""
+    name = f"pirrht-kernels-{digest_of(_HERE)}"
+    if numba.config.CACHE_DIR:
+        return Path(numba.config.CACHE_DIR) / name
+    home = _HERE / "__pycache__"
+    try:
+        home.mkdir(exist_ok=True)
+        writable = os.access(home, os.W_OK)
+    except OSError:
+        writable = False
+    if not writable:
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pirrht"
+    if not (home / name).exists():
+        for old in home.glob("pirrht-kernels-*"):
+            shutil.rmtree(old, ignore_errors=True)
+    return home / name
+
+
+def _name(function: Callable[..., Any]) -> str:
+    return f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', repr(function))}"
+
+
+_FOLDER = _cache_folder()

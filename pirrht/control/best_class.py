@@ -1,0 +1,69 @@
+"""Follow the best class only: what planners do that optimise one trajectory per topology and pick one of them.
+
+teb_local_planner (Roesmann, Hoffmann and Bertram, Robotics and Autonomous Systems 88, 2017) and T-MPC (de Groot,
+Ferranti, Gavrila and Alonso-Mora, IEEE T-RO 2025) hold several homotopy classes, optimise each on its own and execute
+the cheapest. Here each class is estimated on its own: psi_h is the mean over the samples around its reference, each
+weighed by dP/dQ_h alone, v_h = -lambda log psi_h, and the control is the mean that these samples make.
+
+Both planners can favour the class that is followed already: its cost is multiplied by `selection_cost_hysteresis` (1
+in teb_local_planner as it comes, so none) or by `selection_weights/consistency` (0.8 as T-MPC is configured).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
+
+CONSISTENCY = 0.8  # the value of the class followed so far counts this much of what it is
+
+
+def best_class(
+    estimate: Estimate, names: Sequence[str], followed: str | None, *, consistency: float = CONSISTENCY
+) -> int:
+    """The reference to follow next, of those with class `names` in the order of their samples."""
+    values = class_values(estimate)[: len(names)]
+    if followed in names:
+        values[names.index(followed)] *= consistency
+    return int(np.argmin(values))
+
+
+def class_values(estimate: Estimate) -> Array:
+    """v (H,) from the samples around each reference alone, [cost]; infinite where none survived."""
+    number = sum(np.diff(part.guides.first) for part in estimate.parts)
+    sums = [np.logaddexp.reduceat(_own(part, estimate), part.guides.first[:-1]) for part in estimate.parts]
+    values: Array = -estimate.source.problem.temperature * (np.logaddexp.reduce(sums) - np.log(number))
+    return values
+
+
+def alone(estimate: Estimate, h: int, classes: Mapping[int, str] | None = None) -> Estimate:
+    """What the samples around reference h say without the others.
+
+    Args:
+        classes: additive class keys to names, as `weigh` takes them.
+
+    Raises:
+        NoSurvivingSample: none of them has any weight.
+    """
+    return weigh(estimate.source, [_restricted(part, estimate, h) for part in estimate.parts], classes)
+
+
+def _own(part: Rollouts, estimate: Estimate) -> Array:
+    """Log weights (S,) of samples as if there were none but those around their own reference."""
+    number = np.diff(part.guides.first)
+    averaged = log_weights(estimate.source.problem, "average", part.paths, part.guides.first)
+    own: Array = averaged - np.repeat(np.log(part.size / (len(number) * number)), number)
+    return own
+
+
+def _restricted(part: Rollouts, estimate: Estimate, h: int) -> Rollouts:
+    # The others weigh nothing; a mean over all samples is the mean over these if each counts S / N_h times.
+    first, log_weight = part.guides.first, np.full(part.size, -np.inf)
+    mine = int(first[h]), int(first[h + 1])
+    averaged = log_weights(estimate.source.problem, "average", part.paths, first, mine)
+    log_weight[slice(*mine)] = averaged + np.log(len(first) - 1)
+    return replace(part, log_weight=log_weight)

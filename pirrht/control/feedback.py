@@ -1,0 +1,215 @@
+"""Feedback between plans: the samples of each class give a desirability of its own, and plans are pooled over time.
+
+The optimal control is stationary, u*(x), and per class c the samples of a plan give log psi_c and
+u_c = lambda R^-1 G' grad log psi_c at one state. Both are carried along with the robot: u_c as what the class's guide
+does at the new state plus the rest that samples found on top of it, and log psi_c along its gradient,
+d log psi_c = (R u_c / lambda) G^-1 dx_c (Stratonovich; where the state drifts less u_c'R u_c dt / 2 lambda, terms that
+classes share left out). The control at any state between plans is then
+
+    u(x) = sum_c w_c(x) u_c(x),    w(x) = softmax(log psi_c(x)).
+
+Its slope holds the spread of the u_c times R/lambda, as the exact law's does; the gain that Thijssen & Kappen (2015)
+read off the samples' covariance (`gain`) is the linear part of it, and noisier. Since psi_c and psi_c u_c are sums over
+samples, those of earlier plans simply add to those of the last one once carried along, at a weight that fades.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.estimation.estimate import Estimate, normalised
+from pirrht.guidance.gates import gates_of
+from pirrht.guidance.tracking import Guide
+from pirrht.problem import Problem
+from pirrht.rollouts.backend import Guides
+from pirrht.rollouts.gates import Gates, heading
+
+MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
+STALE = 0.05  # classes that no sample was of for so long are forgotten [s]
+BOUND = 2.0  # earlier plans count at most exp(BOUND) times as much as the last one
+FADED = -60.0  # classes whose desirability is below the largest by so many nats are forgotten
+
+Lead = Callable[[Array, float], Array]  # control (m,) that a class's guide has at state (n,), s after the plan [s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClassLaw:
+    """What is known of one class near the state where a plan was made."""
+
+    log_psi: float  # up to a constant that all classes share
+    rest: Array  # (m,) what samples found on top of the guide
+    lead: Lead
+    age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
+    unseen: float = 0.0  # time since samples were last of this class [s]
+
+    def control(self, x: Array, s: float) -> Array:
+        """Control (m,) of this class at state x (n,), s [s] after the plan; without what the nearest wall adds."""
+        return self.rest + self.lead(x, s + self.age)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Law:
+    """The control at any state near the plan's."""
+
+    problem: Problem
+    state: Array  # (n,) of the plan
+    classes: Mapping[str, ClassLaw]
+    push: Lead  # what the nearest wall adds to the control of every class
+    known: Array = field(init=False, repr=False)  # (C,) log psi of every class at the plan's state
+    before: Array = field(init=False, repr=False)  # (C, m) controls there
+    stiff: Array = field(init=False, repr=False)  # R / lambda there, (m, m)
+    inverse: Array = field(init=False, repr=False)  # G_c^-1 there, (m, m)
+    drift: Array = field(init=False, repr=False)  # f_c there, (m,)
+
+    def __post_init__(self) -> None:
+        d, x = self.problem.dynamics, self.state
+        here = {
+            "known": np.array([law.log_psi for law in self.classes.values()]),
+            "before": self._controls(x, 0.0),
+            "stiff": self.problem.control_cost(x) / self.problem.temperature,
+            "inverse": np.linalg.inv(d.G_c(x)),
+            "drift": d.f(x)[d.n - d.m :],
+        }
+        for name, value in here.items():
+            object.__setattr__(self, name, value)
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Control (m,) at state x (n,), s [s] after the plan was made."""
+        log_psi, controls = self._at(x, s)
+        weight: Array = np.exp(log_psi - log_psi.max())
+        control: Array = weight @ controls / weight.sum()
+        return control
+
+    def weights(self, x: Array, s: float) -> dict[str, float]:
+        """Weight of every class at state x (n,), s [s] after the plan."""
+        weight, _ = normalised(self._at(x, s)[0])
+        return dict(zip(self.classes, weight.tolist(), strict=True))
+
+    def log_psi(self, x: Array, s: float) -> dict[str, float]:
+        """log psi of every class at state x (n,), s [s] after the plan, up to a constant that all classes share."""
+        return dict(zip(self.classes, self._at(x, s)[0].tolist(), strict=True))
+
+    def _at(self, x: Array, s: float) -> tuple[Array, Array]:
+        """log psi (C,) and control (C, m) of every class."""
+        d, controls = self.problem.dynamics, self._controls(x, s)
+        moved = wrapped(x[-d.m :] - self.state[-d.m :] - s * self.drift, d.n)
+        mean = 0.5 * (self.before + controls)
+        pull = mean @ self.stiff
+        log_psi = self.known + pull @ (self.inverse @ moved)
+        if d.n > d.m:
+            log_psi -= 0.5 * s * np.sum(pull * mean, axis=1)
+        return log_psi, controls
+
+    def _controls(self, x: Array, s: float) -> Array:
+        controls: Array = np.array([law.control(x, s) for law in self.classes.values()]) + self.push(x, s)
+        return controls
+
+
+@dataclass(slots=True)
+class Memory:
+    """Pools what the plans of a drive find out about each class."""
+
+    problem: Problem
+    fade: float = MEMORY  # [s]; 0: only the last plan counts
+    _last: Law | None = field(default=None)
+
+    def __post_init__(self) -> None:
+        towards_gates(gates_of([np.ones((1, 2))], np.zeros(2), 1.0), 1.0)[0](np.zeros(2), 0.0)  # compiles it
+
+    def forget(self) -> None:
+        """Start anew."""
+        self._last = None
+
+    def law(self, estimate: Estimate, leads: Mapping[str, Lead], push: Lead, elapsed: float) -> Law:
+        """The law after one more plan, made `elapsed` [s] after the last one.
+
+        Args:
+            leads: guides of the classes by name; what belongs to no class has none.
+        """
+        x = estimate.rollouts.x0
+        found: dict[str, ClassLaw] = {}
+        if self._last is not None and self.fade > 0.0:
+            kept = self._last.log_psi(x, elapsed)
+            for name, old in self._last.classes.items():
+                fresh = leads.get(name)
+                carried = replace(
+                    old,
+                    log_psi=kept[name] - elapsed / self.fade,
+                    age=old.age + elapsed,
+                    unseen=old.unseen + elapsed,
+                )
+                if carried.unseen > STALE:  # its gradient is no longer known
+                    continue
+                if fresh is not None:  # another reference than before must not change what is known
+                    rest = carried.control(x, 0.0) - fresh(x, 0.0)
+                    carried = replace(carried, rest=rest, lead=fresh, age=0.0)
+                found[name] = carried
+        nothing = np.zeros(self.problem.dynamics.m)
+        for name, weight in estimate.class_weights.items():
+            if weight <= 0.0:
+                continue
+            lead = leads.get(name) or (lambda x, s: nothing)
+            new = ClassLaw(
+                log_psi=estimate.log_psi + float(np.log(weight)),
+                rest=estimate.class_controls[name] - lead(x, 0.0),
+                lead=lead,
+            )
+            found[name] = new if name not in found else _pooled(found[name], new)
+        top = max(c.log_psi for c in found.values())
+        found = {name: c for name, c in found.items() if c.log_psi > top + FADED}
+        self._last = Law(problem=self.problem, state=x, classes=found, push=push)
+        return self._last
+
+
+def leads_of(ids: Sequence[str], steered: Guides, guides: Sequence[Guide | None] | None) -> dict[str, Lead]:
+    """What the samples around each reference were led by, by class; none where they followed a tape."""
+    if guides is not None:
+        return {name: along_guide(guide) for name, guide in zip(ids, guides, strict=True) if guide is not None}
+    if steered.gates.count.any():
+        return dict(zip(ids, towards_gates(steered.gates, steered.speed), strict=False))
+    return {}
+
+
+def towards_gates(gates: Gates, speed: float) -> list[Lead]:
+    """Leads of a point that heads for the gates of each reference, as its samples do."""
+
+    def lead(g: int) -> Lead:
+        def head(x: Array, s: float) -> Array:
+            unit = np.empty(2)
+            heading(gates, g, 0, x[0], x[1], unit)
+            return speed * unit
+
+        return head
+
+    return [lead(g) for g in range(len(gates.count))]
+
+
+def along_guide(guide: Guide) -> Lead:
+    """The feedback of a car's guide."""
+
+    def lead(x: Array, s: float) -> Array:
+        i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.control) - 1)
+        share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
+        off = wrapped(x - (1.0 - share) * guide.states[i] - share * guide.states[i + 1], 3)
+        return np.array([guide.control[i] + guide.gains[i] @ off])
+
+    return lead
+
+
+def _pooled(old: ClassLaw, new: ClassLaw) -> ClassLaw:
+    # A wrong gradient could make what is carried along grow without end; the new samples bound it.
+    log_psi = float(np.logaddexp(min(old.log_psi, new.log_psi + BOUND), new.log_psi))
+    share = float(np.exp(new.log_psi - log_psi))
+    return ClassLaw(log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest, lead=new.lead)
+
+
+def wrapped(off: Array, n: int) -> Array:
+    """Differences of states whose third entry, or only one of a car, is an angle."""
+    if n == 3:
+        off = off.copy()
+        off[-1] = (off[-1] + np.pi) % (2.0 * np.pi) - np.pi
+    return off

@@ -1,0 +1,135 @@
+"""Model predictive path integral control: one warm-started tape of controls, a finite horizon, no reference, no tree.
+
+Williams, Wagener, Goldfain, Drews, Rehg, Boots and Theodorou, "Information theoretic MPC for model-based
+reinforcement learning" (ICRA 2017), Algorithm 2. Around the tape u_0 .. u_T-1 noise eps is drawn, every path is charged
+
+    S = sum of q dt + phi at a collision + cost-to-go at the horizon + sum of u' lambda Sigma^-1 eps dt,
+
+where lambda Sigma^-1 = R for noise that enters with the control, and the tape moves by the mean of eps at the weights
+exp(-S / lambda). Its first control is applied, and after a period the tape is shifted by it. Paths that reach the goal
+before the horizon end there.
+
+First exit has no final cost, so that what follows the horizon must be guessed; without a guess no path that is still
+under way would prefer one direction to another. Charged is what users of MPPI charge: the straight way to the goal, at
+the cost of driving it at the best speed without obstacles or noise. Behind a wall this misleads; that is what a
+reference is for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan, shifted
+from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.estimation.batches import sample
+from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.problem import Problem
+from pirrht.topology.driven import Driven
+from pirrht.tree.homology_tree import HomologyTree
+
+HORIZON = 3.0  # [s]
+
+
+class Mppi:
+    """MPPI where `Controller` stands in a drive.
+
+    Args:
+        problem: of the samples. One with more noise than the robot's explores more widely: as R stays, lambda grows
+            with Sigma, which is how MPPI is tuned.
+        sampling: `samples` counts all that a plan draws; they hold the tape open loop.
+        horizon: length of the tape [s].
+        beyond: what the way from states (k, n) at the horizon to the goal costs, (k,); None: `straight_home`.
+        rng: source of one seed per plan.
+    """
+
+    tree: HomologyTree | None = None  # it needs none
+
+    def __init__(
+        self,
+        problem: Problem,
+        space: FreeSpace,
+        sampling: Sampling,
+        *,
+        horizon: float = HORIZON,
+        beyond: Callable[[Array], Array] | None = None,
+        rng: np.random.Generator,
+    ) -> None:
+        if not (np.isfinite(horizon) and horizon > 0):
+            raise OptionError(f"the horizon is {horizon:g} s; it must be a positive number")
+        if sampling.guide != "open-loop" or sampling.memory:
+            raise OptionError("MPPI has no guides and no second tape; give a Sampling with guide='open-loop' alone")
+        self.problem, self.space, self.rng = problem, space, rng
+        self.path_integral = PathIntegral(problem, space, sampling, beyond=beyond or straight_home(problem))
+        self.times = self.path_integral.steps(horizon)
+        self.begin(problem.scene.start[: problem.dynamics.n])
+
+    def begin(self, x: Array) -> None:
+        """Forget the drive so far; a new one starts at x (n,), from a tape of zeros."""
+        self._driven = Driven(self.space.homology, x)
+        self._tape = np.zeros((len(self.times) - 1, self.problem.dynamics.m))
+        self._since = 0.0
+
+    def observe(self, states: Array, duration: float) -> None:
+        """Take note of the states (k, n) just driven through and the time it took [s]."""
+        self._driven.observe(states)
+        self._since += duration
+
+    def expect(self, states: Array, duration: float) -> None:
+        """Suppose that the robot will drive through the states (k, n) next, `duration` [s] since the last plan."""
+        self._driven.expect(states)
+        self._since += duration
+
+    def driven_class(self) -> tuple[int, ...]:
+        """Class of the driven path, completed by the straight line to the goal point."""
+        return self._driven.winding()
+
+    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
+        """Decide at state x (n,); without a survivor the tape goes on.
+
+        Args:
+            left: time left for sampling [s]; samples are drawn until it is up.
+        """
+        x = np.asarray(x, dtype=float)
+        tape = shifted(self.times, self._tape, self.times + self._since)
+        seed = int(self.rng.integers(2**63))
+        try:
+            estimate = sample(self.path_integral, x, self.times, tape[None], seed, left=left)
+        except NoSurvivingSample:
+            estimate = None
+        plan = Plan(
+            state=x,
+            times=self.times,
+            references=(),
+            ids=(),
+            estimate=estimate,
+            fallback="no survivor" if estimate is None else None,
+            instead=tape if estimate is None else None,
+        )
+        self._tape, self._since = plan.tape, 0.0
+        return plan
+
+
+def straight_home(problem: Problem) -> Callable[[Array], Array]:
+    """Cost of the straight way from states (k, n) to the goal disc, (k,), without obstacles and noise.
+
+    A robot that is pushed about drives at the speed that balances q against u'Ru/2; one that drifts, at that of its
+    drift, and turning is free.
+    """
+    d, goal, q = problem.dynamics, problem.scene.goal, problem.least_rate
+    x = problem.scene.start[: d.n]
+    if d.noisy_position:
+        R, G = problem.control_cost(x), d.G_c(x)
+        pace = float(np.trace(np.linalg.inv(G).T @ R @ np.linalg.inv(G))) / d.m  # u'Ru = pace |dx/dt|^2
+        per_meter = 2.0 * q / np.sqrt(2.0 * q / pace)
+    else:
+        per_meter = q / float(np.hypot(*d.f(x)[:2]))
+
+    def beyond(states: Array) -> Array:
+        away = np.hypot(*(states[:, :2] - goal.center).T) - goal.radius
+        return np.asarray(per_meter * np.maximum(away, 0.0))
+
+    return beyond

@@ -1,0 +1,82 @@
+"""The best that any controller can do: the grid's feedback law, asked at every physics step.
+
+It stands where `Controller` stands in a drive, so that the share of runs that a sampler brings to the goal can be
+held against that of the optimal control under the same noise. It needs neither tree nor samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.exact.desirability import Desirability
+from pirrht.freespace import FreeSpace
+from pirrht.problem import Problem
+from pirrht.topology.driven import Driven
+from pirrht.tree.homology_tree import HomologyTree
+
+DRAWN = 0.5  # a recording draws where the control now would lead in this time [s]
+
+
+class Optimal:
+    """Feedback control by a solved grid.
+
+    Args:
+        desirability: of the problem in continuous time.
+        sampling: of the sampler that a recording draws with; drives do not use it.
+    """
+
+    tree: HomologyTree | None = None  # it needs none
+
+    def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
+        self.desirability, self._sampling = desirability, sampling
+        self.problem: Problem = desirability.problem
+        self.space: FreeSpace = desirability.space
+        start = self.problem.scene.start[: self.problem.dynamics.n]
+        desirability.control(start)  # compiles, so that the first plan takes no longer than the others
+        self.begin(start)
+
+    @cached_property
+    def path_integral(self) -> PathIntegral:
+        """What a recording reads problem and temperature from."""
+        return PathIntegral(self.problem, self.space, self._sampling)
+
+    def begin(self, x: Array) -> None:
+        """Forget the drive so far; a new one starts at x (n,)."""
+        self._driven = Driven(self.space.homology, x)
+
+    def observe(self, states: Array, duration: float) -> None:
+        """Take note of the states (k, n) just driven through; the time it took [s] does not matter."""
+        self._driven.observe(states)
+
+    def expect(self, states: Array, duration: float) -> None:
+        """Suppose that the robot will drive through the states (k, n) next."""
+        self._driven.expect(states)
+
+    def driven_class(self) -> tuple[int, ...]:
+        """Class of the driven path, completed by the straight line to the goal point."""
+        return self._driven.winding()
+
+    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
+        """The law from state x (n,) on; it does not change and takes no time."""
+
+        def law(state: Array, since: float = 0.0) -> Array:
+            return self.desirability.control(state)
+
+        value = self.desirability.value(x)
+        return Plan(
+            state=x,
+            times=np.array([0.0, DRAWN]),
+            references=(),
+            ids=(),
+            estimate=None,
+            fallback=None,
+            instead=law(x)[None, :],
+            law=law,
+            exact=float(value),
+        )

@@ -1,0 +1,89 @@
+"""What a controller decides at one state: a control now, open-loop controls for later, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.estimation.estimate import Estimate
+from pirrht.tree.homology_tree import Reference
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plan:
+    """What was decided at one state."""
+
+    state: Array  # (n,)
+    times: Array  # (T+1,) ends of those steps, from 0 [s]
+    references: tuple[Reference, ...]  # cheapest first; empty for methods that have none
+    ids: tuple[str, ...]  # class of each reference, relative to the start of the drive
+    estimate: Estimate | None  # None in a fallback
+    fallback: str | None  # why the estimate is missing: "no reference", "no survivor"
+    instead: Array | None = None  # (T, m) the tape that is followed in a fallback
+    law: Callable[[Array, float], Array] | None = None  # control (m,) at state (n,), s after the plan [s]
+    span: float = np.inf  # how long the law is followed [s]; then the tape
+    shares: dict[str, float] | None = None  # weight of every class under the law
+    followed: str | None = None  # the class that the control is of, where it is of one alone
+    exact: float | None = None  # v at the state, where it is known without samples
+
+    @property
+    def tape(self) -> Array:
+        """Open-loop controls, one per rollout step, (T, m)."""
+        if self.instead is not None:
+            return self.instead
+        assert self.estimate is not None
+        return self.estimate.tape
+
+    @property
+    def control(self) -> Array:
+        """The control now, (m,)."""
+        if self.law is not None:
+            return self.law(self.state, 0.0)
+        return self.tape[0] if self.estimate is None else self.estimate.control
+
+    def at(self, x: Array, s: float) -> Array:
+        """Control (m,) at time s [s] after the plan was made, at state x (n,).
+
+        With feedback between plans the control follows the state for a while. Where it is held, under feedback
+        guidance the part that the nearest wall accounts for still follows the state.
+        """
+        if self.law is not None and s + 1e-9 < self.span:
+            return self.law(x, s)
+        if s + 1e-9 < self.times[1]:
+            return self.control + self._since_planned(x)
+        i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
+        return self.tape[i] if i < len(self.tape) else np.zeros(self.tape.shape[1])
+
+    def _since_planned(self, x: Array) -> Array | float:
+        if self.estimate is None or self.estimate.rollouts.guides.reach <= 0.0:
+            return 0.0
+        source, guides = self.estimate.source, self.estimate.rollouts.guides
+        return source.push(x, guides) - source.push(self.state, guides)
+
+    def rest(self, x: Array, s: float) -> Plan:
+        """What is left of the tape s [s] later, at state x (n,), for lack of anything newer."""
+        passed = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
+        left = slice(min(passed, len(self.tape) - 1), None)
+        times = np.maximum(self.times[left] - s, 0.0)
+        tape = self.tape[left] if passed < len(self.tape) else np.zeros_like(self.tape[-1:])
+        return Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback="no reference", instead=tape)
+
+    @property
+    def favourite(self) -> str | None:
+        """Class of greatest weight, or that of the one reference that is followed."""
+        if self.estimate is None:
+            return self.ids[0] if self.ids else None
+        if self.followed is not None:
+            return self.followed
+        weights = self.shares or self.estimate.class_weights
+        return max(weights, key=lambda name: weights[name]) if weights else None
+
+
+def shifted(times: Array, tape: Array, then: Array) -> Array:
+    """Means (T, m) of a tape (k, m) with step ends `times` (k+1,) over the steps that end at `then` (T+1,) [s]."""
+    whole = np.vstack([np.zeros(tape.shape[1]), np.cumsum(tape * np.diff(times)[:, None], axis=0)])
+    at = np.column_stack([np.interp(then, times, column) for column in whole.T])
+    return np.asarray(np.diff(at, axis=0) / np.diff(then)[:, None])

@@ -1,0 +1,217 @@
+"""What weighted samples say: psi, the value, the control, and how much of it each class accounts for.
+
+Weights stay logarithms throughout: phi/lambda can exceed a million.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.errors import NoSurvivingSample
+from pirrht.estimation.sampling import Sampling
+from pirrht.estimation.sums import centred, grouped, scatter
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.rollouts.backend import Guides, Paths
+
+OTHER = "other"
+
+
+class Source(Protocol):
+    """Who drew the samples: `pirrht.PathIntegral`."""
+
+    problem: Problem
+    sampling: Sampling
+
+    def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
+        """Open-loop controls of groups of samples, the weight under way at each step, effective sample sizes."""
+
+    def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+        """States of chosen samples, and the number of steps each took."""
+
+    def push(self, x: Array, guides: Guides) -> Array:
+        """The part of the control at x (n,) that the nearest wall accounts for, (m,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rollouts:
+    """S sampled paths from one state; full states are simulated again for those that are shown."""
+
+    x0: Array  # (n,)
+    seed: int
+    guides: Guides
+    paths: Paths
+    log_weight: Array  # (S,) log of each sample's contribution to psi; -inf for paths that ran out of time
+
+    @property
+    def size(self) -> int:
+        """S."""
+        return len(self.log_weight)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """What the samples say about one state."""
+
+    control: Array  # (m,) u* now
+    log_psi: float
+    value: float  # v = -lambda log psi
+    value_error: float  # standard error of the value; too small where `ess` is, as rare heavy samples were not seen
+    control_error: Array  # (m,) standard error of the control
+    ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
+    weight: Array  # normalised weights of the samples in `rollouts`; with others in `parts` they sum to less than 1
+    class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
+    class_ess: dict[str, float]  # effective sample size within each class
+    class_controls: dict[str, Array]  # (m,) u* now within each class, without what the nearest wall adds
+    proposal_weights: list[float]  # weight by the reference a sample was drawn around
+    survivors: int  # samples that reached the goal
+    rollouts: Rollouts  # the last samples that have any weight
+    parts: tuple[Rollouts, ...]  # all samples, in the rounds in which they were drawn
+    source: Source
+
+    @property
+    def tape(self) -> Array:
+        """Open-loop controls (T, m): the sum over all samples of weight times control carried."""
+        return self._tape[0]
+
+    @property
+    def alive(self) -> Array:
+        """Weight of the samples still under way at each step, (T,)."""
+        return self._tape[1]
+
+    @cached_property
+    def _tape(self) -> tuple[Array, Array]:
+        top = max(float(part.log_weight.max()) for part in self.parts)
+        share = np.array([float(np.exp(part.log_weight - top).sum()) for part in self.parts])
+        tapes = [self.source.tapes(part, [np.ones(part.size, dtype=np.bool_)])[:2] for part in self.parts]
+        tape = sum(w * one[0] for w, (one, _) in zip(share / share.sum(), tapes, strict=True))
+        alive = sum(w * one[0] for w, (_, one) in zip(share / share.sum(), tapes, strict=True))
+        return np.asarray(tape), np.asarray(alive)
+
+
+def log_weights(
+    problem: Problem, rule: str, paths: Paths, first: NDArray[np.int64], part: tuple[int, int] | None = None
+) -> Array:
+    """Logarithm of the contribution to psi of each sample, (S,), or of those from part[0] to part[1].
+
+    Args:
+        rule: one of WEIGHTS.
+        first: (H+1,) first sample of each reference; the last entry is S.
+    """
+    number = np.diff(first)
+    H, S = len(number), int(first[-1])
+    chosen = slice(0, S) if part is None else slice(*part)
+    outcome = paths.outcome[chosen]
+    log_weight = paths.work[chosen] / -problem.temperature
+    log_weight[outcome == Outcome.COLLISION] -= problem.phi / problem.temperature
+    if rule == "average":
+        samples = np.arange(S)[chosen]
+        own = np.searchsorted(first, samples, side="right") - 1
+        # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
+        log_weight += np.log(S / (H * number[own])) - paths.log_ratio[samples, own]
+    else:
+        log_weight -= _log_mean(paths.log_ratio[chosen], number / S)
+    log_weight[outcome == Outcome.TIMEOUT] = -np.inf
+    return log_weight
+
+
+def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] | None = None) -> Estimate:
+    """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.
+
+    Each part is weighed by its own proposals. Where these were fixed before it was drawn, the mean over all samples is
+    an unbiased estimate of psi, even if they were chosen by what earlier parts found.
+
+    Raises:
+        NoSurvivingSample: no sample has any weight.
+    """
+    paths, log_weight, first = joined(parts)
+    top = float(log_weight.max())
+    if not np.isfinite(top):
+        raise NoSurvivingSample(
+            collisions=int(np.sum(paths.outcome == Outcome.COLLISION)),
+            timeouts=int(np.sum(paths.outcome == Outcome.TIMEOUT)),
+        )
+    relative = np.exp(log_weight - top)
+    total = float(relative.sum())
+    weight = relative / total
+    log_psi = top + float(np.log(total)) - float(np.log(len(log_weight)))
+    names = [*(classes or {}).values(), OTHER]
+    groups = grouped(weight, paths.key, np.array([*(classes or {})], dtype=np.int64), paths.now, paths.span)
+    span = max(float(groups.span.sum()), 1e-300)
+    control = groups.control.sum(axis=0) / span
+    errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].guides.mirrored)
+    drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
+    ends = np.cumsum([part.size for part in parts])
+    shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
+    rollouts = parts[shown]
+    return Estimate(
+        control=control + source.push(rollouts.x0, rollouts.guides),
+        log_psi=log_psi,
+        value=-source.problem.temperature * log_psi,
+        value_error=source.problem.temperature * float(errors[0]),
+        control_error=errors[1:] / span,
+        ess=float(1.0 / np.sum(weight**2)),
+        weight=weight[ends[shown] - rollouts.size : ends[shown]],
+        class_weights=dict(zip(names, groups.weight.tolist(), strict=True)),
+        class_ess=dict(zip(names, (groups.weight**2 / np.maximum(groups.square, 1e-300)).tolist(), strict=True)),
+        class_controls={
+            name: total / max(under_way, 1e-300)
+            for name, total, under_way in zip(names, groups.control, groups.span.tolist(), strict=True)
+        },
+        proposal_weights=drawn_around.reshape(len(parts), -1).sum(axis=0).tolist(),
+        survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
+        rollouts=rollouts,
+        parts=tuple(parts),
+        source=source,
+    )
+
+
+def normalised(log_weight: Array) -> tuple[Array, float]:
+    """Weights (S,) that sum to 1 and their effective sample size; zeros and 0 where no sample has any weight."""
+    top = float(log_weight.max(initial=-np.inf))
+    if not np.isfinite(top):
+        return np.zeros(len(log_weight)), 0.0
+    relative = np.exp(log_weight - top)
+    weight: Array = relative / relative.sum()
+    return weight, float(1.0 / np.sum(weight**2))
+
+
+def joined(parts: Sequence[Rollouts]) -> tuple[Paths, Array, NDArray[np.int64]]:
+    """All paths, their log weights (S,), and where those around each reference of each part begin; the last is S."""
+    paths = (
+        parts[0].paths if len(parts) == 1 else Paths(*map(np.concatenate, zip(*(p.paths for p in parts), strict=True)))
+    )
+    number = np.concatenate([np.diff(part.guides.first) for part in parts])
+    return paths, np.concatenate([part.log_weight for part in parts]), np.concatenate([[0], np.cumsum(number)])
+
+
+def _log_mean(log_ratio: Array, share: Array) -> Array:
+    """log sum_g share_g exp(log_ratio_g), row by row."""
+    top = log_ratio[:, 0].copy()
+    for column in log_ratio.T[1:]:  # few and long: several times as fast as a maximum along the rows
+        np.maximum(top, column, out=top)
+    mean: Array = top + np.log(np.einsum("sh,h->s", np.exp(log_ratio - top[:, None]), share))
+    return mean
+
+
+def mean_control(weight: Array, paths: Paths) -> Array:
+    """Control now (m,) of weighted samples, as a mean over the time in which they are on their way."""
+    # Not `@`: waiting for each other costs the threads of a BLAS far more than such short sums do.
+    mean: Array = np.einsum("s,sm->m", weight, paths.now) / max(float(np.einsum("s,s->", weight, paths.span)), 1e-300)
+    return mean
+
+
+def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> Array:
+    """Standard deviations (k,) of sums of terms (S, k), those around one reference being distributed alike.
+
+    Terms are independent, or those of antithetic pairs are only so together.
+    """
+    spread: Array = scatter(np.ascontiguousarray(terms), first, 2 if paired else 1)
+    return spread

@@ -1,0 +1,262 @@
+"""The continuous-time equation on a planar grid: `q psi/lambda = f.grad psi + tr(BB' Hess psi)/2` for isotropic noise.
+
+For constant drift psi = exp(-f.x/b^2) phi turns it into `Laplace phi = k^2 phi`, and phi is, near every grid point, a
+sum of I_n(kr) cos(n t) and I_n(kr) sin(n t). Stencil weights are those that are exact for the eight lowest of these
+(Trefftz, or flexible local approximation: Tsukerman, IEEE Trans. Magnetics 2005), so that plane exponentials
+exp(k.x) of every direction are solved almost exactly on a grid as coarse as their decay length, where differences of
+psi or upwinding would err by tens of per cent. An arm of a stencil that is cut by a wall or by the rim of the goal ends
+there, at the place that FCL's clearance tells: no boundary is moved to the grid.
+Unknowns are chi = psi exp(s) with s a length to the goal in units of 1/k, since psi itself falls below 1e-300.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.linalg import splu
+
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.errors import OptionError
+from pirrht.exact.domain import Domain
+from pirrht.geometry.scene import Goal
+
+Clearance = Callable[[Array], Array]  # centres (k, 2) -> room (k,) [m], at most 0 where the robot may not be
+
+ARMS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
+NEAR = 2.5  # a point of the plane is spoken for by a free grid point at most so many cells away
+SECANTS = 20  # steps of the search for the end of an arm at most
+CLOSE = 1e-7  # of that end [m]
+LEAST = 1e-5  # a control is never that of a place nearer to a wall [m]
+
+
+class Expansion(NamedTuple):
+    """Near every free grid point psi = exp(shift) * (a sum of eight solutions of the equation)."""
+
+    x0: float  # position of grid point (0, 0) [m]
+    y0: float
+    spacing: float  # h [m]
+    wavenumber: float  # k [1/m]
+    goal_x: float  # centre of the goal's disc [m]
+    goal_y: float
+    radius: float  # of the disc [m]
+    least: float  # a slope is never that of a place nearer to a wall [m]
+    owner: IntArray  # (nx, ny) free point that speaks for a grid point; -1 where none is near
+    place: IntArray  # (K, 2) grid indices of the free points
+    coefficients: Array  # (K, 8) of 1, cos t, sin t, cos 2t, sin 2t, cos 3t, sin 3t, cos 4t
+    shift: Array  # (K,) [nats]; -inf where psi is 0
+
+
+def solve(
+    clearance: Clearance,
+    domain: Domain,
+    *,
+    wavenumber: float,
+    wall: float,
+    spacing: float,
+) -> Expansion:
+    """Solve `Laplace psi = k^2 psi` with psi = 1 on the rim of the goal and exp(-wall) at walls and border.
+
+    Args:
+        clearance: room at positions (k, 2), the border included [m].
+        domain: workspace and goal.
+        wavenumber: k [1/m].
+        wall: phi/lambda; may be infinite.
+        spacing: h [m].
+    """
+    lower, goal = domain.lower, domain.goal
+    nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1
+    index = np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1).reshape(-1, 2)
+    points = lower + spacing * index
+    room, rim = clearance(points), np.hypot(*(points - goal.center).T) - goal.radius
+    free = (room > CLOSE) & (rim > CLOSE)
+    number = np.where(free, np.cumsum(free) - 1, -1)
+    place = index[free]
+    target = place[:, None, :] + ARMS
+    flat = target[:, :, 0] * ny + target[:, :, 1]
+    neighbour, length = number[flat], np.broadcast_to(spacing * np.hypot(*ARMS.T), flat.shape).copy()
+    log_end = np.zeros(flat.shape)
+    cut = np.argwhere(neighbour < 0)
+    tails, heads = points[free][cut[:, 0]], points[flat[neighbour < 0]]
+    length[neighbour < 0], at_goal = _ends_of_arms(clearance, tails, heads, room[free][cut[:, 0]], goal)
+    log_end[neighbour < 0] = np.where(at_goal, 0.0, -wall)
+    s = _lengths(neighbour, length, log_end, wavenumber)
+    coefficients = _fit(neighbour, length, log_end, s, wavenumber, spacing)
+    return Expansion(
+        x0=float(lower[0]),
+        y0=float(lower[1]),
+        spacing=spacing,
+        wavenumber=wavenumber,
+        goal_x=float(goal.center[0]),
+        goal_y=float(goal.center[1]),
+        radius=float(goal.radius),
+        least=LEAST,
+        owner=_owners(number.reshape(nx, ny)),
+        place=place,
+        coefficients=coefficients,
+        shift=-s,
+    )
+
+
+def _ends_of_arms(
+    clearance: Clearance, tails: Array, heads: Array, room: Array, goal: Goal
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Lengths (k,) [m] at which arms from free tails meet a wall or the goal's rim, and whether it is the rim."""
+    span = heads - tails
+    full = np.hypot(*span.T)
+    unit = span / full[:, None]
+    to_goal = goal.center - tails
+    along = np.sum(to_goal * unit, axis=1)
+    inside = goal.radius**2 - (np.sum(to_goal**2, axis=1) - along**2)
+    to_rim = np.where(inside > 0.0, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
+    to_rim[(to_rim < 0.0) | (to_rim > full + CLOSE)] = np.inf
+    to_wall = _first_zero(lambda k, t: clearance(tails[k] + t[:, None] * unit[k]), room, clearance(heads), full)
+    return np.clip(np.minimum(to_rim, to_wall), CLOSE, full), to_rim <= to_wall
+
+
+def _first_zero(f: Callable[[IntArray, Array], Array], at_0: Array, at_end: Array, end: Array) -> Array:
+    """Zeros (k,) of functions that are positive at 0, in (0, end]; infinite where there is none (Illinois rule)."""
+    low, high, f_low, f_high = np.zeros(len(end)), end.copy(), at_0.copy(), at_end.copy()
+    side = np.zeros(len(end))
+    zero = np.where(at_end <= CLOSE, end, np.inf)
+    busy = np.flatnonzero(at_end < 0.0)
+    for _ in range(SECANTS):
+        t = low[busy] + (high - low)[busy] * f_low[busy] / (f_low - f_high)[busy]
+        value = f(busy, t)
+        zero[busy] = t
+        up, down = busy[value > 0.0], busy[value <= 0.0]
+        f_high[up[side[up] > 0.0]] *= 0.5
+        f_low[down[side[down] < 0.0]] *= 0.5
+        low[up], f_low[up], side[up] = t[value > 0.0], value[value > 0.0], 1.0
+        high[down], f_high[down], side[down] = t[value <= 0.0], value[value <= 0.0], -1.0
+        busy = busy[np.abs(value) > CLOSE]
+        if len(busy) == 0:
+            break
+    return zero
+
+
+def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: float) -> Array:
+    """A guess of -log psi at the free points, (K,): k times the length of arms to the goal or a wall [nats]."""
+    K = len(neighbour)
+    inner = neighbour >= 0
+    rows, arms = np.nonzero(inner)
+    out = np.where(inner, np.inf, wavenumber * length - log_end).min(axis=1, initial=np.inf)
+    exits = np.flatnonzero(np.isfinite(out))
+    weight = np.concatenate([wavenumber * length[rows, arms], out[exits]])
+    tail, head = np.concatenate([neighbour[rows, arms], np.full(len(exits), K)]), np.concatenate([rows, exits])
+    found: Array = dijkstra(csr_matrix((weight, (tail, head)), shape=(K + 1, K + 1)), indices=K)[:K]
+    return found
+
+
+def _fit(neighbour: IntArray, length: Array, log_end: Array, s: Array, wavenumber: float, spacing: float) -> Array:
+    """Coefficients (K, 8) of chi = psi exp(s) around every free point, found by one sparse solution."""
+    K = len(neighbour)
+    finite = np.where(np.isfinite(s), s, 0.0)
+    inner = neighbour >= 0
+    whole = inner.all(axis=1)
+    common = np.linalg.inv(arm_basis(spacing * np.hypot(*ARMS.T)[None, :], wavenumber, spacing))[0]
+    own = np.linalg.inv(arm_basis(length[~whole], wavenumber, spacing))
+    weight = np.empty((K, len(ARMS)))
+    weight[whole], weight[~whole] = common[0], own[:, 0]
+    rows, arms = np.nonzero(inner)
+    columns = neighbour[rows, arms]
+    known = np.where(inner, 0.0, np.exp(log_end + np.where(inner, 0.0, finite[:, None])))
+    known[~np.isfinite(s)] = 0.0
+    coupling = -weight[rows, arms] * np.exp(finite[rows] - finite[columns])
+    diagonal = np.arange(K)
+    entries = np.concatenate([np.ones(K), coupling])
+    matrix = csc_matrix((entries, (np.concatenate([diagonal, rows]), np.concatenate([diagonal, columns]))))
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    chi = factors.solve(np.sum(weight * known, axis=1))
+    if np.any(chi[np.isfinite(s)] <= 0.0):
+        raise OptionError(f"the grid of {spacing:g} m is too coarse for this scene; choose a smaller spacing")
+    ends = known
+    ends[rows, arms] = chi[columns] * np.exp(finite[rows] - finite[columns])
+    coefficients = np.empty((K, len(ARMS)))
+    coefficients[whole] = ends[whole] @ common.T
+    coefficients[~whole] = np.einsum("kij,kj->ki", own, ends[~whole])
+    return coefficients
+
+
+def arm_basis(length: Array, wavenumber: float, spacing: float) -> Array:
+    """The eight solutions at the ends of eight arms, (K, 8) lengths -> (K, 8, 8); rows are arms."""
+    unit = ARMS / np.hypot(*ARMS.T)[:, None]
+    zeta = (unit[:, 0] + 1j * unit[:, 1]) * length / spacing
+    factor = _series((0.5 * wavenumber * length) ** 2)
+    powers = [zeta**n * factor[n] for n in range(5)]
+    columns = [powers[0].real]
+    for n in (1, 2, 3):
+        columns += [powers[n].real, powers[n].imag]
+    return np.stack([*columns, powers[4].real], axis=-1)
+
+
+def _series(t: Array) -> list[Array]:
+    """E_n = sum_j t^j n! / (j! (n+j)!), so that n! I_n(z) = (z/2)^n E_n(z^2/4), for n = 0 to 5."""
+    out = []
+    for n in range(6):
+        term, total = np.ones_like(t), np.ones_like(t)
+        for j in range(1, 40):
+            term = term * t / (j * (n + j))
+            total = total + term
+        out.append(total)
+    return out
+
+
+def _owners(number: IntArray) -> IntArray:
+    """The free point nearest to every grid point, (nx, ny); -1 where it is far."""
+    away, nearest = distance_transform_edt(number < 0, return_indices=True)
+    owners: IntArray = np.where(away <= NEAR, number[tuple(nearest)], -1)
+    return owners
+
+
+@inlined
+def _ladder(t):  # type: ignore[no-untyped-def]
+    """E_0 to E_5 at t >= 0: two series and a downward recurrence, E_(n-1) = E_n + t E_(n+1) / (n (n+1))."""
+    e5, e4, a5, a4, j = 1.0, 1.0, 1.0, 1.0, 1.0
+    while a4 > 1e-16 * e4:
+        a4 *= t / (j * (4.0 + j))
+        a5 *= t / (j * (5.0 + j))
+        e4 += a4
+        e5 += a5
+        j += 1.0
+    e3 = e4 + t * e5 / 20.0
+    e2 = e3 + t * e4 / 12.0
+    e1 = e2 + t * e3 / 6.0
+    return e1 + t * e2 / 2.0, e1, e2, e3, e4, e5
+
+
+@kernel
+def look(grid, x, slope):  # type: ignore[no-untyped-def]
+    """log psi [nats] at x (2,); its gradient [1/m] goes to slope (2,). Minus infinity far inside of a wall."""
+    slope[0], slope[1] = 0.0, 0.0
+    if (x[0] - grid.goal_x) ** 2 + (x[1] - grid.goal_y) ** 2 <= grid.radius * grid.radius:
+        return 0.0
+    nx, ny = grid.owner.shape
+    fx, fy = (x[0] - grid.x0) / grid.spacing, (x[1] - grid.y0) / grid.spacing
+    o = grid.owner[min(max(int(fx + 0.5), 0), nx - 1), min(max(int(fy + 0.5), 0), ny - 1)]
+    if o < 0 or grid.shift[o] == -math.inf:
+        return -math.inf
+    u, v = fx - grid.place[o, 0], fy - grid.place[o, 1]
+    h = grid.spacing
+    c = grid.coefficients[o]
+    kh = 0.25 * (grid.wavenumber * h) ** 2
+    e0, e1, e2, e3, e4, e5 = _ladder(kh * (u * u + v * v))
+    z = complex(u, v)
+    z2 = z * z
+    z3 = z2 * z
+    c1, c2, c3 = complex(c[1], -c[2]), complex(c[3], -c[4]), complex(c[5], -c[6])
+    total = c[0] * e0 + (c1 * z).real * e1 + (c2 * z2).real * e2 + (c3 * z3).real * e3 + c[7] * (z2 * z2).real * e4
+    # The derivative along z lowers the order by one, that along its conjugate raises it.
+    down = c1 * e0 + 2.0 * c2 * z * e1 + 3.0 * c3 * z2 * e2 + 4.0 * c[7] * z3 * e3
+    up = 2.0 * c[0] * z * e1 + c1 * z2 * e2 / 2.0 + c2 * z3 * e3 / 3.0 + z2 * z2 * (c3 * e4 / 4.0 + c[7] * z * e5 / 5.0)
+    gx, gy = (down.real + kh * up.real) / h, (kh * up.imag - down.imag) / h
+    total = max(total, grid.least * math.sqrt(gx * gx + gy * gy))
+    slope[0], slope[1] = gx / total, gy / total
+    return grid.shift[o] + math.log(total)

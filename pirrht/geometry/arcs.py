@@ -1,0 +1,158 @@
+"""Planar curves made of arcs and straight pieces: where they run, where they enter the goal, how they wind.
+
+A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0.
+Everything here is exact for such curves: no curve is cut into steps to be measured.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined, kernel
+
+TWO_PI = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Curves:
+    """k planar curves that a steering method proposes, one row each."""
+
+    start: Array  # (k, 3) x, y [m], heading of travel [rad]
+    curvature: Array  # (k, P) counter-clockwise positive [1/m]
+    length: Array  # (k, P) [m]
+    cost: Array  # (k,) steering cost of the whole curve
+    tails: Array  # (k, n) first states
+    heads: Array  # (k, n) last states
+
+    def points(self, spacing: float) -> list[Array]:
+        """Each curve as a polyline (l, 2): ends of straight pieces, points every `spacing` m of arcs."""
+        return [trace(self.start[i], self.curvature[i], self.length[i], spacing) for i in range(self.start.shape[0])]
+
+
+@kernel
+def along(x, y, theta, curvature, s):  # type: ignore[no-untyped-def]
+    """Pose (x, y, theta) after arc length s on a piece."""
+    if abs(curvature) * abs(s) < 1e-9:
+        return x + s * math.cos(theta), y + s * math.sin(theta), theta + curvature * s
+    end = theta + curvature * s
+    return (
+        x + (math.sin(end) - math.sin(theta)) / curvature,
+        y - (math.cos(end) - math.cos(theta)) / curvature,
+        end,
+    )
+
+
+@inlined
+def turns_of_chord(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Angle from a to b seen from the origin, of least magnitude, in whole turns (paper, section IV-A)."""
+    return math.atan2(ax * by - ay * bx, ax * bx + ay * by) / TWO_PI
+
+
+@kernel
+def turns_of_piece(x, y, theta, curvature, length, mx, my):  # type: ignore[no-untyped-def]
+    """Angle that a piece sweeps as seen from the marker (mx, my), in turns; exact off the marker.
+
+    Less than a whole circle closed by its chord is the border of a part of the disc, so from outside the
+    circle chord and arc sweep the same angle. From inside, the angle of an arc never turns back, and it has
+    the sign of the curvature.
+    """
+    if length <= 0.0:
+        return 0.0
+    bx, by, _ = along(x, y, theta, curvature, length)
+    chord = turns_of_chord(x - mx, y - my, bx - mx, by - my)
+    sweep = abs(curvature) * length
+    if sweep < 1e-9:
+        return chord
+    cx, cy = x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
+    if (mx - cx) ** 2 + (my - cy) ** 2 >= 1.0 / curvature**2:
+        return chord
+    sign = math.copysign(1.0, curvature)
+    circles = math.floor(sweep / TWO_PI + 1e-9)
+    if chord * sign < 0.0 and sweep - circles * TWO_PI > 1e-9:
+        circles += 1.0
+    return chord + sign * circles
+
+
+@kernel
+def entry_of_piece(x, y, theta, curvature, length, gx, gy, radius):  # type: ignore[no-untyped-def]
+    """Arc length at which a piece first touches the disc, or infinity."""
+    dx, dy = x - gx, y - gy
+    gap = dx * dx + dy * dy - radius * radius
+    if gap <= 0.0:
+        return 0.0
+    if abs(curvature) * length < 1e-9:
+        along_ray = dx * math.cos(theta) + dy * math.sin(theta)
+        root = along_ray * along_ray - gap
+        if root < 0.0 or along_ray > 0.0:
+            return np.inf
+        s = -along_ray - math.sqrt(root)
+        return s if s <= length else np.inf
+    r = 1.0 / abs(curvature)
+    cx, cy = x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
+    d = math.sqrt((gx - cx) ** 2 + (gy - cy) ** 2)
+    if d > r + radius or d < abs(r - radius) or d == 0.0:
+        return np.inf
+    half = math.acos(min(1.0, max(-1.0, (r * r + d * d - radius * radius) / (2.0 * r * d))))
+    to_goal = math.atan2(gy - cy, gx - cx)
+    from_start = math.atan2(y - cy, x - cx)
+    best = np.inf
+    for angle in (to_goal - half, to_goal + half):
+        turn = (angle - from_start) * math.copysign(1.0, curvature)
+        best = min(best, (turn % TWO_PI) * r)
+    return best if best <= length else np.inf
+
+
+@kernel
+def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no-untyped-def]
+    """Arc length at which a curve first touches the disc, or infinity."""
+    x, y, theta = start[0], start[1], start[2]
+    done = 0.0
+    for p in range(length.shape[0]):
+        s = entry_of_piece(x, y, theta, curvature[p], length[p], gx, gy, radius)
+        if s < np.inf:
+            return done + s
+        x, y, theta = along(x, y, theta, curvature[p], length[p])
+        done += length[p]
+    return np.inf
+
+
+@kernel
+def turns_of_curve(start, curvature, length, markers, out):  # type: ignore[no-untyped-def]
+    """Write H (M,) of a curve without the 1 (paper, section IV-A) to out; returns the curve's end."""
+    for k in range(markers.shape[0]):
+        out[k] = 0.0
+    x, y, theta = start[0], start[1], start[2]
+    for p in range(length.shape[0]):
+        for k in range(markers.shape[0]):
+            out[k] += turns_of_piece(x, y, theta, curvature[p], length[p], markers[k, 0], markers[k, 1])
+        x, y, theta = along(x, y, theta, curvature[p], length[p])
+    return x, y
+
+
+@kernel
+def cut(length, limit, out):  # type: ignore[no-untyped-def]
+    """Piece lengths (P,) of the part of a curve before arc length `limit`, written to out."""
+    left = limit
+    for p in range(length.shape[0]):
+        out[p] = max(0.0, min(length[p], left))
+        left -= length[p]
+
+
+def trace(start: Array, curvature: Array, length: Array, spacing: float) -> Array:
+    """One curve as a polyline (l, 2) [m]; points on arcs are at most `spacing` m apart."""
+    x, y, theta = (float(v) for v in start)
+    points = [(x, y)]
+    for kappa, total in zip(curvature, length, strict=True):
+        if total <= 0:
+            continue
+        parts = 1 if kappa == 0 else max(1, int(np.ceil(total / spacing)))
+        for i in range(1, parts + 1):
+            points.append(along(x, y, theta, kappa, total * i / parts)[:2])
+        x, y, theta = along(x, y, theta, kappa, total)
+    polyline: NDArray[np.float64] = np.array(points)
+    return polyline

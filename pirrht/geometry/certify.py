@@ -1,0 +1,103 @@
+"""What the clearance field certifies: points, segments and curves that are free, or blocked beyond doubt."""
+
+from __future__ import annotations
+
+import math
+
+from pirrht.compiled.addresses import load_float32
+from pirrht.compiled.jit import kernel
+from pirrht.geometry.arcs import along
+from pirrht.geometry.field import _closest, border, clearance
+
+FREE, UNSURE, BLOCKED = 1, 0, -1
+
+
+LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m] is left to FCL
+
+
+@kernel
+def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
+    """Whether the Lipschitz upper bound from the nearest grid point is already negative."""
+    i, j = _closest(field, x, y)
+    gap = math.sqrt((x - field.x0 - i * field.spacing) ** 2 + (y - field.y0 - j * field.spacing) ** 2)
+    return load_float32(field.nearest, i * field.ny + j) + gap + field.spacing < 0.0
+
+
+@kernel
+def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for the segment ab: discs of certified clearance must cover it."""
+    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+    if length == 0.0:
+        return FREE if clearance(field, ax, ay) > 0.0 else UNSURE
+    ux, uy = (bx - ax) / length, (by - ay) / length
+    s = 0.0
+    while True:
+        x, y = ax + s * ux, ay + s * uy
+        c = clearance(field, x, y)
+        if c < LEAST_STEP:
+            if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y):
+                return BLOCKED
+            return UNSURE
+        if s >= length:
+            return FREE
+        s = min(s + c, length)
+
+
+@kernel
+def certify_point(field, x, y):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for one position."""
+    if clearance(field, x, y) > 0.0:
+        return FREE
+    return BLOCKED if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y) else UNSURE
+
+
+@kernel
+def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for one curve: discs of certified clearance must cover it.
+
+    Where they do not, the walk goes on in small steps: most such curves soon enter an obstacle beyond doubt.
+    """
+    x, y, theta = start[0], start[1], start[2]
+    verdict = FREE
+    for p in range(length.shape[0]):
+        s, kappa, ux, uy = 0.0, curvature[p], math.cos(theta), math.sin(theta)
+        while True:
+            if abs(kappa) * s < 1e-9:
+                px, py = x + s * ux, y + s * uy
+            else:
+                end = theta + kappa * s
+                px, py = x + (math.sin(end) - uy) / kappa, y - (math.cos(end) - ux) / kappa
+            c = clearance(field, px, py)
+            if c < LEAST_STEP:
+                if border(field, px, py) <= 0.0 or _surely_blocked(field, px, py):
+                    return BLOCKED
+                verdict = UNSURE
+                c = 0.5 * field.spacing
+            if s >= length[p]:
+                break
+            s = min(s + c, length[p])
+        if p + 1 < length.shape[0]:
+            x, y, theta = along(x, y, theta, kappa, length[p])
+    return verdict
+
+
+@kernel
+def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def]
+    """Whether the field alone certifies a curve; it does not tell blocked from unsure."""
+    x, y, theta = start[0], start[1], start[2]
+    for p in range(length.shape[0]):
+        kappa, total = curvature[p], length[p]
+        turns = abs(kappa) * total >= 1e-9
+        ux, uy = math.cos(theta), math.sin(theta)
+        s = 0.0
+        while s < total:
+            if turns:
+                end = theta + kappa * s
+                c = clearance(field, x + (math.sin(end) - uy) / kappa, y - (math.cos(end) - ux) / kappa)
+            else:
+                c = clearance(field, x + s * ux, y + s * uy)
+            if c < LEAST_STEP:
+                return False
+            s += c
+        x, y, theta = along(x, y, theta, kappa, total)
+    return clearance(field, x, y) >= LEAST_STEP

@@ -1,0 +1,229 @@
+"""The clearance field: FCL sampled once on a grid, so that a million queries cost milliseconds.
+
+The distance to a convex solid is convex with second derivatives of at most 1/distance, so bilinear interpolation
+of the distance to the nearest of several solids is too high by at most h^2 / (4 d). That bound is subtracted: the
+field never claims more clearance than there is. The border of the workspace is exact and kept out of the grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.compiled.addresses import load_float32, load_int32
+from pirrht.compiled.float32 import ONE
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.scene import Scene
+
+LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
+BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
+REACH = 1.0  # the field is cut off at this clearance [m]; exits and bridges are decided far below it
+NOTHING = 1e6  # clearance where there are no obstacles at all [m]
+
+
+class Samples(NamedTuple):
+    """Clearance of the robot's centre on a grid of nx * ny points, as numbers that kernels can take cheaply."""
+
+    x0: float  # position of sample (0, 0) [m]
+    y0: float
+    spacing: float  # h [m]
+    per: float  # 1/h [1/m]
+    nx: int
+    ny: int
+    nearest: int  # address of float32 (nx, ny): clearance to the nearest component, never too high [m]
+    second: int  # address of float32 (nx, ny): clearance to the second nearest component [m]
+    label: int  # address of int32 (nx, ny): index of the nearest component
+    left: float  # border of the workspace [m]
+    low: float
+    right: float
+    high: float
+
+
+class Field(Samples):
+    """The same together with the arrays that the addresses point to."""
+
+    arrays: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # nearest, second, label
+
+    @classmethod
+    def of(cls, scene: Scene, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
+        """Take hold of samples (nx, ny) that start at the workspace's least corner."""
+        arrays = (
+            np.ascontiguousarray(nearest, dtype=np.float32),
+            np.ascontiguousarray(second, dtype=np.float32),
+            np.ascontiguousarray(label, dtype=np.int32),
+        )
+        corner, end = scene.lower.astype(float), scene.upper.astype(float)
+        addresses = (array.ctypes.data for array in arrays)
+        field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *nearest.shape, *addresses, *corner, *end)
+        field.arrays = arrays
+        return field
+
+
+def build_field(scene: Scene, collision: Collision, groups: Sequence[Sequence[int]]) -> Field:
+    """Sample FCL near the obstacles, coarser farther away; `groups` are the components (lists of obstacles)."""
+    h = scene.robot_radius / 8.0
+    span = scene.upper - scene.lower
+    h = float(max(h, span.max() / 4000.0))
+    coarse = h * 2 ** (LEVELS - 1)
+    shape = np.ceil(span / coarse).astype(int) + 1
+    r = scene.robot_radius
+    sample = _Sampler(scene, collision, groups)
+    known = np.ones(tuple(shape), dtype=bool)
+    nearest, second, label = sample.at(coarse, known, None)
+    width = coarse
+    for _ in range(LEVELS - 1):
+        margin = width**2 / (4.0 * np.maximum(_least(nearest) + r - np.sqrt(2.0) * width, 0.5 * r))
+        refine = _refine(nearest, width)
+        width /= 2.0
+        near_guess, second_guess = _upsample(nearest) - _fill(margin), _upsample(second)
+        label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[: near_guess.shape[0], : near_guess.shape[1]]
+        guess = (near_guess, second_guess, label_guess.copy())
+        guess[0][::2, ::2] = nearest
+        nearest, second, label = sample.at(width, refine, guess)
+    final = width**2 / (4.0 * np.maximum(nearest + r, r) - 4.0 * np.sqrt(2.0) * width)
+    return Field.of(scene, float(width), nearest - final, second - final, label)
+
+
+class _Sampler:
+    """Asks FCL for the grid points of one level that a mask selects."""
+
+    def __init__(self, scene: Scene, collision: Collision, groups: Sequence[Sequence[int]]) -> None:
+        self.scene, self.collision, self.groups = scene, collision, groups
+
+    def at(
+        self, width: float, mask: NDArray[np.bool_], guess: tuple[Array, Array, NDArray[np.int64]] | None
+    ) -> tuple[Array, Array, NDArray[np.int64]]:
+        index = np.argwhere(mask)
+        points = self.scene.lower + index * width
+        r = self.scene.robot_radius
+        reach = REACH
+        if guess is None:
+            shape = mask.shape
+            far = REACH if self.groups else NOTHING
+            guess = (np.full(shape, far), np.full(shape, far), np.full(shape, -1, dtype=np.int64))
+        else:
+            reach = min(REACH, 2.0 * (BAND + 1.5) * width)  # no nearest component of a refined cell is farther
+        nearest, second, label = guess
+        if len(points) and self.groups:
+            one, two, which = self.collision.nearest_groups(points, self.groups, reach + r)
+            nearest[mask], label[mask] = one - r, which
+            second[mask] = np.where(two < reach + r, two - r, np.maximum(second[mask], reach))
+        return nearest, second, label
+
+
+def _least(values: Array) -> Array:
+    """Least corner of each cell."""
+    least: Array = np.minimum(
+        np.minimum(values[:-1, :-1], values[1:, :-1]), np.minimum(values[:-1, 1:], values[1:, 1:])
+    )
+    return least
+
+
+def _refine(nearest: Array, width: float) -> NDArray[np.bool_]:
+    """Which points of the next finer grid lie in a cell that holds, or is close to, the surface."""
+    cell = _least(nearest) < BAND * width
+    deep = -_least(-nearest) < -1.5 * width
+    cell &= ~deep
+    fine = np.zeros(tuple(2 * s - 1 for s in nearest.shape), dtype=bool)
+    block = np.repeat(np.repeat(cell, 2, axis=0), 2, axis=1)
+    for i in (0, 1):
+        for j in (0, 1):
+            fine[i : i + block.shape[0], j : j + block.shape[1]] |= block
+    fine[::2, ::2] = False
+    return fine
+
+
+def _upsample(values: Array) -> Array:
+    fine = np.empty(tuple(2 * s - 1 for s in values.shape))
+    fine[::2, ::2] = values
+    fine[1::2, ::2] = 0.5 * (values[:-1] + values[1:])
+    fine[::2, 1::2] = 0.5 * (values[:, :-1] + values[:, 1:])
+    fine[1::2, 1::2] = 0.25 * (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:])
+    return fine
+
+
+def _fill(margin: Array) -> Array:
+    """Spread a bound per cell to the points of the next finer grid (the largest of the cells around)."""
+    fine = np.zeros(tuple(2 * s + 1 for s in margin.shape))
+    block = np.repeat(np.repeat(margin, 2, axis=0), 2, axis=1)
+    for i in (0, 1):
+        for j in (0, 1):
+            view = fine[i : i + block.shape[0], j : j + block.shape[1]]
+            np.maximum(view, block, out=view)
+    return fine
+
+
+@inlined
+def border(field, x, y):  # type: ignore[no-untyped-def]
+    """Distance of (x, y) to the border of the workspace, negative outside [m]."""
+    return min(min(x - field.left, field.right - x), min(y - field.low, field.high - y))
+
+
+@inlined
+def cell_of(field, x, y):  # type: ignore[no-untyped-def]
+    """Index of the cell's first sample in a grid, and where (x, y) lies in the cell, each from 0 to 1."""
+    fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
+    i = min(max(np.int32(fx), np.int32(0)), np.int32(field.nx - 2))
+    j = min(max(np.int32(fy), np.int32(0)), np.int32(field.ny - 2))
+    return i * np.int32(field.ny) + j, fx - np.float32(i), fy - np.float32(j)
+
+
+@inlined
+def bilinear(a, b, c, d, u, v):  # type: ignore[no-untyped-def]
+    """Value in a cell with corner values a, b in the first column and c, d in the second."""
+    low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
+    return low * (ONE - u) + high * u
+
+
+@inlined
+def bilinear_slope(a, b, c, d, u, v, per):  # type: ignore[no-untyped-def]
+    """The same and its gradient, with `per` cells per meter."""
+    low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
+    return low * (ONE - u) + high * u, (high - low) * per, ((b - a) * (ONE - u) + (d - c) * u) * per
+
+
+@inlined
+def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
+    at, u, v = cell_of(field, x, y)
+    a, b = load_float32(grid, at), load_float32(grid, at + 1)
+    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
+    return bilinear(a, b, c, d, u, v)
+
+
+@inlined
+def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
+    """The same and its gradient."""
+    at, u, v = cell_of(field, x, y)
+    a, b = load_float32(grid, at), load_float32(grid, at + 1)
+    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
+    return bilinear_slope(a, b, c, d, u, v, field.per)
+
+
+@inlined
+def _closest(field, x, y):  # type: ignore[no-untyped-def]
+    """Indices of the grid point closest to (x, y)."""
+    i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
+    j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
+    return i, j
+
+
+@kernel
+def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
+    """Component that is nearest at the grid point closest to (x, y)."""
+    i, j = _closest(field, x, y)
+    return load_int32(field.label, i * field.ny + j)
+
+
+@inlined
+def clearance(field, x, y):  # type: ignore[no-untyped-def]
+    """A lower bound of the clearance at (x, y), border included [m]."""
+    edge = border(field, x, y)
+    if edge <= 0.0:
+        return edge
+    return min(edge, interpolate(field, field.nearest, x, y))

@@ -1,0 +1,93 @@
+"""Scenes as plain values: what stands where, where the robot starts and where it should go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+
+
+class Kind(Enum):
+    """Shapes an obstacle can have; sizes are MuJoCo's (half sizes, radius and half length, half axes)."""
+
+    BOX = "box"
+    CYLINDER = "cylinder"
+    SPHERE = "sphere"
+    CAPSULE = "capsule"
+    ELLIPSOID = "ellipsoid"
+    MESH = "mesh"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Obstacle:
+    """One convex solid, fixed in the world."""
+
+    name: str
+    kind: Kind
+    size: Array  # (3,) MuJoCo's sizes of the kind [m]; unused for a mesh
+    position: Array  # (3,) centre [m]
+    rotation: Array  # (3, 3) body axes in world coordinates
+    vertices: Array | None = None  # (k, 3) corners of a mesh's convex hull in its own frame [m]
+    faces: NDArray[np.int64] | None = None  # (l, 3) triangles of that hull
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Goal:
+    """The disc the robot's centre has to reach."""
+
+    center: Array  # (2,) [m]; the paper's goal representative point
+    radius: float  # [m]
+
+    def contains(self, position: Array) -> NDArray[np.bool_]:
+        """Whether positions (..., 2) lie in the closed disc, (...,)."""
+        inside: NDArray[np.bool_] = np.hypot(*np.moveaxis(position - self.center, -1, 0)) <= self.radius
+        return inside
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scene:
+    """A planar workspace with solid obstacles for a robot that plans as a sphere."""
+
+    name: str
+    lower: Array  # (2,) least corner of the box that holds the robot's centre [m]
+    upper: Array  # (2,) greatest corner [m]
+    obstacles: tuple[Obstacle, ...]
+    goal: Goal
+    start: Array  # (3,) x, y [m], heading [rad]
+    robot_radius: float  # [m]
+    robot_height: float = 0.1  # height of the sphere's centre above the ground [m]
+    defaults: dict[str, float] = field(default_factory=dict)  # option name -> value the scene asks for
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.robot_radius) and self.robot_radius > 0):
+            raise SceneError(f"{self.name}: the robot radius is {self.robot_radius:g}; it must be positive")
+        if not (np.isfinite(self.goal.radius) and self.goal.radius > 0):
+            raise SceneError(f"{self.name}: the goal radius is {self.goal.radius:g}; it must be positive")
+        if not np.all(self.lower < self.upper):
+            raise SceneError(f"{self.name}: the workspace is empty, from {self.lower} to {self.upper}")
+        for what, point in (("start", self.start), ("goal", self.goal.center)):
+            if not (np.all(np.isfinite(point)) and self.contains(point[:2])):
+                raise SceneError(
+                    f"{self.name}: the {what} ({point[0]:g}, {point[1]:g}) lies outside the workspace "
+                    f"[{self.lower[0]:g}, {self.upper[0]:g}] x [{self.lower[1]:g}, {self.upper[1]:g}]"
+                )
+
+    def contains(self, position: Array) -> bool:
+        """Whether a robot centre (2,) lies strictly inside the workspace."""
+        return bool(np.all(position > self.lower) and np.all(position < self.upper))
+
+    def with_task(
+        self, *, start: Array | None = None, goal: Goal | None = None, robot_radius: float | None = None
+    ) -> Scene:
+        """The same obstacles with another start, goal or robot radius."""
+        return replace(
+            self,
+            start=self.start if start is None else start,
+            goal=self.goal if goal is None else goal,
+            robot_radius=self.robot_radius if robot_radius is None else robot_radius,
+        )

@@ -1,0 +1,284 @@
+"""Compiled local optimisation of a car's trajectory, and the linear feedback that holds noisy paths near it.
+
+Differential dynamic programming (Mayne, Int. J. Control 1966) on the very steps that the rollouts take: theta' =
+theta + g u dt, and the position moves by V dt along the heading in between. The running cost is q + R u^2 / 2 and a
+price on clearances that noise would use up. The quadratic model of the cost-to-go yields u = u_ref + K (x - x_ref).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.arcs import entry_of_piece
+from pirrht.geometry.field import border, with_slope
+from pirrht.rollouts.first_exit import COLLISION, sweep_exit
+from pirrht.rollouts.tracking import STEEP, homing, wrapped
+from pirrht.topology.cuts import key_of_segment
+
+LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
+HALVINGS = 6
+
+
+class Car(NamedTuple):
+    """The numbers of a problem with unicycle dynamics that guides are optimised for."""
+
+    speed: float  # V [m/s]
+    gain: float  # g = 1/rho, turn rate per control [rad/s]
+    effort: float  # R
+    rate: float  # q [cost/s]
+    margin: float  # clearance below which a point costs something [m]
+    least: float  # clearance below which the barrier goes on as a parabola [m]
+    price: float  # cost rate of the barrier at a clearance of 1 m [cost/s]
+    spacing: float  # at most, of the points of a step whose clearance is priced [m]
+    tolerance: float  # an expected gain below this ends the iterations [cost]
+
+
+@inlined
+def _points(car, dt):  # type: ignore[no-untyped-def]
+    """Points at which the clearance of a step is priced; its end is the last."""
+    return max(1, math.ceil(car.speed * dt / car.spacing - 1e-9))
+
+
+@inlined
+def _barrier(c, margin, least):  # type: ignore[no-untyped-def]
+    """c^(-2/3) with its tangent at the margin taken off, and its first two derivatives; quadratic below `least`."""
+    if c >= margin:
+        return 0.0, 0.0, 0.0
+    at = max(c, least)
+    root, edge = at ** (-2.0 / 3.0), margin ** (-2.0 / 3.0)
+    rise, bend = -2.0 / 3.0 * root / at, 10.0 / 9.0 * root / (at * at)
+    down = -2.0 / 3.0 * edge / margin
+    below = c - at
+    value = root + rise * below + 0.5 * bend * below * below - edge - down * (c - margin)
+    return value, rise + bend * below - down, bend
+
+
+@kernel
+def _price(field, margin, least, x, y):  # type: ignore[no-untyped-def]
+    """Barrier against the two nearest components and the border at (x, y).
+
+    Returns: value, gradient (x, y) and Gauss-Newton Hessian (xx, xy, yy).
+    """
+    value, px, py, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if border(field, x, y) < margin:
+        for side in range(4):
+            c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
+            gx, gy = (1.0, -1.0, 0.0, 0.0)[side], (0.0, 0.0, 1.0, -1.0)[side]
+            p, d, h = _barrier(c, margin, least)
+            value, px, py = value + p, px + d * gx, py + d * gy
+            xx, yy = xx + h * gx * gx, yy + h * gy * gy
+    c, gx, gy = with_slope(field, field.nearest, x, y)
+    if c < margin:
+        for k in range(2):
+            if k == 1:
+                c, gx, gy = with_slope(field, field.second, x, y)
+            p, d, h = _barrier(c, margin, least)
+            value, px, py = value + p, px + d * gx, py + d * gy
+            xx, xy, yy = xx + h * gx * gx, xy + h * gx * gy, yy + h * gy * gy
+    return value, px, py, xx, xy, yy
+
+
+@kernel
+def roll(world, car, times, nominal, control, change, gains, length, step, states, applied):  # type: ignore[no-untyped-def]
+    """Drive from nominal[0] under u = control + step * change + K (x - nominal); past `length` towards the goal centre.
+
+    Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced.
+    """
+    gx, gy = world.goal
+    field = world.field
+    x, y, theta = states[0, 0], states[0, 1], states[0, 2]
+    cost, priced = 0.0, 0.0
+    for i in range(times.shape[0] - 1):
+        dt = times[i + 1] - times[i]
+        s = entry_of_piece(x, y, theta, 0.0, car.speed * dt, gx, gy, world.goal_radius)
+        if s < np.inf:
+            share = car.rate * s / car.speed
+            applied[i] = 0.0
+            return i, cost + share, priced + share
+        if i < length:
+            u = control[i] + step * change[i]
+            u += gains[i, 0] * (x - nominal[i, 0]) + gains[i, 1] * (y - nominal[i, 1])
+            u += gains[i, 2] * wrapped(theta - nominal[i, 2])
+        else:
+            u = homing(x, y, theta, gx, gy, world.goal_radius, car.gain) / car.gain
+        u = max(-STEEP, min(STEEP, u))
+        applied[i] = u
+        running = (car.rate + 0.5 * car.effort * u * u) * dt
+        cost, priced = cost + running, priced + running
+        middle = theta + 0.5 * car.gain * u * dt
+        dx, dy = car.speed * math.cos(middle), car.speed * math.sin(middle)
+        points = _points(car, dt)
+        for k in range(1, points + 1):
+            t = dt * k / points
+            value, _, _, _, _, _ = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
+            priced += car.price * value * dt / points
+        x, y, theta = x + dx * dt, y + dy * dt, theta + car.gain * u * dt
+        states[i + 1, 0], states[i + 1, 1], states[i + 1, 2] = x, y, theta
+    return -1, np.inf, np.inf
+
+
+@kernel
+def _arrival(world, car, x, y, theta):  # type: ignore[no-untyped-def]
+    """Cost q s / V of the way s to the goal's rim straight ahead: gradient (3) and Hessian (6) in x, y, theta."""
+    gx, gy = world.goal
+    radius = world.goal_radius
+    tx, ty = math.cos(theta), math.sin(theta)
+    along = (gx - x) * tx + (gy - y) * ty
+    off = max(radius * radius - (gx - x) ** 2 - (gy - y) ** 2 + along * along, 1e-4 * radius * radius)
+    s = along - math.sqrt(off)
+    nx, ny = (x + s * tx - gx) / radius, (y + s * ty - gy) / radius
+    head, side = nx * tx + ny * ty, -nx * ty + ny * tx
+    head = min(head, -0.05)
+    sx, sy, st = -nx / head, -ny / head, -s * side / head
+    # The hit point moves by h = [I, s t'] + t (sx, sy, st); differentiating |hit - g|^2 = r^2 twice gives the Hessian.
+    h00, h01, h02 = 1.0 + tx * sx, tx * sy, -s * ty + tx * st
+    h10, h11, h12 = ty * sx, 1.0 + ty * sy, s * tx + ty * st
+    scale = -1.0 / (radius * head)
+    xx = scale * (h00 * h00 + h10 * h10)
+    xy = scale * (h00 * h01 + h10 * h11)
+    yy = scale * (h01 * h01 + h11 * h11)
+    xt = scale * (h00 * h02 + h10 * h12 + radius * side * sx)
+    yt = scale * (h01 * h02 + h11 * h12 + radius * side * sy)
+    tt = scale * (h02 * h02 + h12 * h12 + radius * (2.0 * side * st - s * head))
+    w = car.rate / car.speed
+    return w * sx, w * sy, w * st, w * xx, w * xy, w * xt, w * yy, w * yt, w * tt
+
+
+@kernel
+def sweep_back(world, car, times, states, control, length, damping, change, gains, spread):  # type: ignore[no-untyped-def]
+    """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost]."""
+    field = world.field
+    v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
+        world, car, states[length, 0], states[length, 1], states[length, 2]
+    )
+    expected = 0.0
+    for i in range(length - 1, -1, -1):
+        dt = times[i + 1] - times[i]
+        h = 0.5 * car.gain * dt
+        x, y, middle = states[i, 0], states[i, 1], states[i, 2] + h * control[i]
+        dx, dy = car.speed * math.cos(middle), car.speed * math.sin(middle)
+        a, b = -dy * dt, dx * dt  # how the next position moves with the heading in between
+        # First the cost-to-go as a function of x, y, the heading t in between and the next heading v2 belongs to.
+        g0, g1, gt = v0, v1, a * v0 + b * v1
+        m00, m01, m11 = s00, s01, s11
+        m0t, m1t = a * s00 + b * s01, a * s01 + b * s11
+        mtt = a * m0t + b * m1t - (v0 * dx + v1 * dy) * dt
+        cross = a * s02 + b * s12
+        points = _points(car, dt)
+        for k in range(1, points + 1):
+            t = dt * k / points
+            value, px, py, xx, xy, yy = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
+            if value > 0.0:
+                w = car.price * dt / points
+                jx, jy = -t * dy, t * dx
+                g0, g1, gt = g0 + w * px, g1 + w * py, gt + w * (px * jx + py * jy)
+                m00, m01, m11 = m00 + w * xx, m01 + w * xy, m11 + w * yy
+                m0t, m1t = m0t + w * (xx * jx + xy * jy), m1t + w * (xy * jx + yy * jy)
+                mtt += w * (xx * jx * jx + 2.0 * xy * jx * jy + yy * jy * jy - t * (px * dx + py * dy))
+        # Then as a function of x, y, theta and u: t = theta + h u, and the next heading is theta + 2 h u.
+        q0, q1, q2 = g0, g1, gt + v2
+        m02, m12, m22 = m0t + s02, m1t + s12, mtt + 2.0 * cross + s22
+        c0, c1 = h * (m0t + 2.0 * s02), h * (m1t + 2.0 * s12)
+        c2 = h * (mtt + 3.0 * cross + 2.0 * s22)
+        slope = car.effort * control[i] * dt + h * (gt + 2.0 * v2)
+        bow = car.effort * dt * (1.0 + damping) + h * h * (mtt + 4.0 * cross + 4.0 * s22)
+        bow = max(bow, LEAST_CURVATURE * car.effort * dt)
+        step = -slope / bow
+        k0, k1, k2 = -c0 / bow, -c1 / bow, -c2 / bow
+        change[i], gains[i, 0], gains[i, 1], gains[i, 2] = step, k0, k1, k2
+        spread[i] = math.sqrt(min(1.0, car.effort * dt / bow))
+        expected -= 0.5 * slope * step
+        # With the bow above as the curvature in u, the best response leaves the Schur complement.
+        v0, v1, v2 = q0 + c0 * step, q1 + c1 * step, q2 + c2 * step
+        s00, s01, s02 = m00 + c0 * k0, m01 + c0 * k1, m02 + c0 * k2
+        s11, s12, s22 = m11 + c1 * k1, m12 + c1 * k2, m22 + c2 * k2
+    return expected
+
+
+@kernel
+def class_of(world, states, length):  # type: ignore[no-untyped-def]
+    """Additive class key of the first `length` steps, counted at the cuts as the rollouts do."""
+    key = np.int64(0)
+    for i in range(length):
+        key += key_of_segment(world.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
+    return key
+
+
+@kernel
+def is_free(world, states, length):  # type: ignore[no-untyped-def]
+    """Whether the first `length` steps touch nothing."""
+    for i in range(length):
+        outcome, _ = sweep_exit(
+            world.field, world.goal, world.goal_radius,
+            states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1],
+        )  # fmt: skip
+        if outcome == COLLISION:
+            return False
+    return True
+
+
+@kernel
+def optimise(world, car, times, key, rounds, states, control, gains, spread, length):  # type: ignore[no-untyped-def]
+    """Improve a trajectory of class `key` in place; once it is of its class, or touches nothing besides, it stays so.
+
+    Args:
+        times: (T+1,) ends of the steps [s].
+        key: additive class key that the result must have.
+        rounds: at most so many backward passes.
+        states: (T+1, 3) the trajectory followed, its first row the start; overwritten.
+        control: (T,) its controls; overwritten.
+        gains: (T, 3) feedback along it, used until the first backward pass; overwritten.
+        spread: (T,) standard deviation left to the noise by what comes later, as a share of the passive one; output.
+        length: steps that it prescribes.
+
+    Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced,
+        backward passes, whether it is of its class and touches nothing.
+    """
+    T = control.shape[0]
+    change, other, tried = np.zeros(T), np.zeros((T + 1, 3)), np.zeros(T)
+    for j in range(3):
+        other[0, j] = states[0, j]
+    steps, cost, priced = roll(world, car, times, states, control, change, gains, length, 0.0, other, tried)
+    if steps < 0:
+        return -1, np.inf, np.inf, 0, False
+    for i in range(T):
+        control[i] = tried[i]
+        for j in range(3):
+            states[i + 1, j] = other[i + 1, j]
+    right = class_of(world, states, steps) == key
+    sound = right and is_free(world, states, steps)
+    damping, done, again = 0.0, 0, False
+    for _ in range(rounds):
+        done += 1
+        expected = sweep_back(world, car, times, states, control, steps, damping, change, gains, spread)
+        if expected < car.tolerance:
+            break
+        better, step = False, 1.0
+        for _ in range(HALVINGS):
+            n, c, p = roll(world, car, times, states, control, change, gains, steps, step, other, tried)
+            if n >= 0 and p < priced - 0.1 * step * expected:
+                same = class_of(world, other, n) == key
+                clear = same and is_free(world, other, n)
+                if clear or (not sound and (same or not right)):
+                    better, right, sound, steps, cost, priced = True, same, clear, n, c, p
+                    break
+            step *= 0.5
+        if better:
+            for i in range(T):
+                control[i] = tried[i]
+                for j in range(3):
+                    states[i + 1, j] = other[i + 1, j]
+            damping = 0.0 if damping < 0.01 else damping / 8.0
+            again = damping > 0.0
+        else:
+            damping = max(0.1, 8.0 * damping)
+            if damping > 1e4:
+                if not again:
+                    break
+                damping, again = 0.0, False  # what was too bold where the damping rose may not be so here
+    sweep_back(world, car, times, states, control, steps, 0.0, change, gains, spread)
+    return steps, cost, priced, done, sound

@@ -1,0 +1,224 @@
+"""Guides of a car: per class a trajectory of least cost near the reference, with feedback that holds samples near it.
+
+A Dubins curve is a poor thing to sample around: it minimises time, turns at full lock and grazes the obstacles, while
+the problem also charges u'Ru/2 and the noise needs room. In `clutter` its cost exceeds the value by hundreds of
+lambda, and open loop the heading diffuses. A guide starts from the curve, or from what was left of the last guide of
+its class, and is improved on the rollouts' own steps (`riccati`); samples then follow u_ref + K (x - x_ref), and what
+they deviate from the passive dynamics is weighed exactly.
+
+With little noise the price on clearance is a wall of its own, a few millimetres thin, along which descent creeps: from
+a curve in narrow passages hundreds of rounds end far above the optimum. As in interior point methods (Fiacco and
+McCormick 1968) a cold start is therefore optimised for more noise first, and from there on for less.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.geometry.arcs import Curves
+from pirrht.geometry.field import clearance
+from pirrht.guidance.ddp import Car, optimise
+from pirrht.problem import Problem
+from pirrht.rollouts.backend import World
+from pirrht.steering.trajectory import Trajectory
+from pirrht.systems.unicycle import Unicycle
+
+COLD = ((100.0, 60), (10.0, 30), (1.0, 150))  # from a curve: so many lambda, and backward passes at most
+WARM = ((1.0, 8),)  # from the last guide
+NONE = ((1.0, 0),)
+TOLERANCE = 0.01  # a round that is expected to gain less than this many lambda is the last
+BARRIER = 3.0  # lambda / (time in which noise carries a car over its clearance) costs so much; tuned for even weights
+MARGIN = 20.0  # boundary layers beyond which a wall costs nothing
+PARABOLA = 0.2  # boundary layers below which the barrier rises no steeper than a parabola
+SAG = 0.25  # boundary layers by which a wall may bulge towards a path between two points that are priced
+WILD = 1e4  # a guide with larger gains is none: its cost-to-go has no minimum there
+FEW = 30  # samples around references that can hardly carry weight
+HOPELESS = 60.0  # those whose guide costs so many lambda, and this share of the least cost, more than the cheapest
+SHARE = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Guide:
+    """A trajectory of one class and the feedback around it, on the grid of the rollouts."""
+
+    times: Array  # (T+1,) ends of the steps [s]
+    states: Array  # (T+1, 3)
+    control: Array  # (T,)
+    gains: Array  # (T, 3) K of u = control + K (x - states)
+    spread: Array  # (T,) standard deviation of the samples' noise as a share of the passive one
+    length: int  # steps until the one that enters the goal
+    cost: float  # integral of q + u'Ru/2 up to the goal
+    priced: float  # the same with clearance priced: it differs from the value by about the same in every class
+    valid: bool  # whether it touches nothing and is of its class
+
+    def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
+        """What is left of it after some time [s], as arcs into the goal around the centre (2,); None if nothing."""
+        passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
+        if passed >= self.length:
+            return None
+        part = slice(passed, self.length)
+        steps = np.diff(self.times)[part]
+        ahead = self.states[self.length]
+        start = np.vstack([self.states[part], ahead])
+        travel = np.hypot(*np.diff(start[:, :2], axis=0).T)
+        turn = np.append(np.diff(start[:, 2]), 0.0)
+        left = float(np.hypot(*(goal - ahead[:2])))
+        length = np.append(travel, left)
+        speed = float(travel.sum() / steps.sum())
+        whole = float(length.sum())
+        return Trajectory(
+            controls=np.append(self.control[part], 0.0)[:, None],
+            durations=np.append(steps, left / speed),
+            path=Curves(
+                start=start, curvature=(turn / length)[:, None], length=length[:, None], cost=length,
+                tails=start, heads=np.vstack([start[1:], ahead]),
+            ),
+            cost=whole / speed,
+            length=whole,
+        )  # fmt: skip
+
+
+class Guidance:
+    """Makes guides for the references of one problem."""
+
+    def __init__(self, problem: Problem, world: World) -> None:
+        assert self.suits(problem)
+        self.problem, self.world = problem, world
+        self.cars = {warmth: self._car(warmth) for warmth, _ in COLD}
+        self.car = self.cars[1.0]
+
+    def _car(self, warmth: float) -> Car:
+        """What is minimised if lambda were `warmth` times what it is."""
+        d = self.problem.dynamics
+        assert isinstance(d, Unicycle)
+        temperature = warmth * self.problem.temperature
+        layer = boundary_layer(self.problem) * warmth**0.6
+        return Car(
+            speed=d.V,
+            gain=1.0 / d.rho,
+            effort=float(self.problem.control_cost(np.zeros(3))[0, 0]),
+            rate=self.problem.least_rate,
+            margin=MARGIN * layer,
+            least=PARABOLA * layer,
+            price=BARRIER * temperature * (d.b * d.V) ** (2.0 / 3.0),
+            spacing=math.sqrt(8.0 * wall_radius(self.problem) * SAG * layer),
+            tolerance=TOLERANCE * temperature,
+        )
+
+    @staticmethod
+    def suits(problem: Problem) -> bool:
+        """Whether guides can be made: the car's dynamics and constant costs."""
+        return isinstance(problem.dynamics, Unicycle) and not callable(problem.q) and not callable(problem.R)
+
+    def warm_up(self, x: Array) -> None:
+        """Compile the optimisation."""
+        self._from(x, np.arange(3.0), 0, (np.zeros((3, 3)), np.zeros(2), np.zeros((2, 3)), 1), WARM)
+
+    def improve(
+        self, x: Array, times: Array, key: int, trajectory: Trajectory, last: Guide | None = None, elapsed: float = 0.0
+    ) -> Guide | None:
+        """A guide from x (3,) in the class with this additive key; None if it does not arrive within `times`.
+
+        Args:
+            times: ends of the rollout steps, (T+1,) from 0 [s].
+            trajectory: the reference.
+            last: the guide of the same class made `elapsed` [s] ago.
+
+        If the improvement leaves the class or touches something, samples follow the curve itself, with feedback; but
+        where noise has carried the robot into a wall's zone the last guide is the way out of it.
+        """
+        guide = None
+        if last is not None:
+            guide = self._from(x, times, key, _shifted(last, times, elapsed), WARM)
+            if guide is not None and guide.valid:
+                return guide
+        if guide is not None and not self.free(x):
+            return guide
+        guide = self._from(x, times, key, _along(trajectory, times), COLD)
+        if guide is None or guide.valid:
+            return guide
+        return self._from(x, times, key, _along(trajectory, times), NONE)
+
+    def free(self, x: Array) -> bool:
+        """Whether the clearance field leaves room at x (3,); if not, no guide from there is valid."""
+        return bool(clearance(self.world.field, x[0], x[1]) > 0.0)
+
+    def counts(self, guides: Sequence[Guide | None], samples: int) -> list[int]:
+        """Samples around each reference: N, or FEW where a class can hardly carry any weight.
+
+        Classes whose guide costs HOPELESS lambda more than the cheapest weigh about exp(-HOPELESS); a reference without
+        a guide takes longer than any path that weighs anything.
+        """
+        least = min((guide.priced for guide in guides if guide is not None), default=np.inf)
+        bound = least * (1.0 + SHARE) + HOPELESS * self.problem.temperature
+        few = min(FEW, samples)
+        return [
+            samples if least == np.inf or (guide is not None and guide.priced <= bound) else few for guide in guides
+        ]
+
+    def _from(
+        self,
+        x: Array,
+        times: Array,
+        key: int,
+        start: tuple[Array, Array, Array, int],
+        stages: Sequence[tuple[float, int]],
+    ) -> Guide | None:
+        states, control, gains, length = start
+        states[0] = x
+        spread = np.ones(len(control))
+        cost = priced = np.inf
+        sound = False
+        for warmth, rounds in stages:
+            if length < 1:
+                return None
+            length, cost, priced, _, sound = optimise(
+                self.world, self.cars[warmth], times, key, rounds, states, control, gains, spread, length
+            )
+        gains[max(length, 0) :] = 0.0
+        if length < 0 or not np.abs(gains).max() < WILD:
+            return None
+        return Guide(
+            times=times, states=states, control=control, gains=gains, spread=spread, length=length, cost=cost,
+            priced=priced, valid=bool(sound),
+        )  # fmt: skip
+
+
+def boundary_layer(problem: Problem) -> float:
+    """Width [m] over which noise keeps paths off a wall that they would rather follow.
+
+    A wall of curvature 1/r holds a car that saves cost q per second with the force q / (V r); over a distance c
+    that is worth lambda in the time (c / bV)^(2/3) in which noise carries the car so far.
+    """
+    d = problem.dynamics
+    assert isinstance(d, Unicycle)
+    force = problem.least_rate / wall_radius(problem)
+    return float((problem.temperature * (d.b * d.V) ** (2.0 / 3.0) / force) ** 0.6)
+
+
+def wall_radius(problem: Problem) -> float:
+    """Radius of curvature that is assumed of walls [m]."""
+    return max(2.0 * problem.scene.robot_radius, 0.2)
+
+
+def _along(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array, int]:
+    """A tape that drives along a curve."""
+    control = trajectory.tape(times)[:, 0]
+    length = int(np.searchsorted(times, trajectory.durations.sum()))
+    T = len(control)
+    return np.zeros((T + 1, 3)), control, np.zeros((T, 3)), min(length, T)
+
+
+def _shifted(last: Guide, times: Array, elapsed: float) -> tuple[Array, Array, Array, int]:
+    """What is left of a guide after some time, on a new grid."""
+    T = len(times) - 1
+    then = times + elapsed
+    states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
+    at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.control) - 1)
+    length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
+    return states, last.control[at], last.gains[at], min(length, T)

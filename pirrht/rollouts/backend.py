@@ -1,0 +1,52 @@
+"""Compiled rollouts: noisy paths around references, their cost, and how likely each reference makes them.
+
+Everything is expressed in noise units: with a = B_c^-1 G_c u and the path's own increments y = a dt + dw, a step is
+x + f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper, Girsanov's theorem).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import as_jitable
+from pirrht.problem import Problem, unit_rate
+from pirrht.rollouts.general.loops import loops
+from pirrht.rollouts.general.path import any_path
+from pirrht.rollouts.point.block import is_point, sample
+from pirrht.rollouts.point.replay import added, control, trace
+from pirrht.rollouts.records import Guides, Kernels, Paths, World, empty_paths
+
+ALONE = 2400  # samples of a point, many abreast
+
+__all__ = ["Guides", "Kernels", "Paths", "World", "empty_paths", "kernels_for"]
+
+
+def kernels_for(problem: Problem) -> Kernels:
+    """The compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
+    d = problem.dynamics
+    constant = d.constant
+    gain = None if constant else as_jitable(_function(d.control_block))
+    noise = None if constant else as_jitable(_function(d.diffusion_block))
+    q = as_jitable(problem.q) if callable(problem.q) else unit_rate
+    if is_point(d) and not callable(problem.q):
+        return Kernels(sample, control, trace, added, alone=ALONE)
+    one_path, room = any_path(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
+    return loops(one_path, room, d.m)
+
+
+def _function(block: Array | Callable[..., None]) -> Callable[..., None]:
+    return _filling(block.tobytes(), len(block)) if isinstance(block, np.ndarray) else block
+
+
+@cache  # kernels are built once per matrix
+def _filling(data: bytes, m: int) -> Callable[..., None]:
+    matrix = np.frombuffer(data).reshape(m, m)
+
+    def fill(x, p, out):  # type: ignore[no-untyped-def]
+        out[:, :] = matrix
+
+    return fill

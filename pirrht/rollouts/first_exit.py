@@ -1,0 +1,268 @@
+"""First exit within one step of a sampled path (design of the exit rules; paper, eq. 3 and section III-B).
+
+Between two grid points the path is a Brownian bridge. It crosses a flat wall at distances c0 and c1 with probability
+exp(-2 c0 c1 / variance); given that it does, the time of the first crossing is drawn exactly. Where no noise
+acts on the position, the step is a straight segment and is swept through the clearance field instead.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pirrht.compiled.float32 import HALF, INFINITE, ONE, ZERO
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.streams import normals, uniform
+from pirrht.geometry.arcs import entry_of_piece
+from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
+
+INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
+FAR = 40.0  # exponents beyond this are taken as certain survival
+LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
+
+
+@kernel
+def first_crossing(c0, c1, deviation, state):  # type: ignore[no-untyped-def]
+    """Draw the share of the step at which a bridge from distance c0 > 0 first meets the wall, given that it does.
+
+    In the clock s = t / (1 - t) the bridge is a Brownian motion with drift, so s is inverse Gaussian (drawn as by
+    Michael, Schucany and Haas, The American Statistician 1976); an end on the near side counts as its mirror image.
+    Args: distances at both ends (the second may be negative) and the standard deviation of the whole step [m].
+    """
+    shape = (c0 / deviation) ** 2
+    state, z, _ = normals(state)
+    state, u = uniform(state)
+    slope = abs(c1) / c0  # one over the mean of s
+    half = 0.5 * z * z / shape
+    s = 1.0 / (slope + half + math.sqrt(half * (half + 2.0 * slope)))
+    if slope > 0.0 and u * (1.0 + slope * s) > 1.0:
+        s = 1.0 / (slope * slope * s)
+    return state, s / (1.0 + s)
+
+
+@inlined
+def _survival(c0, c1, variance):  # type: ignore[no-untyped-def]
+    """Probability that a bridge between two positive distances misses the wall."""
+    if c1 <= 0.0:
+        return 0.0
+    exponent = 2.0 * c0 * c1 / variance
+    return 1.0 if exponent > FAR else 1.0 - math.exp(-exponent)
+
+
+@kernel
+def _border_survival(field, x, y, nx, ny, vx, vy):  # type: ignore[no-untyped-def]
+    alive = _survival(x - field.left, nx - field.left, vx)
+    alive *= _survival(field.right - x, field.right - nx, vx)
+    alive *= _survival(y - field.low, ny - field.low, vy)
+    return alive * _survival(field.high - y, field.high - ny, vy)
+
+
+@kernel
+def slope_of(field, x, y):  # type: ignore[no-untyped-def]
+    """Unit gradient of the clearance at (x, y), border included; it points away from the nearest wall."""
+    h = 0.5 * field.spacing
+    gx = clearance(field, x + h, y) - clearance(field, x - h, y)
+    gy = clearance(field, x, y + h) - clearance(field, x, y - h)
+    size = math.sqrt(gx * gx + gy * gy)
+    return (gx / size, gy / size) if size > 0.0 else (1.0, 0.0)
+
+
+@inlined
+def survivors_slope(field, reach, widest, x, y):  # type: ignore[no-untyped-def]
+    """Gradient of log erf(c / reach) summed over the two nearest walls [1/m], and the width of the channel between the
+    two [m], infinite if the second is far; c is the clearance.
+
+    Along it, times BB', surviving paths lean away from walls. Nearer than half of `widest`, the deviation of a step,
+    it grows no more.
+    """
+    nearest, second = with_slope(field, field.nearest, x, y), with_slope(field, field.second, x, y)
+    return away(field, reach, widest, x, y, nearest, second)
+
+
+@inlined
+def away(field, reach, widest, x, y, nearest, second):  # type: ignore[no-untyped-def]
+    """The same from the clearances of the nearest and the second nearest component, each with its gradient.
+
+    In single precision, which suffices for a guide.
+    """
+    c, gx, gy = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
+    left, right = np.float32(x - field.left), np.float32(field.right - x)
+    low, high = np.float32(y - field.low), np.float32(field.high - y)
+    per, least = ONE / np.float32(reach), HALF * np.float32(widest)
+    beside, below = min(left, right), min(low, high)
+    edge = min(beside, below)
+    side, level = ONE if left < right else -ONE, ONE if low < high else -ONE
+    gx = gx if edge >= c else (ZERO if below < beside else side)
+    gy = gy if edge >= c else (level if below < beside else ZERO)
+    c = min(c, edge)
+    scale = _slope(max(c, least), per) / math.sqrt(gx * gx + gy * gy + TINY)
+    d, hx, hy = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
+    far = d * per >= WIDE
+    other = _slope(max(d, least), per) / math.sqrt(hx * hx + hy * hy + TINY)
+    other = ZERO if far else other
+    width = INFINITE if far else c + d
+    return scale * gx + other * hx, scale * gy + other * hy, width
+
+
+WIDE, TINY = np.float32(3.0), np.float32(1e-12)
+ODD = tuple(np.float32(2.0 / (2 * k + 1)) for k in range(1, 9))
+
+
+@inlined
+def _slope(c, per):  # type: ignore[no-untyped-def]
+    """Derivative of log erf(c per), within 0.1 % of 1/c: one over the series of erf, which needs no table."""
+    w = (c * per) * (c * per)
+    total = ONE + w * ODD[7]
+    total = ONE + w * ODD[6] * total
+    total = ONE + w * ODD[5] * total
+    total = ONE + w * ODD[4] * total
+    total = ONE + w * ODD[3] * total
+    total = ONE + w * ODD[2] * total
+    total = ONE + w * ODD[1] * total
+    total = ONE + w * ODD[0] * total
+    return ONE / (c * total)
+
+
+@kernel
+def _towards_wall(field, x, y, cov):  # type: ignore[no-untyped-def]
+    """Variance of a step towards the nearest wall."""
+    if cov[1] == 0.0 and cov[0] == cov[2]:
+        return cov[0]
+    gx, gy = slope_of(field, x, y)
+    return max(cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy, LEAST)
+
+
+@kernel
+def _obstacle_survival(field, x, y, nx, ny, c0, c1, variance):  # type: ignore[no-untyped-def]
+    """Probability that a bridge misses the obstacles: each of the two nearest components is a wall of its own."""
+    if c1 <= 0.0:
+        return 0.0
+    d0, d1 = interpolate(field, field.second, x, y), interpolate(field, field.second, nx, ny)
+    if nearest_label(field, x, y) != nearest_label(field, nx, ny):
+        return _survival(c0, d1, variance) * _survival(d0, c1, variance)
+    return _survival(c0, c1, variance) * _survival(d0, d1, variance)
+
+
+@inlined
+def distances(field, goal, radius, x, y):  # type: ignore[no-untyped-def]
+    """How far (x, y) is from the obstacles, from the border and from the goal's disc, each negative beyond [m]."""
+    edge = border(field, x, y)
+    to_goal = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2) - radius
+    return (interpolate(field, field.nearest, x, y) if edge > 0.0 else edge), edge, to_goal
+
+
+@kernel
+def _behind_wall(field, x, y, nx, ny, c0, c1):  # type: ignore[no-untyped-def]
+    """Clearance c1 of a step's end; negative if the chord meets a wall, as if the step had ended inside of it."""
+    length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
+    s = c0
+    while s < length - c1:
+        c = interpolate(field, field.nearest, x + s / length * (nx - x), y + s / length * (ny - y))
+        if c <= 0.0:
+            return c0 * (1.0 - length / s)
+        s += max(c, 0.1 * field.spacing)
+    return c1
+
+
+@kernel
+def _behind_rim(goal, radius, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
+    """The same for the distance g1 to the goal's disc."""
+    length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
+    s = entry_of_piece(x, y, math.atan2(ny - y, nx - x), 0.0, length, goal[0], goal[1], radius)
+    return g0 * (1.0 - length / s) if s < length else g1
+
+
+@kernel
+def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  # type: ignore[no-untyped-def]
+    """How a noisy step from (x, y) to (nx, ny) ends.
+
+    Args: `before` and `after` are the `distances` of its ends, cov the covariance (xx, xy, yy) of the step, and
+        state the random sequence.
+    Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit.
+    """
+    c0, e0, g0 = before
+    c1, e1, g1 = after
+    reach = FAR * max(cov[0], cov[2])
+    near_wall = c1 <= 0.0 or 2.0 * c0 * c1 < reach
+    near_border = e1 <= 0.0 or 2.0 * e0 * e1 < reach
+    near_goal = g1 <= 0.0 or 2.0 * g0 * g1 < reach
+    square = (nx - x) * (nx - x) + (ny - y) * (ny - y)
+    if c1 > 0.0 and (c0 + c1) * (c0 + c1) < square:
+        c1 = _behind_wall(field, x, y, nx, ny, c0, c1)
+        near_wall = near_wall or c1 < 0.0
+    if g1 > 0.0 and (g0 + g1) * (g0 + g1) < square:
+        g1 = _behind_rim(goal, radius, x, y, nx, ny, g0, g1)
+        near_goal = near_goal or g1 < 0.0
+    if not (near_wall or near_border or near_goal):
+        return state, INSIDE, 1.0
+    wall_time, goal_time = 2.0, 2.0
+    if near_wall or near_border:
+        variance = _towards_wall(field, x, y, cov)
+        alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2]) if near_border else 1.0
+        state, u = uniform(state)
+        # Two walls at least as far as the nearest: no need to look where the second is, if this already tells.
+        certain = 1.0 - 2.0 * (1.0 - _survival(c0, c1, variance))
+        if near_wall and alive > 0.0 and (near_border or u >= certain):
+            alive *= _obstacle_survival(field, x, y, nx, ny, c0, c1, variance)
+        if u >= alive:
+            state, wall_time = first_crossing(max(min(c0, e0), LEAST), min(c1, e1), math.sqrt(variance), state)
+    if near_goal:
+        ex, ey = (x - goal[0]) / (g0 + radius), (y - goal[1]) / (g0 + radius)
+        variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, LEAST)
+        state, u = uniform(state)
+        if u >= _survival(g0, g1, variance):
+            state, goal_time = first_crossing(max(g0, LEAST), g1, math.sqrt(variance), state)
+    if goal_time > 1.5 and wall_time > 1.5:
+        return state, INSIDE, 1.0
+    if goal_time <= wall_time:
+        return state, GOAL, goal_time
+    return state, COLLISION, wall_time
+
+
+@kernel
+def at_crossing(field, goal, x, y, dx, dy, outcome, share, radius, deviation, state):  # type: ignore[no-untyped-def]
+    """Displacement of an isotropic bridge at its first crossing; (dx, dy) is that at the end of the step.
+
+    Towards the wall or the goal's disc it is the distance to it; along it the bridge is drawn.
+    """
+    if outcome == GOAL:
+        nx, ny = goal[0] - x, goal[1] - y
+        size = math.sqrt(nx * nx + ny * ny)
+        nx, ny, normal_part = nx / size, ny / size, size - radius
+    else:
+        gx, gy = slope_of(field, x, y)
+        nx, ny, normal_part = -gx, -gy, max(clearance(field, x, y), 0.0)
+    state, z, _ = normals(state)
+    along = share * (dy * nx - dx * ny) + deviation * math.sqrt(share * (1.0 - share)) * z
+    return state, normal_part * nx - along * ny, normal_part * ny + along * nx
+
+
+@kernel
+def endpoint_exit(field, goal, radius, nx, ny):  # type: ignore[no-untyped-def]
+    """The paper's rule: the step ends the path if its end lies outside the free space or in the goal."""
+    if clearance(field, nx, ny) <= 0.0:
+        return COLLISION, 1.0
+    if (nx - goal[0]) ** 2 + (ny - goal[1]) ** 2 <= radius * radius:
+        return GOAL, 1.0
+    return INSIDE, 1.0
+
+
+@kernel
+def sweep_exit(field, goal, radius, x, y, nx, ny):  # type: ignore[no-untyped-def]
+    """How a step without position noise ends: the straight segment is marched by certified clearances."""
+    length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
+    if length == 0.0:
+        return endpoint_exit(field, goal, radius, nx, ny)
+    ux, uy = (nx - x) / length, (ny - y) / length
+    until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, goal[0], goal[1], radius)
+    stop = min(length, until)
+    s = 0.0
+    while True:
+        c = clearance(field, x + s * ux, y + s * uy)
+        if c <= 0.0:
+            return COLLISION, s / length
+        if s >= stop:
+            break
+        s = min(stop, s + max(c, 0.1 * field.spacing))
+    return (GOAL, until / length) if until < np.inf else (INSIDE, 1.0)

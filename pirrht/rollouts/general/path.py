@@ -1,0 +1,278 @@
+"""One sampled path of any dynamics, under any guide and either exit rule."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pirrht.compiled.jit import kernel
+from pirrht.compiled.streams import normals, stream, twin
+from pirrht.rollouts.first_exit import GOAL as REACHED
+from pirrht.rollouts.first_exit import (
+    INSIDE,
+    at_crossing,
+    bridge_exit,
+    distances,
+    endpoint_exit,
+    survivors_slope,
+    sweep_exit,
+)
+from pirrht.rollouts.gates import next_gate, towards
+from pirrht.rollouts.tracking import STEEP, homing, wrapped
+from pirrht.systems.dynamics import no_drift
+from pirrht.topology.cuts import key_of_step
+
+
+@kernel
+def solve(A, Y, X):  # type: ignore[no-untyped-def]
+    """Solve A X = Y for small A (m, m) by elimination with row pivots; Y, X (m, k)."""
+    m = A.shape[0]
+    work = A.copy()
+    for i in range(m):
+        for k in range(Y.shape[1]):
+            X[i, k] = Y[i, k]
+    for i in range(m):
+        pivot = i
+        for r in range(i + 1, m):
+            if abs(work[r, i]) > abs(work[pivot, i]):
+                pivot = r
+        for c in range(m):
+            work[i, c], work[pivot, c] = work[pivot, c], work[i, c]
+        for k in range(Y.shape[1]):
+            X[i, k], X[pivot, k] = X[pivot, k], X[i, k]
+        for r in range(m):
+            if r != i:
+                factor = work[r, i] / work[i, i]
+                for c in range(i, m):
+                    work[r, c] -= factor * work[i, c]
+                for k in range(Y.shape[1]):
+                    X[r, k] -= factor * X[i, k]
+    for i in range(m):
+        for k in range(Y.shape[1]):
+            X[i, k] /= work[i, i]
+
+
+@cache
+def any_path(
+    drift: Callable[..., None],
+    control_block: Callable[..., None] | None,
+    diffusion_block: Callable[..., None] | None,
+    q: Callable[..., float],
+    n: int,
+    m: int,
+    varying_rate: bool,
+    noisy_position: bool,
+) -> tuple[Any, Any]:
+    """Kernels that simulate one path of any dynamics, and that make the scratch room for it."""
+    varying, drifting = control_block is not None, drift is not no_drift
+    gain_at: Any = control_block if varying else drift
+    noise_at: Any = diffusion_block if varying else drift
+    fixed = n - m
+    car = n == 3 and m == 1 and not varying  # dx, dy along the heading, which is steered
+    isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
+
+    @kernel
+    def covariance(B):  # type: ignore[no-untyped-def]
+        """Covariance (xx, xy, yy) of the position per second."""
+        xx, xy, yy = 0.0, 0.0, 0.0
+        for j in range(m):
+            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+            by = B[1 - fixed, j] if fixed <= 1 else 0.0
+            xx, xy, yy = xx + bx * bx, xy + bx * by, yy + by * by
+        return xx, xy, yy
+
+    @kernel
+    def room(guides):  # type: ignore[no-untyped-def]
+        """Scratch of `one_path`: x, moved, f, y, G, D, B, a, pushed, stage, column, carried."""
+        H = guides.control.shape[0]
+        x, moved, f, y = np.empty(n), np.empty(n), np.empty(n), np.empty(m)
+        G, D, B, a = np.zeros((m, m)), np.empty((m, m)), np.empty((m, m)), np.empty((H, m))
+        return x, moved, f, y, G, D, B, a, np.empty(m), np.empty(H, np.int64), np.empty((m, 1)), np.empty((m, 1))
+
+    # One long function: every call with arrays would cost more than most of what stands in this loop.
+    @kernel
+    def one_path(  # type: ignore[no-untyped-def]
+        world, guides, room, h, x0, seed, sample, ratio, states, applied, led_by, base
+    ):
+        """Simulate one sample; fill `ratio` (H,), `states` (T+1, n), `applied` and `led_by` (up to T, m) if not empty.
+
+        `applied` is the control carried up to the exit, as a mean over each step, `led_by` the guide's part of it;
+        `base` (m,) is the guide's control at the start without the nearest wall.
+        Returns work, class key, outcome, steps taken, time until the exit in the last of them.
+        """
+        field, goal, radius, p = world.field, world.goal, world.goal_radius, world.parameters
+        cuts, times, drifts, controls = world.cuts, guides.times, guides.drift, guides.control
+        count, decay, active = guides.gates.count, guides.gates.decay, guides.active
+        place, C = guides.gates.place.ctypes.data, guides.gates.place.shape[1]
+        speed, reach = guides.speed, guides.reach
+        law, led = guides.law, guides.led
+        H, T = controls.shape[0], controls.shape[1]
+        weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, world.inverse
+        x, moved, f, y, G, D, B, a, pushed, stage, column, carried = room
+        D[:, :], B[:, :], f[:], pushed[:], stage[:] = world.gain, world.diffusion, 0.0, 0.0, 0
+        x[:], moved[:] = x0, x0
+        xx, xy, yy = covariance(B)
+        steep = STEEP * D[0, 0]
+        first, sign = twin(sample, guides.first[h], guides.mirrored)
+        state, work, key = stream(seed, first), 0.0, np.int64(0)
+        before = distances(field, goal, radius, x[0], x[1])
+        for j in range(n if draw else 0):
+            states[0, j] = x[j]
+        for i in range(T):
+            dt = times[i + 1] - times[i]
+            root, until = math.sqrt(dt), dt
+            if varying:
+                gain_at(x, p, G)
+                noise_at(x, p, B)
+                solve(B, G, D)
+                xx, xy, yy = covariance(B)
+            if drifting:
+                drift(x, p, f)
+            cov = (xx * dt, xy * dt, yy * dt)
+            # The push B' grad log h away from the nearest wall, h = erf(c / reach): survivors lean that way anyway.
+            near = noisy_position and (0.0 < before[0] < 3.0 * reach or 0.0 < before[1] < 3.0 * reach)
+            hurry = 1.0
+            if near:
+                widest = math.sqrt(max(cov[0], cov[2]))
+                gx, gy, width = survivors_slope(field, reach, widest, x[0], x[1])
+                # psi goes like exp(-sqrt(k^2 + (pi/width)^2) r) in a channel.
+                hurry = math.sqrt(1.0 + (math.pi / (decay * width)) ** 2)
+                for j in range(m):
+                    bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+                    by = B[1 - fixed, j] if fixed <= 1 else 0.0
+                    pushed[j] = bx * gx + by * gy
+            homeward = np.inf  # computed once, if a reference asks for it
+            # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
+            for g in range(0 if weigh else h, H if weigh else h + 1):
+                ends = count[g]
+                if ends > 0:
+                    stage[g], dx, dy = next_gate(place, g * C, ends - 1, stage[g], x[0], x[1], decay)
+                    scale = hurry * speed * towards(dx, dy)
+                    for j in range(m):
+                        a[g, j] = scale * (D[j, 0] * dx + (D[j, 1] * dy if m > 1 else 0.0))
+                elif car and led[g] > i:
+                    drive = law[g, i, 0] + law[g, i, 1] * (x[0] - law[g, i, 4]) + law[g, i, 2] * (x[1] - law[g, i, 5])
+                    drive += law[g, i, 3] * wrapped(x[2] - law[g, i, 6])
+                    a[g, 0] = max(-steep, min(steep, drive))
+                elif car and led[g] > 0:
+                    if homeward == np.inf:
+                        bound = D[0, 0] * B[0, 0]
+                        homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / B[0, 0]
+                    a[g, 0] = homeward
+                else:
+                    for j in range(m):
+                        a[g, j] = 0.0
+                if i < active[g]:
+                    for j in range(m):
+                        a[g, j] += 0.0 if varying else drifts[g, i, j]
+                        for k in range(m if varying else 0):
+                            a[g, j] += D[j, k] * controls[g, i, k]
+                if near:
+                    for j in range(m):
+                        a[g, j] += pushed[j]
+            for j in range(m):
+                if j % 2 == 0:
+                    state, z, other = normals(state)
+                else:
+                    z = other
+                z *= sign
+                if car and led[h] > i:
+                    z *= law[h, i, 7]
+                y[j] = z * root + a[h, j] * dt
+            # Where no noise acts on the position, it moves along the heading of the middle of the step, as the robot
+            # does; but a step that enters the goal straight ahead ends before its noise matters.
+            arrived, ahead = False, 1.0
+            if not noisy_position and world.bridge:
+                far = math.sqrt((x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2) - radius
+                if far < math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt:
+                    exit, ahead = sweep_exit(field, goal, radius, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+                    arrived = exit == REACHED
+                if arrived:
+                    until = 0.0
+                    for j in range(m):
+                        y[j] = 0.0
+                elif drifting:
+                    for j in range(n):
+                        moved[j] = x[j]
+                    for j in range(m):
+                        for k in range(m):
+                            moved[fixed + j] += 0.5 * B[j, k] * y[k]
+                    drift(moved, p, f)
+            for j in range(n):
+                moved[j] = x[j] + f[j] * dt
+            for j in range(m):
+                for k in range(m):
+                    moved[fixed + j] += B[j, k] * y[k]
+            # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
+            key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
+            if not world.bridge:
+                exit, share = endpoint_exit(field, goal, radius, moved[0], moved[1])
+                if reach > 0.0:
+                    before = distances(field, goal, radius, moved[0], moved[1])
+            elif noisy_position:
+                after = distances(field, goal, radius, moved[0], moved[1])
+                state, exit, share = bridge_exit(
+                    field, goal, radius, x[0], x[1], moved[0], moved[1], before, after, cov, state
+                )
+                before = after
+                if isotropic and exit != INSIDE and cov[1] == 0.0 and cov[0] == cov[2]:
+                    # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
+                    state, dx, dy = at_crossing(
+                        field, goal, x[0], x[1], moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt,
+                        exit, share, radius, math.sqrt(cov[0]), state,
+                    )  # fmt: skip
+                    y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
+                    y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
+                    moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
+                    until = dt * share
+            elif arrived:
+                exit, share = REACHED, ahead
+            else:
+                exit, share = sweep_exit(field, goal, radius, x[0], x[1], moved[0], moved[1])
+            if weigh:
+                for g in range(H):
+                    if car and led[g] > i:
+                        if until > 0.0:
+                            off = (y[0] - a[g, 0] * dt) / law[g, i, 7]
+                            ratio[g] += 0.5 * (y[0] * y[0] - off * off) / dt - law[g, i, 8]
+                    else:
+                        for j in range(m):
+                            ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
+            if i < applied.shape[0]:
+                for j in range(m):
+                    column[j, 0] = y[j]
+                if varying:
+                    solve(D, column, carried)
+                for j in range(m):
+                    u = carried[j, 0] if varying else 0.0
+                    for k in range(0 if varying else m):
+                        u += inverse[j, k] * y[k]
+                    applied[i, j] = u / dt
+            if i < led_by.shape[0]:
+                for part in range(2 if i == 0 else 1):
+                    for j in range(m):
+                        column[j, 0] = a[h, j] - (pushed[j] if part == 1 and near else 0.0)
+                    if varying:
+                        solve(D, column, carried)
+                    for j in range(m):
+                        u = carried[j, 0] if varying else 0.0
+                        for k in range(0 if varying else m):
+                            u += inverse[j, k] * column[k, 0]
+                        if part == 1:
+                            base[j] = u
+                        else:
+                            led_by[i, j] = u * until / dt
+            work += (q(x, p) if varying_rate else world.rate) * dt * share
+            for j in range(n):
+                x[j] = moved[j]
+            for j in range(n if draw else 0):
+                states[i + 1, j] = x[j]
+            if exit != INSIDE:
+                return work, key, exit, i + 1, until
+        return work, key, 0, T, times[T] - times[T - 1]
+
+    return one_path, room

@@ -1,0 +1,241 @@
+"""Sampled paths of a point, many abreast: dx = G u dt + B dw with BB' = b^2 I.
+
+A block of paths around one reference advances step by step in lockstep, stage by stage (`lanes`, `lanes_guides`,
+`lanes_exits`); what is rare, an exit or a wall close by, is done lane by lane. Paths that have ended leave the block.
+The paths are those of `rollout_any` up to rounding: the same numbers are drawn in the same order.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.streams import stream, twin
+from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
+from pirrht.rollouts.point.exits import SLOW, bridge, judge, look, single_field
+from pirrht.rollouts.point.guides import follow, lean
+from pirrht.rollouts.point.stages import (  # fmt: skip
+    C0,
+    C1,
+    CELL,
+    CORNER,
+    E0,
+    E1,
+    FLAG,
+    G0,
+    G1,
+    HURRY,
+    KEY,
+    LANES,
+    LOST,
+    NX,
+    NY,
+    PUSH0,
+    PUSH1,
+    SAMPLE,
+    SIGN,
+    STAGE,
+    SUM0,
+    SUM1,
+    WIDE,
+    Z0,
+    Z1,
+    L,
+    U,
+    V,
+    X,
+    Y,
+    advance,
+    cross,
+    draw,
+    move,
+    room,
+    row_of,
+    weigh,
+)
+from pirrht.systems.dynamics import Dynamics, no_drift
+
+RECORDED = 7  # of a step: where it leads, its noise y = a dt + dw, the guide a, its time until an exit
+
+
+def is_point(d: Dynamics) -> bool:
+    """Whether the dynamics are of this kind."""
+    if not (d.n == d.m == 2 and d.drift is no_drift and isinstance(d.diffusion_block, np.ndarray)):
+        return False
+    cov = d.diffusion_block @ d.diffusion_block.T
+    return bool(cov[0, 1] == 0.0 and cov[0, 0] == cov[1, 1])
+
+
+@kernel
+def cut(field, goal, radius, B, step, k, random, f):  # type: ignore[no-untyped-def]
+    """Whether and where the step of a lane that may have ended on its way did: outcome and share of the step."""
+    x, y, nx, ny = np.float64(f[X + k]), np.float64(f[Y + k]), np.float64(f[NX + k]), np.float64(f[NY + k])
+    before = np.float64(f[C0 + k]), np.float64(f[E0 + k]), np.float64(f[G0 + k])
+    after = np.float64(f[C1 + k]), np.float64(f[E1 + k]), np.float64(f[G1 + k])
+    state, outcome, share = bridge_exit(
+        field, goal, radius, x, y, nx, ny, before, after, (step, 0.0, step), random[k]
+    )  # fmt: skip
+    random[k] = state
+    if outcome != INSIDE:
+        # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
+        deviation = math.sqrt(step)
+        _, dx, dy = at_crossing(field, goal, x, y, nx - x, ny - y, outcome, share, radius, deviation, state)
+        variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
+        f[Z0 + k] = (B[0, 0] * dx + B[1, 0] * dy) / variance
+        f[Z1 + k] = (B[0, 1] * dx + B[1, 1] * dy) / variance
+        f[NX + k], f[NY + k] = x + dx, y + dy
+    return outcome, share
+
+
+@inlined
+def lane(k):  # type: ignore[no-untyped-def]
+    """A lane's number, in bounds the compiler sees (`row_of`)."""
+    return min(max(k, 0), LANES)
+
+
+@inlined
+def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def]
+    """Write log dQ_g/dP of a path whose last step took a time `until` to out (H,)."""
+    y0, y1 = np.float64(f[Z0 + k]), np.float64(f[Z1 + k])
+    own = np.float64(ratio[row_of(h, 1) + k]) + np.float64(f[LOST + k])
+    for g in range(H):  # the others are kept as what they are more
+        row = row_of(g, 2)
+        a0, a1 = np.float64(a[row + k]), np.float64(a[row + L + k])
+        more = 0.0 if g == h else np.float64(ratio[row_of(g, 1) + k])
+        out[g] = own + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
+
+
+@inlined
+def leave(  # type: ignore[no-untyped-def]
+    rate, times, window, inverse, H, h, i, share, outcome, base, k, f, long, a, ratio,
+    work, log_ratio, key, ended, steps, now, spans,
+):  # fmt: skip
+    """Note down a path that ends after a share of step i."""
+    k = lane(k)
+    s, dt = long[SAMPLE + k], times[i + 1] - times[i]
+    until = dt * share  # at a crossing nothing after it enters dQ/dP
+    n0, n1, span = np.float64(f[SUM0 + k]), np.float64(f[SUM1 + k]), times[min(i, window)]
+    if i < window:
+        own = row_of(h, 2) + k
+        n0, n1, span = n0 + f[Z0 + k] - a[own] * until, n1 + f[Z1 + k] - a[own + L] * until, span + until
+    likelihood(h, H, until, k, f, a, ratio, log_ratio[s])
+    work[s], key[s], ended[s], steps[s], spans[s] = rate * (times[i] + until), long[KEY + k], outcome, i + 1, span
+    now[s, 0] = inverse[0, 0] * n0 + inverse[0, 1] * n1 + span * base[0]
+    now[s, 1] = inverse[1, 0] * n0 + inverse[1, 1] * n1 + span * base[1]
+
+
+@inlined
+def fill_up(k, last, H, leaning, random, f, short, long, a, ratio):  # type: ignore[no-untyped-def]
+    """Move the last lane to where one has left."""
+    k, last = lane(k), lane(last)
+    f[Z0 + k], f[Z1 + k], f[NX + k], f[NY + k] = f[Z0 + last], f[Z1 + last], f[NX + last], f[NY + last]
+    f[C1 + k], f[E1 + k], f[G1 + k] = f[C1 + last], f[E1 + last], f[G1 + last]
+    f[SUM0 + k], f[SUM1 + k], f[SIGN + k], f[LOST + k] = f[SUM0 + last], f[SUM1 + last], f[SIGN + last], f[LOST + last]
+    if leaning:
+        f[U + k], f[V + k], short[CELL + k] = f[U + last], f[V + last], short[CELL + last]
+        for corner in range(4):
+            f[CORNER + corner * L + k] = f[CORNER + corner * L + last]
+    random[k], long[KEY + k], long[SAMPLE + k] = random[last], long[KEY + last], long[SAMPLE + last]
+    for g in range(H if k < last else 0):
+        one, two = row_of(g, 1), row_of(g, 2)
+        short[STAGE + one + k], ratio[one + k] = short[STAGE + one + last], ratio[one + last]
+        a[two + k], a[two + L + k] = a[two + last], a[two + L + last]
+
+
+@inlined
+def record(into, i, h, until, k, first, f, long, a):  # type: ignore[no-untyped-def]
+    """Write step i of a lane to its row of `into`."""
+    out = into[long[SAMPLE + k] - first, i]
+    out[0], out[1], out[2], out[3], out[6] = f[NX + k], f[NY + k], f[Z0 + k], f[Z1 + k], until
+    out[4], out[5] = a[2 * h * L + k], a[2 * h * L + L + k]
+
+
+@kernel
+def block(world, guides, h, x0, seed, chosen, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
+    """Simulate samples of one block, all around reference h: those numbered start to stop, or those places of `chosen`.
+
+    If `into` (stop - start, T, RECORDED) is not empty, their steps are written there.
+    """
+    f, a, ratio, short, long, random, bits = scratch
+    work, log_ratio, key, ended, steps, now, spans = paths
+    goal, radius, cuts, B, D = world.goal, world.goal_radius, world.cuts, world.diffusion, world.gain
+    field, inverse, times, drift = single_field(world.field), world.inverse, guides.times, guides.drift
+    active = guides.active
+    gates, count, decay, window = guides.gates.place, guides.gates.count, guides.gates.decay, guides.window
+    speed, reach, keep, listed = guides.speed, guides.reach, into.shape[0] > 0, chosen.shape[0] > 0
+    H, T, n = drift.shape[0], drift.shape[1], stop - start
+    variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
+    f[:], short[:], long[:], ratio[:], base = 0.0, 0, 0, 0.0, (0.0, 0.0)
+    f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[HURRY:SUM0] = x0[0], x0[1], x0[0], x0[1], 1.0
+    for k in range(n):
+        first, f[SIGN + k] = twin(chosen[start + k] if listed else start + k, guides.first[h], guides.mirrored)
+        random[k], long[SAMPLE + k] = stream(seed, first), start + k
+    look(field, goal, radius, f, short, LANES)
+    f[C0:C1] = f[C1:PUSH0]
+    for i in range(T):
+        dt = times[i + 1] - times[i]
+        step, full = variance * dt, (n + WIDE - 1) // WIDE * WIDE
+        if reach > 0.0:
+            lean(field, reach, math.sqrt(step), decay, B, f, short, full)
+        for g in range(H):
+            one, two = (drift[g, i, 0], drift[g, i, 1]) if i < active[g] else (0.0, 0.0)
+            follow(gates, count[g], decay, speed, g, one, two, D, f, short, a, full)
+        if i == 0:
+            bare0, bare1 = a[2 * h * L] - f[PUSH0], a[2 * h * L + L] - f[PUSH1]
+            base = inverse[0, 0] * bare0 + inverse[0, 1] * bare1, inverse[1, 0] * bare0 + inverse[1, 1] * bare1
+        draw(random, bits, f, full)
+        move(h, dt, B, f, a, full)
+        cross(cuts, f, long, full)
+        look(field, goal, radius, f, short, full)
+        flagged = bridge(step, random, f, short, full) if world.bridge else judge(goal, radius, f, short, full)
+        for group in range(full - WIDE if flagged > 0 else -1, -1, -WIDE):
+            some = 0
+            for k in range(group, group + WIDE):
+                some += 1 if short[FLAG + k] != INSIDE else 0
+            for k in range(min(group + WIDE, n) - 1 if some > 0 else -1, group - 1, -1):
+                outcome, share = short[FLAG + k], 1.0
+                if outcome == SLOW:
+                    outcome, share = cut(world.field, goal, radius, B, step, k, random, f)
+                if outcome != INSIDE:
+                    if keep:
+                        record(into, i, h, dt * share, k, start, f, long, a)
+                    leave(
+                        world.rate, times, window, inverse, H, h, i, share, outcome, base, k, f, long, a, ratio,
+                        work, log_ratio, key, ended, steps, now, spans,
+                    )  # fmt: skip
+                    n -= 1
+                    fill_up(k, n, H, reach > 0.0, random, f, short, long, a, ratio)
+        if n == 0:
+            return
+        for k in range(n if keep else 0):
+            record(into, i, h, dt, k, start, f, long, a)
+        weigh(h, H, dt, f, a, ratio, full)
+        advance(h, dt, i < window, f, a, full)
+    f[Z0:NX], a[:] = 0.0, 0.0
+    for k in range(n):
+        leave(
+            world.rate, times, window, inverse, H, h, T - 1, 1.0, INSIDE, base, k, f, long, a, ratio,
+            work, log_ratio, key, ended, steps, now, spans,
+        )  # fmt: skip
+
+
+@kernel
+def blocks(world, guides, x0, seed, start, stop, paths, scratch):  # type: ignore[no-untyped-def]
+    """Fill `paths` for a range of samples, block by block."""
+    all_of_them, nowhere = np.empty(0, np.int64), np.empty((0, 0, RECORDED), np.float32)
+    h, s = 0, start
+    while s < stop:
+        while s >= guides.first[h + 1]:
+            h += 1
+        end = min(min(stop, guides.first[h + 1]), s + LANES)
+        block(world, guides, h, x0, seed, all_of_them, s, end, paths, nowhere, scratch)
+        s = end
+
+
+def sample(world: Any, guides: Any, x0: Array, seed: np.uint64, start: int, stop: int, paths: Any) -> None:
+    """Fill `paths` for a range of samples."""
+    blocks(world, guides, x0, seed, start, stop, paths, room(len(guides.control)))

@@ -1,0 +1,114 @@
+"""Stages of a step of many paths abreast: what is close to them, and which of them may have ended."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pirrht.compiled.addresses import load_float32
+from pirrht.compiled.float32 import ONE, TWO, ZERO
+from pirrht.compiled.jit import inlined
+from pirrht.compiled.streams import GOLDEN, bits_of
+from pirrht.geometry.field import Samples, bilinear, border, cell_of
+from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE
+from pirrht.rollouts.point.stages import C0, C1, CELL, CORNER, E0, E1, FLAG, G0, G1, LANES, NX, NY, L, U, V, X, Y
+
+SLOW = 3  # flag of lanes whose step needs a closer look
+FRAME: Any = Samples
+SHIFT, ULP = np.uint64(40), np.float32(2.0**-24)
+
+
+@inlined
+def single_field(field):  # type: ignore[no-untyped-def]
+    """The same field, its frame in single precision."""
+    return FRAME(
+        np.float32(field.x0), np.float32(field.y0), np.float32(field.spacing), np.float32(field.per),
+        field.nx, field.ny, field.nearest, field.second, field.label,
+        np.float32(field.left), np.float32(field.low), np.float32(field.right), np.float32(field.high),
+    )  # fmt: skip
+
+
+@inlined
+def corners(field, grid, f, short, row, n):  # type: ignore[no-untyped-def]
+    """Values of the grid at the corners of the lanes' cells."""
+    n = min(n, LANES)
+    for k in range(n):
+        cell = np.int64(short[CELL + k])
+        f[row + k], f[row + L + k] = load_float32(grid, cell), load_float32(grid, cell + 1)
+        cell += field.ny
+        f[row + 2 * L + k], f[row + 3 * L + k] = load_float32(grid, cell), load_float32(grid, cell + 1)
+
+
+@inlined
+def place(field, f, short, n):  # type: ignore[no-untyped-def]
+    """Cells that the steps lead to, and where in them."""
+    n = min(n, LANES)
+    for k in range(n):
+        cell, f[U + k], f[V + k] = cell_of(field, f[NX + k], f[NY + k])
+        short[CELL + k] = np.int32(cell)
+
+
+@inlined
+def look(field, goal, radius, f, short, n):  # type: ignore[no-untyped-def]
+    """How far the ends of the steps are from obstacles, border and goal, as `distances` says; field: `single_field`."""
+    n = min(n, LANES)
+    gx, gy, radius = np.float32(goal[0]), np.float32(goal[1]), np.float32(radius)
+    place(field, f, short, n)
+    corners(field, field.nearest, f, short, CORNER, n)
+    for k in range(n):
+        x, y = f[NX + k], f[NY + k]
+        edge = border(field, x, y)
+        a, b, c, d = f[CORNER + k], f[CORNER + L + k], f[CORNER + 2 * L + k], f[CORNER + 3 * L + k]
+        near = bilinear(a, b, c, d, f[U + k], f[V + k])
+        f[C1 + k] = near if edge > ZERO else edge
+        f[E1 + k] = edge
+        f[G1 + k] = math.sqrt((x - gx) * (x - gx) + (y - gy) * (y - gy)) - radius
+
+
+@inlined
+def judge(goal, radius, f, short, n):  # type: ignore[no-untyped-def]
+    """Flag the lanes whose step ends outside the free space or in the goal; how many."""
+    n = min(n, LANES)
+    gx, gy, radius = np.float32(goal[0]), np.float32(goal[1]), np.float32(radius)
+    ended = 0
+    for k in range(n):
+        dx, dy = f[NX + k] - gx, f[NY + k] - gy
+        inside = dx * dx + dy * dy <= radius * radius
+        hit = min(f[C1 + k], f[E1 + k]) <= ZERO
+        outcome = COLLISION if hit else (GOAL if inside else INSIDE)
+        short[FLAG + k] = outcome
+        ended += 1 if outcome != INSIDE else 0
+    return ended
+
+
+@inlined
+def bridge(variance, random, f, short, n):  # type: ignore[no-untyped-def]
+    """Flag the lanes whose step may have ended on its way; how many.
+
+    Most that are merely close to a wall survive for sure: exp(-e) <= (1 + e/16)^-16, and no second wall is nearer.
+    """
+    n = min(n, LANES)
+    reach, per = np.float32(FAR * variance), np.float32(1.0 / (8.0 * variance))
+    slow = 0
+    for k in range(n):
+        c0, c1, e0, e1, g0, g1 = f[C0 + k], f[C1 + k], f[E0 + k], f[E1 + k], f[G0 + k], f[G1 + k]
+        dx, dy = f[NX + k] - f[X + k], f[NY + k] - f[Y + k]
+        square = dx * dx + dy * dy
+        past = (e1 <= ZERO) | (g1 <= ZERO) | (c1 <= ZERO) | (TWO * e0 * e1 < reach) | (TWO * g0 * g1 < reach)
+        past |= ((c0 + c1) * (c0 + c1) < square) | ((g0 + g1) * (g0 + g1) < square)
+        near = TWO * c0 * c1 < reach
+        state = random[k] + GOLDEN
+        u = np.float32(np.int32(bits_of(state) >> SHIFT)) * ULP + ULP  # not less than the number that `uniform` draws
+        term = ONE + max(c0 * c1, ZERO) * per
+        term *= term
+        term *= term
+        term *= term
+        term *= term
+        survives = u * term < term - TWO
+        doubt = past | (near & (not survives))
+        random[k] = state if near and not doubt else random[k]
+        short[FLAG + k] = SLOW if doubt else INSIDE
+        slow += 1 if doubt else 0
+    return slow

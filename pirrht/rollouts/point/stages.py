@@ -1,0 +1,142 @@
+"""A block of paths of a point that advance abreast, and the stages of a step that concern their noise.
+
+Each stage is a loop over the block's lanes without branches or calls, which compiles to vector instructions. All is in
+single precision, in which a vector holds twice as many lanes: positions round to a micrometre in ten metres, and
+log dQ/dP of a path under the reference it follows, the one large sum, carries its rounding errors along.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from pirrht.compiled.addresses import load_float64, load_int64
+from pirrht.compiled.float32 import HALF
+from pirrht.compiled.jit import inlined
+from pirrht.compiled.streams import GOLDEN, halves, normals_of
+from pirrht.topology.cuts import FEW, key_of_step, turn_at_cut
+
+LANES = 512  # of a block; all rows together stay within the nearest cache
+WIDE = 16  # lanes of a vector: loops run over whole vectors, the last of which may hold lanes that have ended
+L = LANES + WIDE  # from row to row: not a power of two, or rows would compete for the same places in the cache
+# Rows of a block's numbers, each of all lanes: position, noise, where the step leads, what is close before and after.
+# Of the grid cells that the steps lead to, place and corners, nearest and second: looked up by lane, since addresses
+# defy vector loads; the next step begins there.
+X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, HURRY, SUM0, SUM1, SIGN, LOST = (L * i for i in range(19))
+U, V, CORNER = 19 * L, 20 * L, 21 * L
+DX, DY = 29 * L, 30 * L
+ROWS = 31
+MANY = 1 << 32  # no row begins there
+KEY, SAMPLE = 0, L  # rows of its long integers
+HIGH, LOW = 0, L  # rows of its bits
+FLAG, CELL, STAGE = 0, L, 2 * L  # rows of its short integers; gates passed, a row per reference, come last
+
+
+def aligned(count: int, kind: type) -> Any:
+    """So many zeros, the first of which begins a vector: what lies across the cache's lines loads at half the speed."""
+    size = np.dtype(kind).itemsize
+    raw: Any = np.zeros(count + 64 // size, kind)
+    first = -(raw.ctypes.data // size) % (64 // size)
+    return raw[first : first + count]
+
+
+def room(H: int) -> tuple[Any, ...]:
+    """Scratch of a block with H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
+    numbers = (aligned(rows * L, np.float32) for rows in (ROWS, 2 * H, H))
+    whole = aligned((2 + H) * L, np.int32), aligned(2 * L, np.int64)
+    return *numbers, *whole, aligned(L, np.uint64), aligned(2 * L, np.uint32)
+
+
+@inlined
+def row_of(g, each):  # type: ignore[no-untyped-def]
+    """First place of a reference's rows, in bounds the compiler sees: or it would look for places counted from the end.
+
+    Loops whose places it cannot order compile to one load or store for every lane.
+    """
+    return min(max(g * each * L, 0), MANY)
+
+
+@inlined
+def draw(random, bits, f, n):  # type: ignore[no-untyped-def]
+    """The next two normal numbers of each lane."""
+    n = min(n, LANES)
+    for k in range(n):
+        state = random[k] + GOLDEN
+        random[k] = state
+        bits[HIGH + k], bits[LOW + k] = halves(state)
+    for k in range(n):
+        one, other = normals_of(bits[HIGH + k], bits[LOW + k])
+        f[Z0 + k] = f[SIGN + k] * one
+        f[Z1 + k] = f[SIGN + k] * other
+
+
+@inlined
+def move(h, dt, B, f, a, n):  # type: ignore[no-untyped-def]
+    """Where the step leads; its noise Z becomes y = a dt + dw."""
+    n = min(n, LANES)
+    row, root, dt = row_of(h, 2), np.float32(math.sqrt(dt)), np.float32(dt)
+    b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
+    for k in range(n):
+        y0 = f[Z0 + k] * root + a[row + k] * dt
+        y1 = f[Z1 + k] * root + a[row + L + k] * dt
+        f[Z0 + k] = y0
+        f[Z1 + k] = y1
+        f[NX + k] = f[X + k] + b00 * y0 + b01 * y1
+        f[NY + k] = f[Y + k] + b10 * y0 + b11 * y1
+
+
+@inlined
+def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
+    """Add the turns of the cuts that are crossed to the keys."""
+    n = min(n, LANES)
+    if cuts.M > FEW:
+        for k in range(n):
+            long[KEY + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
+        return
+    gx, gy = np.float32(cuts.goal_x), np.float32(cuts.goal_y)
+    for c in range(cuts.M):
+        mx, my = np.float32(load_float64(cuts.x, c)), np.float32(load_float64(cuts.y, c))
+        weight = load_int64(cuts.weight, c)
+        for k in range(n):
+            turn = turn_at_cut(mx, my, gx, gy, f[X + k], f[Y + k], f[NX + k], f[NY + k])
+            long[KEY + k] += turn * weight
+
+
+@inlined
+def weigh(h, H, dt, f, a, ratio, n):  # type: ignore[no-untyped-def]
+    """Add the step to log dQ_h/dP of the lanes that go on, and to what log dQ_g/dP of the others is more.
+
+    The sum for h is large where there is little noise; the others are needed only where they are close to it.
+    """
+    n = min(n, LANES)
+    mine, dt = row_of(h, 2), np.float32(dt)
+    for g in range(H):
+        row, own = row_of(g, 2), row_of(g, 1)
+        if g == h:
+            for k in range(n):
+                a0, a1 = a[row + k], a[row + L + k]
+                term = a0 * (f[Z0 + k] - HALF * a0 * dt) + a1 * (f[Z1 + k] - HALF * a1 * dt) + f[LOST + k]
+                total = ratio[own + k] + term
+                f[LOST + k] = term - (total - ratio[own + k])
+                ratio[own + k] = total
+        else:
+            for k in range(n):
+                a0, a1, b0, b1 = a[row + k], a[row + L + k], a[mine + k], a[mine + L + k]
+                term = (a0 - b0) * (f[Z0 + k] - HALF * (a0 + b0) * dt)
+                ratio[own + k] += term + (a1 - b1) * (f[Z1 + k] - HALF * (a1 + b1) * dt)
+
+
+@inlined
+def advance(h, dt, averaged, f, a, n):  # type: ignore[no-untyped-def]
+    """The lanes that go on take their step; what noise did is summed up while it is `averaged`."""
+    n = min(n, LANES)
+    row, dt = row_of(h, 2), np.float32(dt)
+    if averaged:
+        for k in range(n):
+            f[SUM0 + k] += f[Z0 + k] - a[row + k] * dt
+            f[SUM1 + k] += f[Z1 + k] - a[row + L + k] * dt
+    for k in range(n):
+        f[X + k], f[Y + k] = f[NX + k], f[NY + k]
+        f[C0 + k], f[E0 + k], f[G0 + k] = f[C1 + k], f[E1 + k], f[G1 + k]

@@ -1,0 +1,81 @@
+"""What compiled rollouts take and give."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.geometry.field import Field
+from pirrht.rollouts.gates import Gates
+from pirrht.topology.cuts import Cuts
+
+
+class World(NamedTuple):
+    """What a rollout needs to know of scene and problem."""
+
+    field: Field
+    goal: tuple[float, float]  # centre [m]
+    goal_radius: float
+    cuts: Cuts
+    parameters: Array  # p of the dynamics
+    gain: Array  # (m, m) B_c^-1 G_c, if constant
+    inverse: Array  # (m, m) G_c^-1 B_c, if constant
+    diffusion: Array  # (m, m) B_c, if constant
+    rate: float  # q, if constant [cost/s]
+    bridge: bool  # exit rule: along the step, or at its end
+
+
+class Guides(NamedTuple):
+    """H references that samples are drawn around: control guides of T steps, or corners to head for."""
+
+    control: Array  # (H, T, m) tapes; for references with gates or a law what is added to these
+    drift: Array  # (H, T, m) a = B_c^-1 G_c u, the same in noise units, where the gain is constant
+    times: Array  # (T+1,) ends of the steps, from 0 [s]
+    active: NDArray[np.int64]  # (H,) number of steps before a row of `control` is zero for good
+    first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
+    gates: Gates  # what to head for, one after the other, instead of the tape
+    speed: float  # towards a gate [m/s]
+    reach: float  # walls push within about this distance [m]; 0: they do not
+    window: int  # leading steps over which the control now is averaged
+    mirrored: bool  # the noise of every second sample is minus that of the one before it
+    law: Array  # (H, T, 9) of a car: a, its slopes in x, y, theta, the state they are for, spread and its log
+    led: NDArray[np.int64]  # (H,) number of steps that the law covers, then towards the goal; 0: follow the tape
+
+
+class Paths(NamedTuple):
+    """What is kept of S sampled paths; kernels write into it."""
+
+    work: Array  # (S,) integral of q up to the exit [cost]
+    log_ratio: Array  # (S, H) log dQ_g/dP of each path under each reference
+    key: NDArray[np.int64]  # (S,) class of the path itself, as an additive key
+    outcome: NDArray[np.int8]  # (S,) Outcome
+    steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
+    now: Array  # (S, m) control now, integrated over the first `window` steps: noise, and the guide at the start
+    span: Array  # (S,) time of these steps until the exit [s]
+
+
+def empty_paths(S: int, H: int, m: int) -> Paths:
+    """Room for S paths under H references."""
+    return Paths(
+        work=np.zeros(S),
+        log_ratio=np.zeros((S, H)),
+        key=np.zeros(S, np.int64),
+        outcome=np.zeros(S, np.int8),
+        steps=np.zeros(S, np.int32),
+        now=np.zeros((S, m)),
+        span=np.zeros(S),
+    )
+
+
+class Kernels(NamedTuple):
+    """Compiled rollouts of one kind of dynamics."""
+
+    sample: Callable[..., None]  # fills Paths for a range of samples
+    control: Callable[..., None]  # weighted sum of the controls that samples carried
+    trace: Callable[..., None]  # states of chosen samples
+    added: Callable[..., None]  # weighted sum of what noise added to the controls of the guides
+    alone: int = 64  # one thread is done with fewer samples than this before another one is awake

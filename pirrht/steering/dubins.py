@@ -1,0 +1,243 @@
+"""Dubins curves: the shortest paths of a car that drives forwards and turns no tighter than a given radius.
+
+Six words suffice: two arcs with a straight piece between, LSL, RSR, LSR, RSL, and three arcs, LRL, RLR
+(Dubins, 1957). The centres of the outer circles fix the straight piece or the middle circle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.errors import OptionError
+from pirrht.geometry.arcs import TWO_PI, Curves
+from pirrht.geometry.scene import Scene
+from pirrht.problem import Problem
+from pirrht.steering.steering import Compiled, Steering
+from pirrht.systems.unicycle import Unicycle
+
+ROOTS = 16  # headings at the goal point
+EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a whole circle is none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dubins(Steering):
+    """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature."""
+
+    V: float = 1.0  # speed [m/s]
+    rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius is V rho
+
+    n = 3
+    symmetric = False
+
+    def __post_init__(self) -> None:
+        """Refuse what is not a positive number."""
+        for name in ("V", "rho"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+
+    @classmethod
+    def of(cls, problem: Problem) -> Dubins:
+        """The Dubins curves of a problem whose dynamics is a `Unicycle`.
+
+        Raises:
+            OptionError: the dynamics is another.
+        """
+        car = problem.dynamics
+        if not isinstance(car, Unicycle):
+            raise OptionError(f"Dubins curves steer a Unicycle, not {type(car).__name__}; bring a Steering")
+        return cls(V=car.V, rho=car.rho)
+
+    @property
+    def radius(self) -> float:
+        """Least turning radius [m]."""
+        return self.V * self.rho
+
+    @property
+    def compiled(self) -> Compiled:
+        """Dubins curves as kernels."""
+        return Compiled(_nearest, _connect, 3)
+
+    @property
+    def cost_per_meter(self) -> float:
+        """Time per meter: cost is time."""
+        return 1.0 / self.V
+
+    @property
+    def speed(self) -> float:
+        """The constant V."""
+        return self.V
+
+    def distance(self, tails: Array, heads: Array) -> Array:
+        """Least time from tails to heads, (..., 3) x 2 -> (...,) [s]. Not symmetric."""
+        tails, heads = np.broadcast_arrays(tails, heads)
+        out = np.empty(tails.shape[:-1])
+        _lengths(_rows(tails), _rows(heads), self.radius, out.reshape(-1))
+        out *= self.cost_per_meter
+        return out
+
+    def connect(self, tails: Array, heads: Array) -> Curves:
+        """The shortest curves of three pieces each."""
+        tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
+        start, curvature, length = (np.empty((len(tails), 3)) for _ in range(3))
+        _connect(tails, heads, self.radius, start, curvature, length)
+        cost = length.sum(axis=1) * self.cost_per_meter
+        return Curves(start=start, curvature=curvature, length=length, cost=cost, tails=tails, heads=heads)
+
+    def controls(self, heading: Array, curvature: Array) -> Array:
+        """u = curvature V rho, (l, 1), at most 1 in magnitude."""
+        u: Array = np.clip(curvature * self.radius, -1.0, 1.0)[:, None]
+        return u
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """Uniform in the workspace and in heading."""
+        return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
+
+    def roots(self, goal: Array) -> Array:
+        """Evenly spread headings at the goal point."""
+        headings = np.arange(ROOTS) * (TWO_PI / ROOTS) - np.pi
+        return np.column_stack([np.broadcast_to(goal, (ROOTS, 2)), headings])
+
+    def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
+        """Indices of the `count` states that cost least to reach from x (forward) or to come from."""
+        chosen = np.empty(min(count, len(states)), dtype=np.int64)
+        _nearest(states, x, self.radius, forward, chosen, np.empty(len(chosen)))
+        return chosen
+
+
+def _rows(states: Array) -> Array:
+    return np.ascontiguousarray(states, dtype=float).reshape(-1, 3)
+
+
+@inlined
+def _turn(angle):  # type: ignore[no-untyped-def]
+    """An angle in [0, 2 pi); what rounding made of 0 is 0."""
+    angle -= TWO_PI * math.floor(angle / TWO_PI)
+    return 0.0 if angle > TWO_PI - EPS else angle
+
+
+@kernel
+def _same_turns(s, dx, dy, a, b, across, ahead, limit):  # type: ignore[no-untyped-def]
+    """Words whose first and last arc turn to one side s, 1 left or -1 right: (length, whether CCC, t, p, q).
+
+    All in turning radii: (dx, dy) leads to the head, a and b are the headings, across = sin b - sin a and
+    ahead = cos b - cos a; t, p, q are the pieces. Words certainly longer than `limit` may be left out.
+    """
+    vx, vy = dx - s * across, dy + s * ahead
+    d = math.sqrt(vx * vx + vy * vy)
+    if d > limit and (d >= 4.0 or limit < np.pi):
+        return np.inf, False, 0.0, 0.0, 0.0
+    phi = math.atan2(vy, vx) if d > EPS else a
+    first, last = s * (phi - a), s * (b - phi)
+    t, q = _turn(first), _turn(last)
+    length = t + d + q
+    if d >= 4.0:
+        return length, False, t, d, q
+    # The centres of three circles in a row make an isosceles triangle; the middle arc is the long one.
+    corner = math.acos(0.25 * d)
+    p = np.pi + 2.0 * corner
+    t3, q3 = _turn(first + corner + 0.5 * np.pi), _turn(last + corner + 0.5 * np.pi)
+    if t3 + p + q3 < length:
+        return t3 + p + q3, True, t3, p, q3
+    return length, False, t, d, q
+
+
+@kernel
+def _opposite_turns(s, dx, dy, a, b, across, ahead, limit):  # type: ignore[no-untyped-def]
+    """The word that begins turning to side s, goes straight and ends turning to the other: (length, t, p, q).
+
+    Arguments as above, but across = sin b + sin a and ahead = cos b + cos a.
+    """
+    vx, vy = dx + s * across, dy - s * ahead
+    square = vx * vx + vy * vy - 4.0
+    if square < -EPS or square > limit * limit:
+        return np.inf, 0.0, 0.0, 0.0
+    p = math.sqrt(max(0.0, square))
+    psi = math.atan2(vy, vx) + s * math.atan2(2.0, p)
+    t, q = _turn(s * (psi - a)), _turn(s * (psi - b))
+    return t + p + q, t, p, q
+
+
+@kernel
+def length_between(x0, y0, a, x1, y1, b, radius, limit):  # type: ignore[no-untyped-def]
+    """Length of the shortest curve between two states [m]; infinity if that is not below `limit` [m]."""
+    dx, dy, most = (x1 - x0) / radius, (y1 - y0) / radius, limit / radius
+    sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
+    best = min(most, _same_turns(1.0, dx, dy, a, b, sb - sa, cb - ca, most)[0])
+    best = min(best, _same_turns(-1.0, dx, dy, a, b, sb - sa, cb - ca, best)[0])
+    best = min(best, _opposite_turns(1.0, dx, dy, a, b, sb + sa, cb + ca, best)[0])
+    best = min(best, _opposite_turns(-1.0, dx, dy, a, b, sb + sa, cb + ca, best)[0])
+    return best * radius if best < most else np.inf
+
+
+@kernel
+def shortest(x0, y0, a, x1, y1, b, radius, curvature, length):  # type: ignore[no-untyped-def]
+    """Write the three pieces (3,) of the shortest curve between two states; returns its length [m]."""
+    dx, dy = (x1 - x0) / radius, (y1 - y0) / radius
+    sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
+    best = np.inf
+    for s in (1.0, -1.0):
+        total, arcs, t, p, q = _same_turns(s, dx, dy, a, b, sb - sa, cb - ca, best)
+        if total < best:
+            best = total
+            length[0], length[1], length[2] = t, p, q
+            curvature[0], curvature[1], curvature[2] = s, -s if arcs else 0.0, s
+        total, t, p, q = _opposite_turns(s, dx, dy, a, b, sb + sa, cb + ca, best)
+        if total < best:
+            best = total
+            length[0], length[1], length[2] = t, p, q
+            curvature[0], curvature[1], curvature[2] = s, 0.0, -s
+    for i in range(3):
+        length[i] *= radius
+        curvature[i] /= radius
+    return best * radius
+
+
+@kernel
+def _lengths(tails, heads, radius, out):  # type: ignore[no-untyped-def]
+    for i in range(out.shape[0]):
+        out[i] = length_between(
+            tails[i, 0], tails[i, 1], tails[i, 2], heads[i, 0], heads[i, 1], heads[i, 2], radius, np.inf
+        )
+
+
+@kernel
+def _connect(tails, heads, radius, start, curvature, length):  # type: ignore[no-untyped-def]
+    for i in range(tails.shape[0]):
+        for k in range(3):
+            start[i, k] = tails[i, k]
+        shortest(
+            tails[i, 0], tails[i, 1], tails[i, 2], heads[i, 0], heads[i, 1], heads[i, 2], radius,
+            curvature[i], length[i],
+        )  # fmt: skip
+
+
+@kernel
+def _nearest(states, x, radius, forward, chosen, length):  # type: ignore[no-untyped-def]
+    """Fill `chosen` with the nearest states, nearest first; of equally near ones the earlier comes first."""
+    count = chosen.shape[0]
+    found = 0
+    for i in range(states.shape[0]):
+        gap = math.sqrt((states[i, 0] - x[0]) ** 2 + (states[i, 1] - x[1]) ** 2)
+        limit = length[count - 1] if found == count else np.inf
+        if gap - 4.0 * EPS * radius > limit:
+            continue
+        if forward:
+            d = length_between(x[0], x[1], x[2], states[i, 0], states[i, 1], states[i, 2], radius, limit)
+        else:
+            d = length_between(states[i, 0], states[i, 1], states[i, 2], x[0], x[1], x[2], radius, limit)
+        if found < count:
+            found += 1
+        elif d >= limit:
+            continue
+        at = found - 1
+        while at > 0 and length[at - 1] > d:
+            length[at], chosen[at] = length[at - 1], chosen[at - 1]
+            at -= 1
+        length[at], chosen[at] = d, i

@@ -1,0 +1,113 @@
+"""Straight lines: the optimum of a point without inertia."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
+from pirrht.errors import OptionError
+from pirrht.geometry.arcs import Curves
+from pirrht.geometry.scene import Scene
+from pirrht.problem import Problem
+from pirrht.steering.steering import Compiled, Steering
+
+
+@kernel
+def _connect(tails, heads, radius, start, curvature, length):  # type: ignore[no-untyped-def]
+    """Write one straight piece each."""
+    for i in range(tails.shape[0]):
+        dx, dy = heads[i, 0] - tails[i, 0], heads[i, 1] - tails[i, 1]
+        start[i, 0], start[i, 1], start[i, 2] = tails[i, 0], tails[i, 1], math.atan2(dy, dx)
+        curvature[i, 0], length[i, 0] = 0.0, math.hypot(dx, dy)
+
+
+@kernel
+def _nearest(states, x, radius, forward, chosen, square):  # type: ignore[no-untyped-def]
+    """Fill `chosen` with the nearest states, nearest first; of equally near ones the earlier comes first."""
+    count = chosen.shape[0]
+    found, limit = 0, np.inf
+    for i in range(states.shape[0]):
+        dx, dy = states[i, 0] - x[0], states[i, 1] - x[1]
+        d = dx * dx + dy * dy
+        if d >= limit:
+            continue
+        at = min(found, count - 1)
+        found = min(found + 1, count)
+        while at > 0 and square[at - 1] > d:
+            square[at], chosen[at] = square[at - 1], chosen[at - 1]
+            at -= 1
+        square[at], chosen[at] = d, i
+        if found == count:
+            limit = square[count - 1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StraightLine(Steering):
+    """The single integrator's optimum: a straight line at the speed that balances q against u'Ru/2."""
+
+    pace: float = 1.0  # speed [m/s]
+    cost_rate: float = 2.0  # q + u'Ru/2 at that speed [cost/s]
+
+    n = 2
+    symmetric = True
+
+    @classmethod
+    def of(cls, problem: Problem) -> StraightLine:
+        """The optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1)."""
+        R = problem.control_cost(np.zeros(problem.dynamics.n))
+        if not np.allclose(R, R[0, 0] * np.eye(len(R))):
+            raise OptionError("straight lines are optimal only for R a multiple of the identity; bring a Steering")
+        speed = float(np.sqrt(2.0 * problem.least_rate / R[0, 0]))
+        return cls(pace=speed, cost_rate=2.0 * problem.least_rate)
+
+    @property
+    def compiled(self) -> Compiled:
+        """Straight lines as kernels."""
+        return Compiled(_nearest, _connect, 1)
+
+    @property
+    def cost_per_meter(self) -> float:
+        """Cost rate over speed."""
+        return self.cost_rate / self.pace
+
+    @property
+    def speed(self) -> float:
+        """The constant pace."""
+        return self.pace
+
+    def distance(self, tails: Array, heads: Array) -> Array:
+        """Cost rate times travel time, (...,)."""
+        gap = heads - tails
+        cost: Array = np.hypot(gap[..., 0], gap[..., 1]) * self.cost_per_meter
+        return cost
+
+    def connect(self, tails: Array, heads: Array) -> Curves:
+        """One straight piece each."""
+        tails, heads = (np.ascontiguousarray(np.atleast_2d(states), dtype=float) for states in (tails, heads))
+        start, curvature, length = np.empty((len(tails), 3)), np.empty((len(tails), 1)), np.empty((len(tails), 1))
+        _connect(tails, heads, self.radius, start, curvature, length)
+        cost = length[:, 0] * self.cost_per_meter
+        return Curves(start=start, curvature=curvature, length=length, cost=cost, tails=tails, heads=heads)
+
+    def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
+        """Indices of the `count` nearest states; both directions cost the same."""
+        chosen = np.empty(min(count, len(states)), dtype=np.int64)
+        _nearest(states, x, self.radius, forward, chosen, np.empty(len(chosen)))
+        return chosen
+
+    def controls(self, heading: Array, curvature: Array) -> Array:
+        """Velocity along the heading; straight lines have no curvature."""
+        return self.pace * np.column_stack([np.cos(heading), np.sin(heading)])
+
+    def roots(self, goal: Array) -> Array:
+        """The goal point itself."""
+        return goal[None, :].astype(float)
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """Uniform in the workspace."""
+        return np.asarray(scene.lower + (scene.upper - scene.lower) * rng.random(2))

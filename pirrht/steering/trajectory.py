@@ -1,0 +1,66 @@
+"""Deterministic paths with the controls that drive them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
+from pirrht.geometry.arcs import Curves
+from pirrht.problem import Problem
+
+SPACING = 0.05  # distance of points on drawn arcs [m]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """A deterministic path with the controls that drive it, piecewise constant in time."""
+
+    controls: Array  # (l, m) control of each piece
+    durations: Array  # (l,) [s]
+    path: Curves  # rows are consecutive curves
+    cost: float  # steering cost
+    length: float  # [m]
+
+    @cached_property
+    def points(self) -> Array:
+        """The path as a polyline (k, 2), for pictures [m]; points on arcs are SPACING apart."""
+        lines = self.path.points(SPACING)
+        return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
+
+    def tape(self, times: Array) -> Array:
+        """Mean control of each step of a grid (T+1,) [s], (T, m); zero after the end (the paper's footnote)."""
+        out = np.zeros((len(times) - 1, self.controls.shape[1]))
+        _resample(self.controls, self.durations, times, out)
+        return out
+
+
+def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
+    """Integral of q + u'Ru/2 along a trajectory from x (n,)."""
+    R = problem.control_cost(x)
+    effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, R, trajectory.controls)
+    rate = problem.rate(x)
+    if callable(problem.q):
+        tail = x[2:]
+        rate = float(np.mean([problem.rate(np.concatenate([p, tail])) for p in trajectory.points]))
+    return float(np.sum((rate + effort) * trajectory.durations))
+
+
+@kernel
+def _resample(controls, durations, times, out):  # type: ignore[no-untyped-def]
+    steps, m = out.shape
+    now, i = 0.0, 0
+    for p in range(durations.shape[0]):
+        end = now + durations[p]
+        while i < steps:
+            overlap = min(end, times[i + 1]) - max(now, times[i])
+            if overlap > 0.0:
+                for j in range(m):
+                    out[i, j] += controls[p, j] * overlap / (times[i + 1] - times[i])
+            if times[i + 1] > end:
+                break
+            i += 1
+        now = end

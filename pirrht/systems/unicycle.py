@@ -1,0 +1,60 @@
+"""A car of constant speed that is steered (paper, second example)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import jitable
+from pirrht.errors import OptionError
+from pirrht.systems.dynamics import Dynamics, _check_noise
+
+
+@jitable
+def unicycle_drift(x, p, out):  # type: ignore[no-untyped-def]
+    """f = [V cos theta, V sin theta, 0] with p = [V]."""
+    out[0] = p[0] * np.cos(x[2])
+    out[1] = p[0] * np.sin(x[2])
+    out[2] = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Unicycle(Dynamics):
+    """A car of constant speed V steered by its turn rate: dtheta = u/rho dt + b dw (paper, second example)."""
+
+    V: float = 1.0  # speed [m/s]
+    rho: float = 1.0  # turning radius at |u| = 1 and V = 1 [m]
+    b: float = 0.03  # noise [rad/sqrt(s)]
+
+    n = 3
+    m = 1
+    drift = staticmethod(unicycle_drift)
+
+    def __post_init__(self) -> None:
+        _check_noise(self.b)
+        for name in ("V", "rho"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+
+    @cached_property
+    def parameters(self) -> Array:  # type: ignore[override]
+        """p = [V]."""
+        return np.array([self.V])
+
+    @cached_property
+    def control_block(self) -> Array:  # type: ignore[override]
+        """G_c = 1/rho."""
+        return np.array([[1.0 / self.rho]])
+
+    @cached_property
+    def diffusion_block(self) -> Array:  # type: ignore[override]
+        """B_c = b."""
+        return np.array([[self.b]])
+
+    def twist(self, x: Array, rate: Array) -> Array:
+        """Forward speed [m/s] and turn rate [rad/s]."""
+        return np.array([self.V, rate[0]])

@@ -1,0 +1,108 @@
+"""Homology classes of planar paths: H-signatures and the integers behind them (paper, section IV-A).
+
+From a point x every path to the goal point has H = H(straight line from x) + k with whole turns k. The tuple k is
+the class, and two paths from x are homologous exactly when their tuples are equal: no tolerance is involved. The
+integer k_l also counts how often a path crosses the cut, the ray that leaves marker l away from the goal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
+
+import numpy as np
+
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.jit import kernel
+from pirrht.topology.cuts import Cuts, straight_turns
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Homology:
+    """Markers of the topological obstacles and the goal point that all signatures refer to."""
+
+    markers: Array  # (M, 2) one point inside each topological obstacle [m]
+    goal: Array  # (2,) goal representative point [m]
+    cuts: Cuts = field(init=False, repr=False)  # the markers sorted, for kernels that must not ask all of them
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cuts", Cuts.of(self.markers, self.goal, self.hash_weights))
+
+    @property
+    def M(self) -> int:
+        """Number of topological obstacles."""
+        return int(self.markers.shape[0])
+
+    def straight(self, points: Array) -> Array:
+        """H of the straight lines from points (k, 2) to the goal point, (k, M) [turns], without the leading 1."""
+        out = np.empty((len(points), self.M))
+        _straight(np.ascontiguousarray(points, dtype=float), self.markers, self.goal, out)
+        return out
+
+    def turns(self, polyline: Array) -> Array:
+        """H of a polyline (l, 2), (M,) [turns], without the leading 1."""
+        out = np.zeros(self.M)
+        _turns(np.ascontiguousarray(polyline[:, :2], dtype=float), self.markers, out)
+        return out
+
+    def winding(self, polyline: Array) -> tuple[int, ...]:
+        """Class of a path (l, 2), completed by the straight line from its end to the goal point."""
+        ends = self.straight(polyline[[0, -1], :2])
+        whole = self.turns(polyline) + ends[1] - ends[0]
+        return integers(whole)
+
+    def signature(self, start: Array, winding: Sequence[int]) -> Array:
+        """The paper's H = 1 + H(sigma) of a class seen from start (2,), (M,)."""
+        value: Array = 1.0 + self.straight(start[None, :2])[0] + np.asarray(winding, dtype=float)
+        return value
+
+    @property
+    def hash_weights(self) -> IntArray:
+        """Odd integers r (M,) such that a class has the additive key sum k_l r_l (mod 2^64)."""
+        return _hash_weights(self.M)
+
+    def key(self, winding: Sequence[int]) -> int:
+        """The additive key of a class, as kernels carry it (a wrapped 64-bit integer)."""
+        weights = self.hash_weights
+        with np.errstate(over="ignore"):
+            return int(np.sum(np.asarray(winding, dtype=np.int64) * weights, dtype=np.int64))
+
+
+@cache
+def _hash_weights(M: int) -> IntArray:
+    draws = np.random.default_rng(0x5157).integers(0, 2**62, size=M, dtype=np.int64)
+    return draws * 2 + 1
+
+
+def integers(whole: Array | IntArray) -> tuple[int, ...]:
+    """A class as plain integers, from numbers (M,) that are whole but for rounding."""
+    winding: tuple[int, ...] = tuple(np.rint(whole).astype(np.int64).tolist())
+    return winding
+
+
+def class_id(winding: Sequence[int]) -> str:
+    """The public name of a class: its integers joined by commas; "-" where there is nothing to wind around."""
+    return _name(tuple(winding))
+
+
+@lru_cache(maxsize=1024)  # every plan asks for the same few again
+def _name(winding: tuple[int, ...]) -> str:
+    return ",".join(map(str, winding)) or "-"
+
+
+@kernel
+def _straight(points, markers, goal, out):  # type: ignore[no-untyped-def]
+    for i in range(points.shape[0]):
+        for k in range(markers.shape[0]):
+            out[i, k] = straight_turns(points[i, 0], points[i, 1], markers[k, 0], markers[k, 1], goal[0], goal[1])
+
+
+@kernel
+def _turns(points, markers, out):  # type: ignore[no-untyped-def]
+    for i in range(points.shape[0] - 1):
+        for k in range(markers.shape[0]):
+            ax, ay = points[i, 0] - markers[k, 0], points[i, 1] - markers[k, 1]
+            bx, by = points[i + 1, 0] - markers[k, 0], points[i + 1, 1] - markers[k, 1]
+            out[k] += math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * np.pi)

@@ -1,0 +1,286 @@
+"""A grown tree as a file or as bytes: NumPy's npz without pickled objects.
+
+A tree is of use only where it was grown: in the same free space, for the same steering. What it depends on is kept
+beside it in plain words and numbers, so that another tree is refused by name. What is read is checked before kernels,
+which do not look twice, follow an index.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+import pirrht
+from pirrht.errors import OptionError
+from pirrht.files import replaced
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Obstacle
+from pirrht.steering.steering import Steering
+from pirrht.tree import graph as g
+from pirrht.tree.graph import Graph
+from pirrht.tree.homology_tree import HomologyTree
+
+FORMAT = 1
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, RuntimeError)
+BROKEN_ZIP = (zipfile.BadZipFile, zlib.error)
+Arrays = dict[str, np.ndarray[Any, Any]]
+
+
+def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
+    """Write a tree, its source of random states included.
+
+    Args:
+        file: a path, which is replaced once the content is complete, or a binary stream.
+
+    Raises:
+        OptionError: the file cannot be written, or the tree has a predicate of its own.
+    """
+    if tree.limited_by_predicate:
+        raise OptionError("a tree with a predicate `allowed` cannot be saved, since a function is no data; use `limit`")
+    about = {
+        "format": FORMAT,
+        "version": pirrht.__version__,
+        "belongs": belongings(tree.space, tree.steering) | {"limit": tree.limit, "classes": tree.classes},
+        "draws": tree.draws,
+        "rng": _plain(tree.rng.bit_generator.state),
+    }
+    arrays = {name: _used(tree.graph, name) for name in Graph._fields if name not in _DERIVED}
+    arrays |= {"states": tree.states[: tree.size], "in_goal": tree.in_goal[: tree.size]}
+    content = BytesIO()
+    packed: dict[str, Any] = {**arrays, "about": np.array(json.dumps(about))}
+    np.savez_compressed(content, **packed)
+    if isinstance(file, str | Path):
+        with replaced(Path(file), "tree") as stream:
+            stream.write(content.getbuffer())
+    else:
+        file.write(content.getbuffer())
+
+
+def load(
+    file: str | Path | BinaryIO,
+    space: FreeSpace,
+    steering: Steering,
+    *,
+    limit: float | None = None,
+    classes: int | None = None,
+) -> HomologyTree:
+    """Read a tree that was grown in this space for this steering; it grows on as if it had never been written.
+
+    Args:
+        limit: H_limit that is asked for; None: whatever the tree has.
+        classes: most classes per vertex that are asked for; None: whatever the tree has.
+
+    Raises:
+        OptionError: no such file, none of ours, damaged, or grown for something else; says what differs.
+    """
+    name = str(file) if isinstance(file, str | Path) else "the tree"
+    about, arrays = _read(file, name)
+    asked = belongings(space, steering)
+    asked |= {key: value for key, value in (("limit", limit), ("classes", classes)) if value is not None}
+    _check_belongs(name, about, asked)
+    try:
+        _check(arrays, space.homology.M, steering.n)
+        belongs = about["belongs"]
+        tree = HomologyTree(
+            space,
+            steering,
+            limit=float(belongs["limit"]),
+            classes=int(belongs["classes"]),
+            rng=_generator(about["rng"]),
+        )
+        tree.draws = int(about["draws"])
+    except (*UNREADABLE, AttributeError) as error:
+        raise OptionError(f"{name} is a damaged tree ({_line(error)}); make it anew with `pirrht plan -o`") from None
+    tree.graph, tree.states, tree.in_goal = _roomy(arrays)
+    return tree
+
+
+def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
+    """What a tree depends on besides its limits, as numbers and texts."""
+    scene = space.scene
+    return {
+        "workspace": [*scene.lower.tolist(), *scene.upper.tolist()],
+        "goal": [*scene.goal.center.tolist(), scene.goal.radius],
+        "robot radius": scene.robot_radius,
+        "robot height": scene.robot_height,
+        "obstacles": f"{len(scene.obstacles)} solids, {_digest(scene.obstacles)}",
+        "obstacles to wind around": [[round(v, 9) for v in marker] for marker in space.homology.markers.tolist()],
+        "motion": _described(steering),
+    }
+
+
+_DERIVED = ("queue_cost", "queue_vertex", "queue_key", "refill", "waiting")  # empty between two states
+
+
+def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Arrays]:
+    try:
+        with np.load(file, allow_pickle=False) as content:
+            arrays = {key: content[key] for key in content.files}
+        about = json.loads(str(arrays.pop("about")))
+        found = about["format"], about["version"]
+    except FileNotFoundError:
+        raise OptionError(f"{name} does not exist; make it with `pirrht plan SCENE -o {name}`") from None
+    except (OSError, *BROKEN_ZIP) as error:
+        raise OptionError(
+            f"{name} is no tree that can be read ({_line(error)}); make one with `pirrht plan SCENE -o FILE`"
+        ) from None
+    except (*UNREADABLE, AttributeError):  # in words of NumPy's that help nobody here
+        raise OptionError(f"{name} is no tree of pirrht; make one with `pirrht plan SCENE -o FILE`") from None
+    if found != (FORMAT, pirrht.__version__):
+        raise OptionError(
+            f"{name} was written by pirrht {found[1]} in format {found[0]}; this is {pirrht.__version__} with "
+            f"format {FORMAT}: make it anew"
+        )
+    return about, arrays
+
+
+def _check_belongs(name: str, about: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    belongs = about.get("belongs")
+    known = belongs if isinstance(belongs, dict) else {}
+    for what, value in asked.items():
+        if known.get(what) != json.loads(json.dumps(value)):
+            raise OptionError(
+                f"{name} was grown for another task: {what} is {known.get(what)} there and {value} here; "
+                "grow a tree for this one, or ask for what it was grown for"
+            )
+
+
+# -- arrays ------------------------------------------------------------------------------------------------------
+
+
+def _used(graph: Graph, name: str) -> Any:
+    """The entries of an array that count."""
+    vertices, edges, _, _, pairs = (int(v) for v in graph.size)
+    array = getattr(graph, name)
+    if name in ("size", "pruned"):
+        return array
+    if name == "edge_first":
+        return array[: edges + 1]
+    return array[: pairs if name in g.EDGE_PAIRS else edges if name in g.EDGES else vertices]
+
+
+def _roomy(arrays: Arrays) -> tuple[Graph, Any, Any]:
+    """The graph, states and goal marks with room to grow."""
+    vertices, edges, _, _, pairs = (int(v) for v in arrays["size"])
+    M, (_, K, C) = arrays["straight"].shape[1], arrays["marker"].shape
+    graph = g.empty_graph(_room(256, vertices), _room(8192, max(edges, pairs)), K, M)
+    room = len(graph.nodes)
+    graph = graph._replace(
+        marker=np.zeros((room, K, C), graph.marker.dtype), turn=np.zeros((room, K, C), graph.turn.dtype)
+    )
+    for name, array in arrays.items():
+        if name in Graph._fields:
+            getattr(graph, name)[tuple(slice(0, length) for length in array.shape)] = array
+    states, in_goal = np.zeros((room, arrays["states"].shape[1])), np.zeros(room, np.bool_)
+    states[:vertices], in_goal[:vertices] = arrays["states"], arrays["in_goal"]
+    return graph, states, in_goal
+
+
+def _room(least: int, count: int) -> int:
+    while least < count:
+        least *= 2
+    return least
+
+
+def _check(arrays: Arrays, M: int, n: int) -> None:
+    """Refuse arrays of other shapes, and entries that point out of them.
+
+    Raises:
+        ValueError, KeyError: names the array.
+    """
+    if arrays["size"].shape != (5,) or arrays["size"].dtype != np.int64:
+        raise ValueError("size is not what it should be")
+    V, E, waiting, refill, P = (int(v) for v in arrays["size"])
+    K, C = arrays["marker"].shape[1:]
+    if V < 1 or min(E, P) < 0 or K < 1 or (waiting, refill) != (0, 0):
+        raise ValueError("its sizes are not possible")
+    model = g.empty_graph(1, 1, 1, M)
+    shapes = {name: (V, K, C)[: np.ndim(getattr(model, name))] for name in g.NODES}
+    shapes |= dict.fromkeys(g.EDGES, (E,)) | dict.fromkeys(g.EDGE_PAIRS, (P,))
+    shapes |= dict.fromkeys(("first_out", "first_in", "nodes"), (V,))
+    shapes |= {"straight": (V, M), "edge_first": (E + 1,), "pruned": (1,)}
+    for name, shape in shapes.items():
+        array = arrays[name]
+        if array.shape != shape or array.dtype != getattr(model, name).dtype:
+            raise ValueError(f"{name} has the shape {array.shape} of {array.dtype}")
+    if arrays["states"].shape != (V, n) or arrays["states"].dtype != np.float64:
+        raise ValueError(f"states has the shape {arrays['states'].shape} of {arrays['states'].dtype}")
+    if arrays["in_goal"].shape != (V,) or arrays["in_goal"].dtype != np.bool_:
+        raise ValueError("in_goal is not what it should be")
+    known = np.arange(K) < arrays["nodes"][:, None]
+    paired = known[:, :, None] & (np.arange(C) < arrays["pairs"][:, :, None])
+    ranges = {
+        **{name: (arrays[name], 0, V) for name in ("tail", "head")},
+        **{name: (arrays[name], -1, E) for name in ("first_out", "first_in", "next_out", "next_in")},
+        "parent": (arrays["parent"][known], -1, E),
+        "nodes": (arrays["nodes"], 0, K + 1),
+        "pairs": (arrays["pairs"][known], 0, C + 1),
+        "marker": (arrays["marker"][paired], 0, M),
+        "edge_marker": (arrays["edge_marker"], 0, M),
+        "edge_first": (np.diff(arrays["edge_first"]), 0, P + 1),
+    }
+    for name, (values, low, high) in ranges.items():
+        if np.any((values < low) | (values >= high)):
+            raise ValueError(f"{name} points out of its range")
+    if arrays["edge_first"][0] != 0 or arrays["edge_first"][-1] != P or not np.all(np.isfinite(arrays["states"])):
+        raise ValueError("its states or edges do not fit together")
+
+
+# -- what is not an array ----------------------------------------------------------------------------------------
+
+
+def _digest(obstacles: tuple[Obstacle, ...]) -> str:
+    """A short name of a geometry; equal for equal shapes in equal places and order."""
+    known = hashlib.sha256()
+    for o in obstacles:
+        known.update(o.kind.value.encode())
+        for array in (o.size, o.position, o.rotation, o.vertices, o.faces):
+            known.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
+    return known.hexdigest()[:16]
+
+
+def _described(steering: Steering) -> str:
+    """Kind and numbers of a steering."""
+    names = [f.name for f in fields(steering)] if is_dataclass(steering) else sorted(vars(steering))
+    numbers = {name: getattr(steering, name) for name in names}
+    plain = [f"{k}={v!r}" for k, v in numbers.items() if isinstance(v, int | float | str)]
+    return f"{type(steering).__qualname__}({', '.join(plain)})"
+
+
+def _plain(state: Any) -> Any:
+    """The state of a bit generator as JSON has it."""
+    if isinstance(state, np.ndarray):
+        return {"dtype": state.dtype.str, "values": state.tolist()}
+    if isinstance(state, Mapping):
+        return {key: _plain(value) for key, value in state.items()}
+    return int(state) if isinstance(state, np.integer) else state
+
+
+def _generator(state: Mapping[str, Any]) -> np.random.Generator:
+    kinds = {kind.__name__: kind for kind in (np.random.PCG64, np.random.PCG64DXSM, np.random.MT19937,
+                                              np.random.Philox, np.random.SFC64)}  # fmt: skip
+    bits = kinds[state["bit_generator"]]()
+    bits.state = _again(state)
+    return np.random.Generator(bits)
+
+
+def _again(state: Any) -> Any:
+    if isinstance(state, Mapping):
+        if state.keys() == {"dtype", "values"}:
+            return np.array(state["values"], dtype=state["dtype"])
+        return {key: _again(value) for key, value in state.items()}
+    return state
+
+
+def _line(error: Exception) -> str:
+    text = str(error).strip().splitlines()
+    return text[0] if text else type(error).__name__
