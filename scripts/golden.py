@@ -5,7 +5,7 @@
 
 The package that is asked is that of the folder in which it is started.
 
-Everything goes through the command line, so that any two versions can be compared. Hashed are the arrays of grown trees,
+Everything goes through the command line, so that any two versions can be compared. Hashed are arrays of trees,
 what `plan`, `estimate` and `run` tell, less what a clock measured, and all that a recording holds of its sampled paths.
 The hashes belong to one machine and one set of libraries; they are no test.
 """
