@@ -113,7 +113,6 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
         (planner, "classes", int, "K", "at most K classes per vertex, 0 for all (16)"),
         (planner, "limit", float, "H", "H_limit of |1 - H_i| <= H_limit (puck 0.6, car 0.8)"),
         (planner, "samples", int, "N", "samples around each reference (puck 200, car 300)"),
-        (planner, "rounds", int, "R", "draw a plan's samples in R rounds; each corrects the guides of the next (1)"),
         (planner, "target-error", float, "EPS", "sample on, doubling, until the control's standard error is below EPS"),
         (planner, "budget", int, "N", "samples around each reference at most under --target-error (16 --samples)"),
         (planner, "dt", float, "S", "rollout step (0.1)"),

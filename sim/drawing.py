@@ -55,7 +55,7 @@ def ahead(plan: Plan, problem: Problem) -> Array:
 def _tape_of(plan: Plan) -> tuple[Array, Array]:
     """A plan's tape (T, m) and the weight under way (T,), by as many samples as a picture needs.
 
-    All noise must be drawn again for it. Of several rounds the smallest serves that is large enough.
+    All noise must be drawn again for it. Of several batches the smallest serves that is large enough.
     """
     estimate = plan.estimate
     if estimate is None:

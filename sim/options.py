@@ -61,7 +61,6 @@ class Settings:
     between: str = "classes"
     guide: str = "feedback"
     memory: bool = False
-    rounds: int = 1
     target_error: float | None = None
     budget: int | None = None
     allocation: str = "contribution"
@@ -79,7 +78,7 @@ class Settings:
                 raise OptionError(f"--{_flag(name)} is {value:g}; it must be a positive number")
         if np.isnan(self.phi) or self.phi < 0:
             raise OptionError(f"--phi is {self.phi:g}; it must be 0 or more ('inf' is allowed)")
-        least = {"vertices": 1, "samples": 1, "rounds": 1, "threads": 1}
+        least = {"vertices": 1, "samples": 1, "threads": 1}
         least |= {"seed": 0, "grow": 0, "classes": 0, "plan_seed": 0}
         for name, bound in least.items():
             value = getattr(self, name)

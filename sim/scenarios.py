@@ -154,7 +154,6 @@ class Scenario:
             allocation=s.allocation,
             draws=s.draws,
             memory=s.memory,
-            rounds=s.rounds,
             target=s.target_error,
             budget=s.budget,
             threads=s.threads,

@@ -146,7 +146,6 @@ def test_a_finite_final_cost_gives_a_value_even_when_every_sample_collides():
         {"weights": "no"},
         {"guide": "no"},
         {"allocation": "no"},
-        {"rounds": 0},
         {"target": 0.0},
         {"budget": 100},
     ],

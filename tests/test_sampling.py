@@ -15,7 +15,7 @@ import pytest
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller, shifted
 from pirrht.estimation.allocation import Allocation
-from pirrht.estimation.batches import correction_by, sample
+from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
@@ -25,7 +25,7 @@ from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.tree.homology_tree import HomologyTree
-from sim.scenarios import Scenario, prepare
+from sim.scenarios import Scenario
 
 HALF, NOISE = 0.5, 0.5  # of the strip: half its width L [m], b [m/sqrt(s)]
 X = np.array([0.2, 0.0])
@@ -168,62 +168,13 @@ def test_the_controller_shares_samples_out_from_its_second_plan_on(slit: Scenari
     assert drawn(adaptive) == [100, 100, 100]
 
 
-# -- rounds ------------------------------------------------------------------------------------------------------
+# -- batches -----------------------------------------------------------------------------------------------------
 
 
-def in_rounds(integral: PathIntegral, seed: int, **options) -> Estimate:
-    """As `to_both_sides`, in the rounds that the settings ask for."""
+def in_batches(integral: PathIntegral, seed: int, **options) -> Estimate:
+    """As `to_both_sides`, in the batches that the settings ask for."""
     times, tapes, corners = both_sides(integral)
     return sample(integral, X, times, tapes, seed, corners=corners, **options)
-
-
-def test_rounds_leave_the_mean_of_psi_over_1000_repeats(strip):
-    once, twice = (PathIntegral(*strip, Sampling(dt=0.1, samples=30, rounds=r, threads=1)) for r in (1, 2))
-    one = np.exp([in_rounds(once, seed).log_psi for seed in range(1000)])
-    two = np.exp([in_rounds(twice, seed).log_psi for seed in range(1000, 2000)])
-    assert agree(one, two)
-
-
-def test_a_correction_leads_samples_the_way_the_optimal_control_does(strip):
-    """Around a tape that stands still noise has to do all the work."""
-    integral = PathIntegral(*strip, Sampling(dt=0.05, samples=40000, guide="open-loop", rounds=2))
-    times = integral.grid(2.0 * (HALF - X[0]))
-    still = np.zeros((1, len(times) - 1, 2))
-    first = integral.rollout(X, times, still, 0)
-    correction = correction_by(integral, first)
-    plain = integral.estimate(first)
-    assert 0.3 * plain.control[0] < correction[0, 0, 0] < plain.control[0]  # less later on, as samples have left
-    assert np.abs(correction[0, :3, 1]).max() < 0.05
-    led = integral.estimate(integral.rollout(X, times, still, 1, correction=correction))
-    assert led.value == pytest.approx(plain.value, abs=4.0 * np.hypot(led.value_error, plain.value_error))
-    assert led.value_error < plain.value_error
-
-
-def test_one_round_is_a_plain_estimate_and_more_share_its_samples(strip):
-    for rounds in (1, 2, 3):
-        integral = PathIntegral(*strip, Sampling(dt=0.05, samples=100, rounds=rounds))
-        estimate = in_rounds(integral, 4)
-        assert [part.size for part in estimate.parts] == {1: [200], 2: [100, 100], 3: [68, 66, 66]}[rounds]
-        assert sum(estimate.proposal_weights) == pytest.approx(1.0)
-        assert sum(estimate.class_weights.values()) == pytest.approx(1.0)
-        assert len(estimate.weight) == estimate.rollouts.size
-        assert estimate.alive[0] == pytest.approx(1.0, abs=1e-4)
-        assert np.isfinite(estimate.tape).all()
-        _, steps = integral.trace(estimate.rollouts, np.arange(3))
-        np.testing.assert_array_equal(steps, estimate.rollouts.paths.steps[:3])
-        if rounds == 1:
-            np.testing.assert_array_equal(estimate.tape, to_both_sides(integral, 4).tape)
-
-
-def test_rounds_of_a_car_correct_its_guides_too():
-    scenario = prepare("clutter", given={"vertices": 300, "samples": 40, "rounds": 2, "classes": 2})
-    controller = scenario.controller(scenario.grown_tree())
-    estimate = controller.plan(scenario.start).estimate
-    assert estimate is not None
-    assert len(estimate.parts) == 2
-    first, second = (part.guides.control for part in estimate.parts)
-    assert not first.any()
-    assert second.any()
 
 
 # -- stopping ----------------------------------------------------------------------------------------------------
@@ -232,7 +183,7 @@ def test_rounds_of_a_car_correct_its_guides_too():
 def test_sampling_goes_on_doubling_until_the_control_is_known_or_the_budget_is_spent(strip):
     def until(**options) -> list[int]:
         settings = Sampling(dt=0.1, samples=50, guide="open-loop", threads=1, **options)
-        estimate = in_rounds(PathIntegral(*strip, settings), 3)
+        estimate = in_batches(PathIntegral(*strip, settings), 3)
         drawn = [part.size // 2 for part in estimate.parts]
         if options["target"] > 1e-6:
             assert estimate.control_error.max() <= options["target"]
@@ -253,7 +204,7 @@ def test_stopping_when_the_error_looks_small_biases_the_value_by_less_than_its_e
     k = np.sqrt(2.0 / (problem.temperature * NOISE**2))
     exact = -problem.temperature * np.log(np.cosh(k * X[0]) / np.cosh(k * HALF))
     settings = Sampling(dt=0.05, samples=25, guide="open-loop", target=0.3, threads=1)
-    found = [in_rounds(PathIntegral(*strip, settings), seed) for seed in range(1000)]
+    found = [in_batches(PathIntegral(*strip, settings), seed) for seed in range(1000)]
     lengths = {len(estimate.parts) for estimate in found}
     assert len(lengths) > 1
     error = np.mean([estimate.value_error for estimate in found])

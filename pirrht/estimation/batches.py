@@ -1,10 +1,9 @@
-"""Sampling in several rounds, each of which may depend on what the earlier ones found.
+"""Sampling in several batches, as many as a target or the time left asks for.
 
-Every round is weighed by its own proposals. Those of a fixed number of rounds were fixed before they were drawn, so
-the mean of psi over all rounds is unbiased however the guides were corrected in between. A number of rounds that
-depends on what they found (`Sampling.target`) is another matter: it tends to stop when heavy samples have not been met
-yet, so that the estimate is consistent, for ever more samples exact, but not unbiased. So it is where time decides,
-as far as the time that samples take depends on what becomes of them.
+The first batch alone is an unbiased estimate of psi. A number of batches that depends on what they found
+(`Sampling.target`) tends to stop when heavy samples have not been met yet, so that the estimate is consistent, for ever
+more samples exact, but not unbiased. So it is where time decides, as far as the time that samples take depends on what
+becomes of them.
 """
 
 from __future__ import annotations
@@ -16,16 +15,12 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimation.estimate import Estimate, Rollouts, normalised, weigh
-from pirrht.estimation.sampler import NEGLIGIBLE, PathIntegral
+from pirrht.estimation.estimate import Estimate, Rollouts, weigh
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.tracking import Guide
 
-DOUBT = 10.0  # a correction found by so many effective samples is halved
 FILLED = 0.6  # of the time left is used by the next round, since the pace changes; with the last, it is all used
 MOST = 150_000  # samples of a plan, however much time there is: weighing more of them takes longer than it is worth
-SMOOTH = 0.2  # corrections are averaged over about this time [s]
-
-Draw = Callable[[NDArray[np.int64], Array | None], Rollouts]  # by counts (H,) and correction (H, T, m)
 
 
 def sample(
@@ -53,22 +48,22 @@ def sample(
     number = np.full(len(controls), settings.samples) if counts is None else np.asarray(counts)
     parts: list[Rollouts] = []
 
-    def draw(number: NDArray[np.int64], correction: Array | None) -> Rollouts:
-        return integral.rollout(
-            x, times, controls, _seed(seed, len(parts)), counts=number.tolist(), corners=corners, guides=guides,
-            correction=correction,
-        )  # fmt: skip
+    def draw(number: NDArray[np.int64]) -> None:
+        seed_of_batch = _seed(seed, len(parts))
+        parts.append(
+            integral.rollout(x, times, controls, seed_of_batch, counts=number.tolist(), corners=corners, guides=guides)
+        )
 
     before = 0.0 if left is None else left()
-    correction = _in_rounds(integral, number, draw, parts)
+    draw(number)
     if left is not None:
-        _until(left, before - left(), number, lambda number: parts.append(draw(number, correction)))
+        _until(left, before - left(), number, draw)
     if settings.target is None:
         return weigh(integral, parts, classes)
     drawn, most = 1.0, max(1.0, settings.most / settings.samples)
     while drawn < most and not _known(integral, parts, settings.target):
         more = min(drawn, most - drawn)
-        parts.append(draw(np.maximum(1, np.rint(more * number)).astype(np.int64), correction))
+        draw(np.maximum(1, np.rint(more * number)).astype(np.int64))
         drawn += more
     return weigh(integral, parts, classes)
 
@@ -87,43 +82,12 @@ def _until(
         pace, drawn = (before - left()) / more, drawn + more
 
 
-def _in_rounds(integral: PathIntegral, number: NDArray[np.int64], draw: Draw, parts: list[Rollouts]) -> Array | None:
-    """Append the rounds of a plan to `parts`; the correction that the last of them was drawn with."""
-    rounds = min(integral.sampling.rounds, int(number.min()))
-    correction: Array | None = None
-    for r in range(rounds):
-        parts.append(draw(number // rounds + (r < number % rounds), correction))
-        if r + 1 < rounds:
-            found = correction_by(integral, parts[-1])
-            correction = found if correction is None else correction + found
-    return correction
-
-
 def _known(integral: PathIntegral, parts: Sequence[Rollouts], target: float) -> bool:
     """Whether the control is known up to `target`, as far as the samples can tell."""
     try:
         return float(weigh(integral, parts).control_error.max()) <= target
     except NoSurvivingSample:
         return False
-
-
-def correction_by(integral: PathIntegral, rollouts: Rollouts) -> Array:
-    """What noise adds to each guide in the mean of its own weighted samples, (H, T, m), smooth in time.
-
-    It is shrunk where few samples tell.
-    """
-    guides = rollouts.guides
-    total = np.zeros_like(guides.control)
-    weight, trust = np.zeros(rollouts.size), np.zeros(len(total))
-    for h, (a, b) in enumerate(zip(guides.first[:-1], guides.first[1:], strict=True)):
-        weight[a:b], size = normalised(rollouts.log_weight[a:b])
-        trust[h] = size / (size + DOUBT)
-    chosen = np.flatnonzero(weight > NEGLIGIBLE)
-    integral.kernels.added(integral.world, guides, rollouts.x0, np.uint64(rollouts.seed), chosen, weight[chosen], total)
-    middle, steps = 0.5 * (guides.times[1:] + guides.times[:-1]), np.diff(guides.times)
-    smooth = np.exp(-0.5 * ((middle[:, None] - middle) / SMOOTH) ** 2) * steps
-    smooth /= smooth.sum(axis=1, keepdims=True)
-    return np.asarray(trust[:, None, None] * np.einsum("ij,hjm->him", smooth, total))
 
 
 def _seed(seed: int, r: int) -> int:

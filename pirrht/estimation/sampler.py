@@ -100,7 +100,6 @@ class PathIntegral:
         counts: Sequence[int] | None = None,
         corners: Sequence[Array] | None = None,
         guides: Sequence[Guide | None] | None = None,
-        correction: Array | None = None,
     ) -> Rollouts:
         """Sample paths from x (n,) around H references.
 
@@ -112,12 +111,11 @@ class PathIntegral:
             corners: polylines (k, 2) into the goal; under feedback guidance samples head for their corners, one
                 after the other, and are pushed away from walls, instead of following the tapes.
             guides: of a car, one per reference: samples follow their feedback instead of the tapes where there is one.
-            correction: controls (H, T, m) to add to whatever the samples follow.
         """
         H = len(controls)
         number = np.full(H, self.sampling.samples) if counts is None else np.asarray(counts)
         first = np.concatenate([[0], np.cumsum(number)]).astype(np.int64)
-        leads = self._guides(x, times, np.array(controls, dtype=float), first, corners, guides, correction)
+        leads = self._guides(x, times, np.array(controls, dtype=float), first, corners, guides)
         S = int(first[-1])
         paths, log_weight = empty_paths(S, H, self.problem.dynamics.m), np.empty(S)
         x0 = np.ascontiguousarray(x, dtype=float)
@@ -176,7 +174,6 @@ class PathIntegral:
         first: NDArray[np.int64],
         corners: Sequence[Array] | None,
         leaders: Sequence[Guide | None] | None,
-        correction: Array | None,
     ) -> Guides:
         H, T = control.shape[:2]
         feedback = self.sampling.guide == "feedback" and self.problem.dynamics.n == self.problem.dynamics.m == 2
@@ -190,8 +187,6 @@ class PathIntegral:
                 law[h, :, 7], law[h, :, 8] = leader.spread, np.log(leader.spread)
                 law[h, :, :4] *= self.world.gain[0, 0]
         control[(gates.count > 0) | (led > 0)] = 0.0
-        if correction is not None:
-            control += correction
         busy = np.any(control != 0.0, axis=2)
         active = np.where(busy.any(axis=1), T - np.argmax(busy[:, ::-1], axis=1), 0)
         return Guides(

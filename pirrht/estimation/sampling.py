@@ -27,7 +27,6 @@ class Sampling:
     guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
     window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
     draws: str = "antithetic"  # pairs of samples with opposite noise, or "independent" ones (the paper's)
-    rounds: int = 1  # the samples of a plan are drawn in so many; each corrects the guides of the next
     target: float | None = None  # sample on until u's standard error is no larger: consistent, not unbiased
     budget: int | None = None  # with a target, samples around each reference at most; None: 16 N
     memory: bool = False  # N/4 more samples around what is left of the last plan's tape, open loop
@@ -41,8 +40,6 @@ class Sampling:
             raise OptionError(f"first is {self.first:g}; it must be a positive number of seconds")
         if not (np.isfinite(self.window) and self.window >= 0):
             raise OptionError(f"window is {self.window:g}; it must be a number of seconds")
-        if self.rounds < 1:
-            raise OptionError(f"rounds is {self.rounds}; at least 1 is needed")
         if self.target is not None and not self.target > 0:
             raise OptionError(f"target is {self.target:g}; it must be a positive standard error of the control")
         if self.budget is not None and (self.target is None or self.budget < self.samples):

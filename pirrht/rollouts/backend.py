@@ -17,7 +17,7 @@ from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.loops import loops
 from pirrht.rollouts.general.path import any_path
 from pirrht.rollouts.point.block import is_point, sample
-from pirrht.rollouts.point.replay import added, control, trace
+from pirrht.rollouts.point.replay import control, trace
 from pirrht.rollouts.records import Guides, Kernels, Paths, World, empty_paths
 
 ALONE = 2400  # samples of a point, many abreast
@@ -33,7 +33,7 @@ def kernels_for(problem: Problem) -> Kernels:
     noise = None if constant else as_jitable(_function(d.diffusion_block))
     q = as_jitable(problem.q) if callable(problem.q) else unit_rate
     if is_point(d) and not callable(problem.q):
-        return Kernels(sample, control, trace, added, alone=ALONE)
+        return Kernels(sample, control, trace, alone=ALONE)
     one_path, room = any_path(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
     return loops(one_path, room, d.m)
 

@@ -77,5 +77,4 @@ class Kernels(NamedTuple):
     sample: Callable[..., None]  # fills Paths for a range of samples
     control: Callable[..., None]  # weighted sum of the controls that samples carried
     trace: Callable[..., None]  # states of chosen samples
-    added: Callable[..., None]  # weighted sum of what noise added to the controls of the guides
     alone: int = 64  # one thread is done with fewer samples than this before another one is awake

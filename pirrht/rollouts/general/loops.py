@@ -63,18 +63,4 @@ def loops(one_path: Any, room: Any, m: int) -> Kernels:
                 world, guides, scratch, h, x0, seed, chosen[c], ratio, states[c], nothing, nothing, base
             )
 
-    @kernel
-    def added(world, guides, x0, seed, chosen, weight, total):  # type: ignore[no-untyped-def]
-        """Add weight times what noise added to the control of its guide to total[guide] (H, T, m)."""
-        nothing, ratio, T, scratch = np.empty((0, 1)), np.empty(0), guides.control.shape[1], room(guides)
-        applied, led_by, base = np.zeros((T, m)), np.zeros((T, m)), np.empty(m)
-        for c in range(chosen.shape[0]):
-            h = np.searchsorted(guides.first, chosen[c], side="right") - 1
-            _, _, _, steps, _ = one_path(
-                world, guides, scratch, h, x0, seed, chosen[c], ratio, nothing, applied, led_by, base
-            )
-            for i in range(steps):
-                for j in range(m):
-                    total[h, i, j] += weight[c] * (applied[i, j] - led_by[i, j])
-
-    return Kernels(sample, control, trace, added)
+    return Kernels(sample, control, trace)

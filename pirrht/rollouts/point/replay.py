@@ -24,14 +24,6 @@ def control(
         _carried(guides.times, world.inverse, taken, steps, group[at], weight[at], total, alive)
 
 
-def added(
-    world: Any, guides: Any, x0: Array, seed: np.uint64, chosen: NDArray[np.int64], weight: Array, total: Array
-) -> None:
-    """Add weight times what noise added to the control of its guide to total[guide] (H, T, m)."""
-    for h, at, steps, taken in _recorded(world, guides, x0, seed, chosen):
-        _noise(guides.times, world.inverse, taken, steps, weight[at], total[h])
-
-
 def trace(
     world: Any,
     guides: Any,
@@ -75,13 +67,3 @@ def _carried(times, inverse, taken, steps, group, weight, total, alive):  # type
             alive[g, i] += w
             for j in range(2):
                 total[g, i, j] += w * (inverse[j, 0] * y0 + inverse[j, 1] * y1) / dt
-
-
-@kernel
-def _noise(times, inverse, taken, steps, weight, total):  # type: ignore[no-untyped-def]
-    for c in range(steps.shape[0]):
-        for i in range(steps[c]):
-            dt, until = times[i + 1] - times[i], taken[c, i, 6]
-            n0, n1 = taken[c, i, 2] - taken[c, i, 4] * until, taken[c, i, 3] - taken[c, i, 5] * until
-            for j in range(2):
-                total[i, j] += weight[c] * (inverse[j, 0] * n0 + inverse[j, 1] * n1) / dt
