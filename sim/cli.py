@@ -149,12 +149,6 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
         "--draws", metavar="RULE", help="samples in pairs of opposite noise (antithetic) or independent (paper)"
     )
     planner.add_argument(
-        "--memory",
-        action="store_true",
-        default=None,
-        help="N/4 more samples around what is left of the last plan's tape",
-    )
-    planner.add_argument(
         "--no-polish",
         dest="polish",
         action="store_false",

@@ -30,7 +30,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     },
 }
 BASELINES = {"consistency": "best-class", "horizon": "mppi", "exploration": "mppi"}  # option -> its only method
-WITHOUT = {"mppi": {"guide": "open-loop", "draws": "independent", "memory": False}}  # what else does nothing there
+WITHOUT = {"mppi": {"guide": "open-loop", "draws": "independent"}}  # what else does nothing there
 PAPER_SAMPLES = {"single_integrator": 200, "unicycle": 300}
 
 
@@ -60,7 +60,6 @@ class Settings:
     weights: str = "balance"
     between: str = "classes"
     guide: str = "feedback"
-    memory: bool = False
     target_error: float | None = None
     budget: int | None = None
     allocation: str = "contribution"

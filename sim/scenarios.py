@@ -105,7 +105,7 @@ class Scenario:
     def mppi(self) -> Mppi:
         """MPPI, with at least as many samples as "pi-rrht" draws from the start."""
         s = self.settings
-        sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent", memory=False)
+        sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent")
         loud = replace(s, noise=s.exploration * s.noise)
         problem = pose(self.loaded.dynamics_name, self.loaded.scene, loud)
         return Mppi(problem, self.space, sampling, horizon=s.horizon, rng=np.random.default_rng(self.seeds()[1]))
@@ -153,7 +153,6 @@ class Scenario:
             guide=s.guide,
             allocation=s.allocation,
             draws=s.draws,
-            memory=s.memory,
             target=s.target_error,
             budget=s.budget,
             threads=s.threads,

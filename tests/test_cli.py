@@ -396,7 +396,6 @@ def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
         ("sweep slit --methods single,passive --exploration 2", "--exploration is of the method mppi alone"),
         ("run slit --method mppi --guide feedback", "--guide: the method mppi has no such choice"),
         ("sweep slit --methods mppi --draws antithetic", "--draws: the method mppi has no such choice"),
-        ("run slit --method mppi --memory", "--memory: the method mppi has no such choice"),
         ("run slit --method mppi --horizon 0.05", "--horizon is 0.05; it must be at least a step, --dt 0.1"),
     ],
 )
@@ -409,7 +408,7 @@ def test_what_would_be_ignored_is_refused(capsys, arguments: str, what: str):
 
 def test_what_one_of_several_methods_heeds_is_not_refused():
     refuse_idle({"guide": "feedback", "horizon": 2.0, "consistency": None}, ["pi-rrht", "mppi"])
-    refuse_idle({"guide": "open-loop", "draws": "independent", "memory": None}, ["mppi"])
+    refuse_idle({"guide": "open-loop", "draws": "independent"}, ["mppi"])
 
 
 def test_few_effective_samples_are_said(capsys):

@@ -233,31 +233,3 @@ def test_a_million_samples_would_take_less_than_a_gibibyte(slit: Scenario, slit_
     assert plan.estimate is not None
     assert plan.estimate.rollouts.size == 100_002
     assert most < 0.1 * 2**30
-
-
-def test_the_last_tape_gets_a_quarter_of_the_samples_and_keeps_the_value(slit: Scenario, slit_tree: HomologyTree):
-    """Over 60 plans at the start under b = 0.1, where the grid says v = 8.443."""
-    plans = {}
-    for memory in (False, True):
-        controller = slit.with_settings(noise=0.1, samples=100, memory=memory, between="hold").controller(slit_tree)
-        plans[memory] = [controller.plan(slit.start).estimate for _ in range(61)][1:]
-    values = {memory: np.array([e.value for e in found if e is not None]) for memory, found in plans.items()}
-    last = plans[True][-1]
-    assert last is not None
-    assert last.rollouts.size == 325
-    assert np.diff(last.rollouts.guides.first)[-1] == 25
-    assert len(last.proposal_weights) == 4
-    assert sum(last.class_weights.values()) == pytest.approx(1.0)
-    assert agree(values[True], values[False])
-
-
-@pytest.mark.parametrize("between", ["classes", "hold"])
-def test_a_drive_goes_on_with_the_last_tape_as_one_more_proposal(slit: Scenario, slit_tree: HomologyTree, between: str):
-    controller = slit.with_settings(samples=30, memory=True, between=between).controller(slit_tree)
-    x = slit.start
-    for _ in range(4):
-        plan = controller.plan(x)
-        assert plan.fallback is None
-        assert np.all(np.isfinite(plan.at(x, 0.0)))
-        x = x + 0.01 * plan.control
-        controller.observe(x[None], 0.01)

@@ -12,7 +12,7 @@ from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.feedback import Law, Memory, leads_of
 from pirrht.control.gain import LinearLaw, linear_law
 from pirrht.control.methods import METHODS, SAMPLING, TREELESS
-from pirrht.control.plan import Plan, shifted
+from pirrht.control.plan import Plan
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.batches import sample
@@ -28,7 +28,6 @@ from pirrht.tree.homology_tree import HomologyTree, Reference
 __all__ = ["BETWEEN", "METHODS", "TREELESS", "Controller"]
 
 BETWEEN = ("classes", "gain", "hold")
-REMEMBERED = 4  # one in so many samples of a reference is drawn around the last plan's tape as well
 
 Proposals = tuple[
     Array, list[int] | None, list[Array] | None, list[Guide | None] | None
@@ -166,14 +165,11 @@ class Controller:
         tapes, counts, corners, guides = proposals
         if self.allocation is not None and ids:
             counts = self.allocation.counts(ids)
-        led = guides
-        if self.path_integral.sampling.memory and ids and self._previous is not None:
-            tapes, counts, corners, led = self._with_last(times, self._previous, tapes, counts, corners, guides)
         names = {self.space.homology.key(r.winding): name for r, name in zip(references, ids, strict=True)}
         seed = int(self.rng.integers(2**63))
         try:
             estimate = sample(
-                self.path_integral, x, times, tapes, seed, counts=counts, corners=corners, guides=led, classes=names,
+                self.path_integral, x, times, tapes, seed, counts=counts, corners=corners, guides=guides, classes=names,
                 left=left,
             )  # fmt: skip
         except NoSurvivingSample:
@@ -205,26 +201,6 @@ class Controller:
         elapsed, self._unpooled = self._unpooled, 0.0
         source = estimate.source
         return self.memory.law(estimate, leads, lambda x, s: source.push(x, steered), elapsed)
-
-    def _with_last(
-        self,
-        times: Array,
-        last: Plan,
-        tapes: Array,
-        counts: list[int] | None,
-        corners: list[Array] | None,
-        guides: list[Guide | None] | None,
-    ) -> Proposals:
-        """One more proposal for fewer samples: what is left of the last plan's tape, without feedback."""
-        N = self.path_integral.sampling.samples
-        rest = np.asarray(shifted(last.times, last.tape, times + self._since))
-        number = [N] * len(tapes) if counts is None else counts
-        return (
-            np.concatenate([tapes, rest[None]]),
-            [*number, max(1, N // REMEMBERED)],
-            None if corners is None else [*corners, np.zeros((0, 2))],
-            None if guides is None else [*guides, None],
-        )
 
     def _references(self, x: Array) -> list[Reference]:
         if self.tree is None or self.method.most == 0:

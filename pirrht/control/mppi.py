@@ -60,8 +60,8 @@ class Mppi:
     ) -> None:
         if not (np.isfinite(horizon) and horizon > 0):
             raise OptionError(f"the horizon is {horizon:g} s; it must be a positive number")
-        if sampling.guide != "open-loop" or sampling.memory:
-            raise OptionError("MPPI has no guides and no second tape; give a Sampling with guide='open-loop' alone")
+        if sampling.guide != "open-loop":
+            raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
         self.problem, self.space, self.rng = problem, space, rng
         self.path_integral = PathIntegral(problem, space, sampling, beyond=beyond or straight_home(problem))
         self.times = self.path_integral.steps(horizon)

@@ -29,7 +29,6 @@ class Sampling:
     draws: str = "antithetic"  # pairs of samples with opposite noise, or "independent" ones (the paper's)
     target: float | None = None  # sample on until u's standard error is no larger: consistent, not unbiased
     budget: int | None = None  # with a target, samples around each reference at most; None: 16 N
-    memory: bool = False  # N/4 more samples around what is left of the last plan's tape, open loop
     allocation: str = "contribution"  # of a point's samples: by what references "contribution"ed, or "equal" (paper)
     threads: int | None = None  # None: all cores this process may use; results do not depend on it
 
