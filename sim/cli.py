@@ -138,7 +138,7 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
     planner.add_argument(
         "--between",
         metavar="RULE",
-        help="between plans the control follows the state (classes, or gain: linearly) or is held (hold, paper)",
+        help="between plans the control follows the state (classes) or is held (hold, paper)",
     )
     planner.add_argument(
         "--allocation",

@@ -10,7 +10,6 @@ from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.feedback import Law, Memory, leads_of
-from pirrht.control.gain import LinearLaw, linear_law
 from pirrht.control.methods import METHODS, SAMPLING, TREELESS
 from pirrht.control.plan import Plan
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
@@ -27,7 +26,7 @@ from pirrht.tree.homology_tree import HomologyTree, Reference
 
 __all__ = ["BETWEEN", "METHODS", "TREELESS", "Controller"]
 
-BETWEEN = ("classes", "gain", "hold")
+BETWEEN = ("classes", "hold")
 
 Proposals = tuple[
     Array, list[int] | None, list[Array] | None, list[Guide | None] | None
@@ -43,7 +42,7 @@ class Controller:
         rng: source of one seed per plan.
         polished: shorten references inside their class.
         consistency: share of its value that the class followed so far counts under the method "best-class".
-        between: until the next plan follow the state by "classes" or a linear "gain", or "hold" the control (paper).
+        between: until the next plan follow the state by "classes", or "hold" the control (paper).
     """
 
     def __init__(
@@ -148,7 +147,7 @@ class Controller:
             instead=self._instead(tapes, guides, ids) if estimate is None else None,
             law=law,
             span=self.path_integral.sampling.dt,
-            shares=law.weights(x, 0.0) if isinstance(law, Law) else None,
+            shares=None if law is None else law.weights(x, 0.0),
             followed=self._followed,
         )
 
@@ -188,16 +187,12 @@ class Controller:
         self._followed = ids[best]
         return alone(estimate, best, {key: name for key, name in names.items() if name == ids[best]})
 
-    def _law(
-        self, estimate: Estimate, ids: tuple[str, ...], guides: list[Guide | None] | None
-    ) -> Law | LinearLaw | None:
+    def _law(self, estimate: Estimate, ids: tuple[str, ...], guides: list[Guide | None] | None) -> Law | None:
         """Feedback until the next plan; None if the control is held."""
-        steered = estimate.rollouts.guides
-        leads = leads_of(ids, steered, guides)
-        if self.between == "gain":
-            return linear_law(estimate, [leads.get(name) for name in ids])
         if self.memory is None:
             return None
+        steered = estimate.rollouts.guides
+        leads = leads_of(ids, steered, guides)
         elapsed, self._unpooled = self._unpooled, 0.0
         source = estimate.source
         return self.memory.law(estimate, leads, lambda x, s: source.push(x, steered), elapsed)

@@ -9,7 +9,7 @@ classes share left out). The control at any state between plans is then
     u(x) = sum_c w_c(x) u_c(x),    w(x) = softmax(log psi_c(x)).
 
 Its slope holds the spread of the u_c times R/lambda, as the exact law's does; the gain that Thijssen & Kappen (2015)
-read off the samples' covariance (`gain`) is the linear part of it, and noisier. Since psi_c and psi_c u_c are sums over
+read off the samples' covariance is the linear part of it, and noisier. Since psi_c and psi_c u_c are sums over
 samples, those of earlier plans simply add to those of the last one once carried along, at a weight that fades.
 """
 
