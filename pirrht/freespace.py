@@ -8,6 +8,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.geometry.arena import Arena
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field, build_field
 from pirrht.geometry.scene import Scene
@@ -50,6 +51,12 @@ class FreeSpace:
             obstacles=encircled,
             homology=Homology(markers=markers, goal=scene.goal.center.astype(float)),
         )
+
+    @property
+    def arena(self) -> Arena:
+        """What rollouts ask about the world."""
+        x, y = self.scene.goal.center.tolist()
+        return Arena(self.field, (float(x), float(y)), float(self.scene.goal.radius))
 
     def clearance(self, position: Array) -> float:
         """FCL's clearance of the robot's centre at one position (2,) [m]."""

@@ -11,9 +11,10 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
+from pirrht.control.policy import Policy
 from pirrht.geometry.field import clearance
 from sim.clock import Clock
-from sim.episode import Driver, size_of
+from sim.episode import size_of
 
 SHARE = 0.7  # of a period, at most, is for references and samples; then they are weighed, and the tree grows
 LEAST = 0.3  # of it is, however long weighing takes
@@ -62,7 +63,7 @@ class Planner:
         grow: vertices per period at most; None: as many as there is time for.
     """
 
-    def __init__(self, controller: Driver, clock: Clock, period: float, grow: int | None) -> None:
+    def __init__(self, controller: Policy, clock: Clock, period: float, grow: int | None) -> None:
         self.controller, self.clock, self.period, self.grow = controller, clock, period, grow
         self._most = math.inf  # vertices
         self._vertex = 1e-3  # what a vertex takes [s]
@@ -141,7 +142,7 @@ class Planner:
             added += 1
 
 
-def foreseen(controller: Driver, ready: Ready, time: float, x: Array, until: float, step: float) -> Array:
+def foreseen(controller: Policy, ready: Ready, time: float, x: Array, until: float, step: float) -> Array:
     """States (k, n) from x (n,) at `time` to `until` [s] under a plan's law without noise; x itself is the first.
 
     They end before they enter the goal or a wall, where nothing can be planned.

@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.control.methods import TREELESS
+from pirrht.control.policy import Policy
 from pirrht.errors import OptionError, SceneError
 from pirrht.estimation.sampler import OTHER, Estimate
 from pirrht.outcome import Outcome
@@ -266,7 +267,7 @@ def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
     return tree, convergence
 
 
-def _frames(plant: Plant, controller: episode.Driver, scenario: Scenario) -> Generator[episode.Frame]:
+def _frames(plant: Plant, controller: Policy, scenario: Scenario) -> Generator[episode.Frame]:
     """The drive, as fast as it goes or in real time."""
     s, start, rng = scenario.settings, scenario.start, scenario.plant_rng()
     if s.real_time:

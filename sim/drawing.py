@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -58,14 +58,13 @@ def _tape_of(plan: Plan) -> tuple[Array, Array]:
     All noise must be drawn again for it. Of several batches the smallest serves that is large enough.
     """
     estimate = plan.estimate
-    if estimate is None:
-        return plan.tape, np.ones(len(plan.tape))
-    if len(estimate.parts) > 1:
-        met = [part for part in estimate.parts if np.isfinite(part.log_weight.max())]
-        enough = [part for part in met if part.size >= TAPE_SAMPLES]
-        part = min(enough, key=lambda part: part.size) if enough else max(met, key=lambda part: part.size)
-        estimate = replace(estimate, parts=(part,))
-    return estimate.tape, estimate.alive
+    if estimate is None or plan.replay is None or len(estimate.parts) == 1:
+        return plan.tape, plan.alive
+    met = [part for part in estimate.parts if np.isfinite(part.log_weight.max())]
+    enough = [part for part in met if part.size >= TAPE_SAMPLES]
+    return plan.replay.tape(
+        [min(enough, key=lambda part: part.size) if enough else max(met, key=lambda part: part.size)]
+    )
 
 
 def apart(lines: Sequence[NDArray[Any]]) -> list[int]:
@@ -147,8 +146,8 @@ def _pick(group: Indices, weight: Array, count: int) -> Indices:
 
 def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, length: int) -> Floats:
     """Paths of chosen samples with `length` points each, (k, length, 3)."""
-    states, steps = path_integral.trace(estimate.rollouts, chosen)
-    times = estimate.rollouts.guides.times  # steps may be unequal; points are even in time
+    states, steps = path_integral.replay.trace(estimate.rollouts, chosen)
+    times = estimate.rollouts.leads.times  # steps may be unequal; points are even in time
     at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
     return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02)
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
+from pirrht.control.policy import Policy
 from pirrht.estimation.sampler import OTHER
-from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
-from pirrht.problem import Problem
 from pirrht.topology.homology import class_id
 from pirrht.tree.homology_tree import HomologyTree
 from sim.colors import title
@@ -50,31 +49,8 @@ class Frame:
         return self.advance.states[-1] if len(self.advance.states) else self.plan.state
 
 
-class Driver(Protocol):
-    """Who decides during a drive: `pirrht.Controller` or `pirrht.Optimal`."""
-
-    problem: Problem
-    space: FreeSpace
-    tree: HomologyTree | None
-
-    def begin(self, x: Array) -> None:
-        """Forget the drive so far; a new one starts at x (n,)."""
-
-    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """Decide at state x (n,); `left` tells the time left for sampling [s], where that is limited."""
-
-    def observe(self, states: Array, duration: float) -> None:
-        """Take note of the states (k, n) just driven through and the time it took [s]."""
-
-    def expect(self, states: Array, duration: float) -> None:
-        """Suppose that the robot will drive through the states (k, n) next, until the next plan begins."""
-
-    def driven_class(self) -> tuple[int, ...]:
-        """Class of the driven path, completed by the straight line to the goal point."""
-
-
 def run(
-    plant: Plant, controller: Driver, start: Array, rng: np.random.Generator, *, max_time: float, grow: int = 0
+    plant: Plant, controller: Policy, start: Array, rng: np.random.Generator, *, max_time: float, grow: int = 0
 ) -> Generator[Frame]:
     """Drive from start until the goal, a collision or max_time [s] of simulated time (Algorithm 4).
 

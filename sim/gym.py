@@ -24,11 +24,12 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control import policy as control
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.topology.driven import Driven
-from sim.episode import Driver, Frame, Tally
+from sim.episode import Frame, Tally
 from sim.mjcf import scene_names
 from sim.robots import control_limits
 from sim.scenarios import prepare
@@ -196,7 +197,7 @@ class Following:
         step: period of the environment [s].
     """
 
-    def __init__(self, driver: Driver, *, period: float, step: float) -> None:
+    def __init__(self, driver: control.Policy, *, period: float, step: float) -> None:
         self.driver, self.period, self.step = driver, period, step
         self._plan: Plan | None = None
 

@@ -23,12 +23,13 @@ from queue import SimpleQueue
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control.policy import Policy
 from pirrht.geometry.collision import Collision
 from pirrht.outcome import Outcome
 from pirrht.topology.driven import Driven
 from sim.ahead import Handover, Planner, Ready, Stopped
 from sim.clock import Clock, WallClock
-from sim.episode import Driver, Frame
+from sim.episode import Frame
 from sim.executor import Advance, Plant
 from sim.timing import Timing
 
@@ -52,7 +53,7 @@ News = SimpleQueue[Moved | BaseException]
 
 def run(
     plant: Plant,
-    controller: Driver,
+    controller: Policy,
     start: Array,
     rng: np.random.Generator,
     *,
@@ -148,7 +149,7 @@ class _Pacer:
 class _Book:
     """Makes frames of what the plant did."""
 
-    def __init__(self, controller: Driver, start: Array, period: float) -> None:
+    def __init__(self, controller: Policy, start: Array, period: float) -> None:
         space = controller.space
         self._driven, self._period = Driven(space.homology, start), period
         # FCL moves its objects when it is asked: the planner's are busy.

@@ -18,29 +18,35 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
+from pirrht.problem import Problem
 
 CONSISTENCY = 0.8  # the value of the class followed so far counts this much of what it is
 
 
 def best_class(
-    estimate: Estimate, names: Sequence[str], followed: str | None, *, consistency: float = CONSISTENCY
+    problem: Problem,
+    estimate: Estimate,
+    names: Sequence[str],
+    followed: str | None,
+    *,
+    consistency: float = CONSISTENCY,
 ) -> int:
     """The reference to follow next, of those with class `names` in the order of their samples."""
-    values = class_values(estimate)[: len(names)]
+    values = class_values(problem, estimate)[: len(names)]
     if followed in names:
         values[names.index(followed)] *= consistency
     return int(np.argmin(values))
 
 
-def class_values(estimate: Estimate) -> Array:
+def class_values(problem: Problem, estimate: Estimate) -> Array:
     """v (H,) from the samples around each reference alone, [cost]; infinite where none survived."""
-    number = sum(np.diff(part.guides.first) for part in estimate.parts)
-    sums = [np.logaddexp.reduceat(_own(part, estimate), part.guides.first[:-1]) for part in estimate.parts]
-    values: Array = -estimate.source.problem.temperature * (np.logaddexp.reduce(sums) - np.log(number))
+    number = sum(np.diff(part.leads.first) for part in estimate.parts)
+    sums = [np.logaddexp.reduceat(_own(problem, part), part.leads.first[:-1]) for part in estimate.parts]
+    values: Array = -problem.temperature * (np.logaddexp.reduce(sums) - np.log(number))
     return values
 
 
-def alone(estimate: Estimate, h: int, classes: Mapping[int, str] | None = None) -> Estimate:
+def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, str] | None = None) -> Estimate:
     """What the samples around reference h say without the others.
 
     Args:
@@ -49,21 +55,21 @@ def alone(estimate: Estimate, h: int, classes: Mapping[int, str] | None = None) 
     Raises:
         NoSurvivingSample: none of them has any weight.
     """
-    return weigh(estimate.source, [_restricted(part, estimate, h) for part in estimate.parts], classes)
+    return weigh(problem, [_restricted(problem, part, h) for part in estimate.parts], estimate.push, classes)
 
 
-def _own(part: Rollouts, estimate: Estimate) -> Array:
+def _own(problem: Problem, part: Rollouts) -> Array:
     """Log weights (S,) of samples as if there were none but those around their own reference."""
-    number = np.diff(part.guides.first)
-    averaged = log_weights(estimate.source.problem, "average", part.paths, part.guides.first)
+    number = np.diff(part.leads.first)
+    averaged = log_weights(problem, "average", part.paths, part.leads.first)
     own: Array = averaged - np.repeat(np.log(part.size / (len(number) * number)), number)
     return own
 
 
-def _restricted(part: Rollouts, estimate: Estimate, h: int) -> Rollouts:
+def _restricted(problem: Problem, part: Rollouts, h: int) -> Rollouts:
     # The others weigh nothing; a mean over all samples is the mean over these if each counts S / N_h times.
-    first, log_weight = part.guides.first, np.full(part.size, -np.inf)
+    first, log_weight = part.leads.first, np.full(part.size, -np.inf)
     mine = int(first[h]), int(first[h + 1])
-    averaged = log_weights(estimate.source.problem, "average", part.paths, first, mine)
+    averaged = log_weights(problem, "average", part.paths, first, mine)
     log_weight[slice(*mine)] = averaged + np.log(len(first) - 1)
     return replace(part, log_weight=log_weight)

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
-from pirrht.control.feedback import Law, Memory, leads_of
+from pirrht.control.feedback import Law, Memory
 from pirrht.control.methods import METHODS, SAMPLING, TREELESS
 from pirrht.control.plan import Plan
+from pirrht.control.policy import Policy
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.batches import sample
 from pirrht.estimation.sampler import Estimate, PathIntegral, Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.tracking import FEW, Guide
+from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
+from pirrht.guidance.tracking import FEW, Guidance, Guide
 from pirrht.problem import Problem
 from pirrht.steering.trajectory import Trajectory, running_cost
-from pirrht.topology.driven import Driven
 from pirrht.topology.homology import class_id, integers
 from pirrht.tree.homology_tree import HomologyTree, Reference
 
@@ -28,12 +29,8 @@ __all__ = ["BETWEEN", "METHODS", "TREELESS", "Controller"]
 
 BETWEEN = ("classes", "hold")
 
-Proposals = tuple[
-    Array, list[int] | None, list[Array] | None, list[Guide | None] | None
-]  # tapes, counts, corners, guides
 
-
-class Controller:
+class Controller(Policy):
     """Receding-horizon path integral control with topology-guided sampling.
 
     Args:
@@ -65,6 +62,12 @@ class Controller:
         self.method = SAMPLING[method]
         if tree is None and self.method.most != 0:
             raise OptionError(f"the method {method!r} needs a tree")
+        if tree is not None and tree.steering.n != problem.dynamics.n:
+            moves, bends = type(problem.dynamics).__name__, type(tree.steering).__name__
+            raise OptionError(
+                f"{bends} connects states of {tree.steering.n} numbers and {moves} has {problem.dynamics.n}; "
+                f"grow the tree with a Steering for {moves}"
+            )
         self.problem, self.space, self.tree, self.consistency = problem, space, tree, consistency
         self.path_integral = PathIntegral(problem, space, sampling)
         self.polished, self.rng, self.between = polished, rng, between
@@ -75,35 +78,15 @@ class Controller:
 
     def begin(self, x: Array) -> None:
         """Forget the drive so far; a new one starts at x (n,)."""
-        self._driven = Driven(self.space.homology, x)
+        super().begin(x)
         self._previous: Plan | None = None
         self._followed: str | None = None  # class, where only one is
-        self._since = self._unpooled = 0.0  # since the last plan, and since the last one with an estimate [s]
         if self.memory is not None:
             self.memory.forget()
         if self.allocation is not None:
             self.allocation.forget()
         self._guides: dict[tuple[int, ...], Guide] = {}  # by class of driven path and guide together
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
-
-    def observe(self, states: Array, duration: float) -> None:
-        """Take note of the states (k, n) just driven through and the time it took [s]."""
-        self._driven.observe(states)
-        self._since += duration
-        self._unpooled += duration
-
-    def expect(self, states: Array, duration: float) -> None:
-        """Suppose that the robot will drive through the states (k, n) next; `duration` [s] since the last plan's start.
-
-        The next plan is made for the end of them. What is observed afterwards takes their place, at no duration.
-        """
-        self._driven.expect(states)
-        self._since += duration
-        self._unpooled += duration
-
-    def driven_class(self) -> tuple[int, ...]:
-        """Class of the driven path, completed by the straight line to the goal point."""
-        return self._driven.winding()
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,).
@@ -122,80 +105,78 @@ class Controller:
                 raise
             references = self._kept(x, set())
             if not references:
-                return self._previous.rest(x, self._since)
+                return self._previous.rest(x, self.drive.since_plan)
         plan = self._around(x, references, left)
-        self._previous, self._since = plan, 0.0
+        self._previous, self.drive.since_plan = plan, 0.0
         return plan
 
     def _around(self, x: Array, references: list[Reference], left: Callable[[], float] | None) -> Plan:
         """The plan at x (n,) that samples around references make."""
-        ids = tuple(class_id(whole) for whole in self._from_start(references))
-        trajectories = [reference.trajectory for reference in references]
-        times = self.path_integral.grid(self._least_cost(x, trajectories))
-        tapes = np.array([t.tape(times) for t in trajectories] or [np.zeros((len(times) - 1, self.problem.dynamics.m))])
-        guides, counts = self._lead(x, times, references)
-        proposals = (tapes, counts, self._corners(trajectories), guides)
-        estimate = self._estimate(x, times, references, ids, proposals, left)
-        law = None if estimate is None else self._law(estimate, ids, guides)
+        batch = self.batch(x, references)
+        estimate = self._estimate(batch, left)
+        ids = tuple(batch.classes.values())
+        law = None if estimate is None or self.memory is None else self._law(self.memory, estimate, batch)
         return Plan(
             state=x,
-            times=times,
+            times=batch.times,
             references=tuple(references),
             ids=ids,
             estimate=estimate,
+            replay=self.path_integral.replay,
             fallback="no survivor" if estimate is None else None,
-            instead=self._instead(tapes, guides, ids) if estimate is None else None,
+            instead=self._instead(batch, references) if estimate is None else None,
             law=law,
+            push=None if estimate is None else self.path_integral.push(estimate.rollouts.leads),
             span=self.path_integral.sampling.dt,
             shares=None if law is None else law.weights(x, 0.0),
             followed=self._followed,
         )
 
-    def _estimate(
-        self,
-        x: Array,
-        times: Array,
-        references: list[Reference],
-        ids: tuple[str, ...],
-        proposals: Proposals,
-        left: Callable[[], float] | None,
-    ) -> Estimate | None:
+    def batch(self, x: Array, references: list[Reference]) -> Batch:
+        """What a plan at x (n,) draws: samples around references, or of the passive dynamics where there are none."""
+        integral, N = self.path_integral, self.path_integral.sampling.samples
+        trajectories = [reference.trajectory for reference in references]
+        times = integral.grid(self._least_cost(x, trajectories))
+        if not references:
+            still = Tape(times, np.zeros((len(times) - 1, self.problem.dynamics.m)))
+            return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),))
+        names = [class_id(whole) for whole in self._from_start(references)]
+        leads, counts = self._leads(x, times, references)
+        if self.allocation is not None:
+            counts = self.allocation.counts(names)
+        keys = [self.space.homology.key(reference.winding) for reference in references]
+        rows = zip(leads, counts, names, keys, strict=True)
+        return Batch(
+            state=x, times=times, proposals=tuple(Proposal(lead=a, count=n, name=i, key=k) for a, n, i, k in rows)
+        )
+
+    def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
         """What samples say; None if none survives."""
-        tapes, counts, corners, guides = proposals
-        if self.allocation is not None and ids:
-            counts = self.allocation.counts(ids)
-        names = {self.space.homology.key(r.winding): name for r, name in zip(references, ids, strict=True)}
-        seed = int(self.rng.integers(2**63))
+        ids, seed = list(batch.classes.values()), int(self.rng.integers(2**63))
         try:
-            estimate = sample(
-                self.path_integral, x, times, tapes, seed, counts=counts, corners=corners, guides=guides, classes=names,
-                left=left,
-            )  # fmt: skip
+            estimate = sample(self.path_integral, batch, seed, left=left)
         except NoSurvivingSample:
             return None
         if self.allocation is not None:
             self.allocation.learn(ids, estimate)
         if self.method.alone and ids:
-            estimate = self._alone(estimate, ids, names)
-        return None if guides is not None and estimate.survivors == 0 else estimate
+            estimate = self._alone(estimate, ids, batch.classes)
+        guided = self.path_integral.guidance is not None and ids
+        return None if guided and estimate.survivors == 0 else estimate
 
-    def _alone(self, estimate: Estimate, ids: tuple[str, ...], names: dict[int, str]) -> Estimate:
+    def _alone(self, estimate: Estimate, ids: list[str], names: Mapping[int, str]) -> Estimate:
         """What the samples of the best class say; what earlier ones said of another class is forgotten."""
-        best = best_class(estimate, ids, self._followed, consistency=self.consistency)
+        best = best_class(self.problem, estimate, ids, self._followed, consistency=self.consistency)
         if self._followed != ids[best] and self.memory is not None:
             self.memory.forget()
         self._followed = ids[best]
-        return alone(estimate, best, {key: name for key, name in names.items() if name == ids[best]})
+        return alone(self.problem, estimate, best, {key: name for key, name in names.items() if name == ids[best]})
 
-    def _law(self, estimate: Estimate, ids: tuple[str, ...], guides: list[Guide | None] | None) -> Law | None:
-        """Feedback until the next plan; None if the control is held."""
-        if self.memory is None:
-            return None
-        steered = estimate.rollouts.guides
-        leads = leads_of(ids, steered, guides)
-        elapsed, self._unpooled = self._unpooled, 0.0
-        source = estimate.source
-        return self.memory.law(estimate, leads, lambda x, s: source.push(x, steered), elapsed)
+    def _law(self, memory: Memory, estimate: Estimate, batch: Batch) -> Law:
+        """Feedback until the next plan."""
+        leads = {one.name: one.lead for one in batch.proposals if one.key is not None and one.lead.follows}
+        elapsed, self.drive.since_estimate = self.drive.since_estimate, 0.0
+        return memory.law(estimate, leads, self.path_integral.push(estimate.rollouts.leads), elapsed)
 
     def _references(self, x: Array) -> list[Reference]:
         if self.tree is None or self.method.most == 0:
@@ -212,7 +193,7 @@ class Controller:
         for whole, guide in self._guides.items():
             if whole in known or whole not in self._strong:
                 continue
-            rest = guide.rest(self._since, self.space.scene.goal.center)
+            rest = guide.rest(self.drive.since_plan, self.space.scene.goal.center)
             if rest is None:
                 continue
             winding = integers(np.asarray(whole) - driven)
@@ -221,19 +202,28 @@ class Controller:
                 references.append(Reference(winding=winding, signature=signature, trajectory=rest))
         return references
 
-    def _lead(
-        self, x: Array, times: Array, references: list[Reference]
-    ) -> tuple[list[Guide | None] | None, list[int] | None]:
+    def _leads(self, x: Array, times: Array, references: list[Reference]) -> tuple[list[Lead], list[int]]:
+        """What samples around each reference follow, and how many there are; guides start from the last ones."""
+        integral = self.path_integral
+        leads = [integral.lead(x, times, reference.trajectory) for reference in references]
+        if integral.guidance is None:
+            return leads, [integral.sampling.samples] * len(leads)
+        guides, counts = self._guided(integral.guidance, x, times, references)
+        gain = float(integral.world.gain[0, 0])
+        return [
+            lead if guide is None else Along(guide, gain) for lead, guide in zip(leads, guides, strict=True)
+        ], counts
+
+    def _guided(
+        self, guidance: Guidance, x: Array, times: Array, references: list[Reference]
+    ) -> tuple[list[Guide | None], list[int]]:
         """Guides of a car, each from what is left of the last one of its class, and samples around each."""
-        guidance = self.path_integral.guidance
-        if guidance is None or not references:
-            return None, None
         classes = self._from_start(references)
 
         def improve(which: tuple[Reference, tuple[int, ...]]) -> Guide | None:
             reference, whole = which
             key, last = self.space.homology.key(reference.winding), self._guides.get(whole)
-            return guidance.improve(x, times, key, reference.trajectory, last, self._since)
+            return guidance.improve(x, times, key, reference.trajectory, last, self.drive.since_plan)
 
         guides = mapped(improve, zip(references, classes, strict=True), self.path_integral.threads)
         counts = guidance.counts(guides, self.path_integral.sampling.samples)
@@ -243,19 +233,15 @@ class Controller:
         self._strong = {whole for whole, count in zip(classes, counts, strict=True) if count > FEW}
         return guides, counts
 
-    def _instead(self, tapes: Array, guides: list[Guide | None] | None, ids: tuple[str, ...]) -> Array:
+    def _instead(self, batch: Batch, references: list[Reference]) -> Array:
         """What to follow without an estimate, (T, m): the guide of the last favourite or the cheapest, or a tape."""
-        led = {name: guide for name, guide in zip(ids, guides or (), strict=False) if guide is not None}
+        led = {one.name: one.lead.guide for one in batch.proposals if isinstance(one.lead, Along)}
         if not led:
-            return np.asarray(tapes[0])
+            steps = (len(batch.times) - 1, self.problem.dynamics.m)
+            return references[0].trajectory.tape(batch.times) if references else np.zeros(steps)
         last = None if self._previous is None else self._previous.favourite
         guide = led[last] if last in led else min(led.values(), key=lambda guide: guide.priced)
         return guide.control[:, None]
-
-    def _corners(self, trajectories: list[Trajectory]) -> list[Array] | None:
-        """What samples head for: the corners of each reference, and the goal point as the last."""
-        goal = self.space.scene.goal.center[None, :]
-        return [np.vstack([t.path.start[1:, :2], goal]) for t in trajectories] or None
 
     def _from_start(self, references: list[Reference]) -> list[tuple[int, ...]]:
         """Classes of the driven path and each reference together."""

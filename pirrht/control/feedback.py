@@ -15,7 +15,7 @@ samples, those of earlier plans simply add to those of the last one once carried
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,17 +23,15 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate, normalised
 from pirrht.guidance.gates import gates_of
-from pirrht.guidance.tracking import Guide
+from pirrht.guidance.leads import Lead, Towards
 from pirrht.problem import Problem
-from pirrht.rollouts.backend import Guides
-from pirrht.rollouts.gates import Gates, heading
 
 MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
 STALE = 0.05  # classes that no sample was of for so long are forgotten [s]
 BOUND = 2.0  # earlier plans count at most exp(BOUND) times as much as the last one
 FADED = -60.0  # classes whose desirability is below the largest by so many nats are forgotten
 
-Lead = Callable[[Array, float], Array]  # control (m,) that a class's guide has at state (n,), s after the plan [s]
+Push = Callable[[Array], Array]  # what the nearest walls add to the control of every class at state (n,), (m,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,13 +40,17 @@ class ClassLaw:
 
     log_psi: float  # up to a constant that all classes share
     rest: Array  # (m,) what samples found on top of the guide
-    lead: Lead
+    lead: Lead | None  # None: what belongs to no class has none
     age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
     unseen: float = 0.0  # time since samples were last of this class [s]
 
     def control(self, x: Array, s: float) -> Array:
         """Control (m,) of this class at state x (n,), s [s] after the plan; without what the nearest wall adds."""
-        return self.rest + self.lead(x, s + self.age)
+        return self.rest + self.led(x, s)
+
+    def led(self, x: Array, s: float) -> Array:
+        """The lead's part of it, (m,)."""
+        return np.zeros(len(self.rest)) if self.lead is None else self.lead(x, s + self.age)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,7 +60,7 @@ class Law:
     problem: Problem
     state: Array  # (n,) of the plan
     classes: Mapping[str, ClassLaw]
-    push: Lead  # what the nearest wall adds to the control of every class
+    push: Push
     known: Array = field(init=False, repr=False)  # (C,) log psi of every class at the plan's state
     before: Array = field(init=False, repr=False)  # (C, m) controls there
     stiff: Array = field(init=False, repr=False)  # R / lambda there, (m, m)
@@ -105,7 +107,7 @@ class Law:
         return log_psi, controls
 
     def _controls(self, x: Array, s: float) -> Array:
-        controls: Array = np.array([law.control(x, s) for law in self.classes.values()]) + self.push(x, s)
+        controls: Array = np.array([law.control(x, s) for law in self.classes.values()]) + self.push(x)
         return controls
 
 
@@ -118,17 +120,19 @@ class Memory:
     _last: Law | None = field(default=None)
 
     def __post_init__(self) -> None:
-        towards_gates(gates_of([np.ones((1, 2))], np.zeros(2), 1.0), 1.0)[0](np.zeros(2), 0.0)  # compiles it
+        """Compile what leads are made of."""
+        x = np.zeros(2)
+        Towards(gates_of(np.ones((1, 2)), x, 1.0), 1.0, 1.0)(x, 0.0)
 
     def forget(self) -> None:
         """Start anew."""
         self._last = None
 
-    def law(self, estimate: Estimate, leads: Mapping[str, Lead], push: Lead, elapsed: float) -> Law:
+    def law(self, estimate: Estimate, leads: Mapping[str, Lead], push: Push, elapsed: float) -> Law:
         """The law after one more plan, made `elapsed` [s] after the last one.
 
         Args:
-            leads: guides of the classes by name; what belongs to no class has none.
+            leads: what samples of the classes followed, by name, where that depends on the state.
         """
         x = estimate.rollouts.x0
         found: dict[str, ClassLaw] = {}
@@ -148,14 +152,13 @@ class Memory:
                     rest = carried.control(x, 0.0) - fresh(x, 0.0)
                     carried = replace(carried, rest=rest, lead=fresh, age=0.0)
                 found[name] = carried
-        nothing = np.zeros(self.problem.dynamics.m)
         for name, weight in estimate.class_weights.items():
             if weight <= 0.0:
                 continue
-            lead = leads.get(name) or (lambda x, s: nothing)
+            lead, control = leads.get(name), estimate.class_controls[name]
             new = ClassLaw(
                 log_psi=estimate.log_psi + float(np.log(weight)),
-                rest=estimate.class_controls[name] - lead(x, 0.0),
+                rest=control if lead is None else control - lead(x, 0.0),
                 lead=lead,
             )
             found[name] = new if name not in found else _pooled(found[name], new)
@@ -163,41 +166,6 @@ class Memory:
         found = {name: c for name, c in found.items() if c.log_psi > top + FADED}
         self._last = Law(problem=self.problem, state=x, classes=found, push=push)
         return self._last
-
-
-def leads_of(ids: Sequence[str], steered: Guides, guides: Sequence[Guide | None] | None) -> dict[str, Lead]:
-    """What the samples around each reference were led by, by class; none where they followed a tape."""
-    if guides is not None:
-        return {name: along_guide(guide) for name, guide in zip(ids, guides, strict=True) if guide is not None}
-    if steered.gates.count.any():
-        return dict(zip(ids, towards_gates(steered.gates, steered.speed), strict=False))
-    return {}
-
-
-def towards_gates(gates: Gates, speed: float) -> list[Lead]:
-    """Leads of a point that heads for the gates of each reference, as its samples do."""
-
-    def lead(g: int) -> Lead:
-        def head(x: Array, s: float) -> Array:
-            unit = np.empty(2)
-            heading(gates, g, 0, x[0], x[1], unit)
-            return speed * unit
-
-        return head
-
-    return [lead(g) for g in range(len(gates.count))]
-
-
-def along_guide(guide: Guide) -> Lead:
-    """The feedback of a car's guide."""
-
-    def lead(x: Array, s: float) -> Array:
-        i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.control) - 1)
-        share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
-        off = wrapped(x - (1.0 - share) * guide.states[i] - share * guide.states[i + 1], 3)
-        return np.array([guide.control[i] + guide.gains[i] @ off])
-
-    return lead
 
 
 def _pooled(old: ClassLaw, new: ClassLaw) -> ClassLaw:

@@ -23,18 +23,18 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan, shifted
+from pirrht.control.policy import Policy
 from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.sampler import PathIntegral, Sampling
 from pirrht.freespace import FreeSpace
+from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.problem import Problem
-from pirrht.topology.driven import Driven
-from pirrht.tree.homology_tree import HomologyTree
 
 HORIZON = 3.0  # [s]
 
 
-class Mppi:
+class Mppi(Policy):
     """MPPI where `Controller` stands in a drive.
 
     Args:
@@ -45,8 +45,6 @@ class Mppi:
         beyond: what the way from states (k, n) at the horizon to the goal costs, (k,); None: `straight_home`.
         rng: source of one seed per plan.
     """
-
-    tree: HomologyTree | None = None  # it needs none
 
     def __init__(
         self,
@@ -69,23 +67,8 @@ class Mppi:
 
     def begin(self, x: Array) -> None:
         """Forget the drive so far; a new one starts at x (n,), from a tape of zeros."""
-        self._driven = Driven(self.space.homology, x)
+        super().begin(x)
         self._tape = np.zeros((len(self.times) - 1, self.problem.dynamics.m))
-        self._since = 0.0
-
-    def observe(self, states: Array, duration: float) -> None:
-        """Take note of the states (k, n) just driven through and the time it took [s]."""
-        self._driven.observe(states)
-        self._since += duration
-
-    def expect(self, states: Array, duration: float) -> None:
-        """Suppose that the robot will drive through the states (k, n) next, `duration` [s] since the last plan."""
-        self._driven.expect(states)
-        self._since += duration
-
-    def driven_class(self) -> tuple[int, ...]:
-        """Class of the driven path, completed by the straight line to the goal point."""
-        return self._driven.winding()
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,); without a survivor the tape goes on.
@@ -94,10 +77,11 @@ class Mppi:
             left: time left for sampling [s]; samples are drawn until it is up.
         """
         x = np.asarray(x, dtype=float)
-        tape = shifted(self.times, self._tape, self.times + self._since)
-        seed = int(self.rng.integers(2**63))
+        tape = shifted(self.times, self._tape, self.times + self.drive.since_plan)
+        proposal = Proposal(lead=Tape(self.times, tape), count=self.path_integral.sampling.samples)
+        batch, seed = Batch(state=x, times=self.times, proposals=(proposal,)), int(self.rng.integers(2**63))
         try:
-            estimate = sample(self.path_integral, x, self.times, tape[None], seed, left=left)
+            estimate = sample(self.path_integral, batch, seed, left=left)
         except NoSurvivingSample:
             estimate = None
         plan = Plan(
@@ -106,10 +90,11 @@ class Mppi:
             references=(),
             ids=(),
             estimate=estimate,
+            replay=self.path_integral.replay,
             fallback="no survivor" if estimate is None else None,
             instead=tape if estimate is None else None,
         )
-        self._tape, self._since = plan.tape, 0.0
+        self._tape, self.drive.since_plan = plan.tape, 0.0
         return plan
 
 

@@ -13,25 +13,22 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
+from pirrht.control.policy import Policy
 from pirrht.estimation.sampler import PathIntegral, Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.topology.driven import Driven
-from pirrht.tree.homology_tree import HomologyTree
 
 DRAWN = 0.5  # a recording draws where the control now would lead in this time [s]
 
 
-class Optimal:
+class Optimal(Policy):
     """Feedback control by a solved grid.
 
     Args:
         desirability: of the problem in continuous time.
         sampling: of the sampler that a recording draws with; drives do not use it.
     """
-
-    tree: HomologyTree | None = None  # it needs none
 
     def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
         self.desirability, self._sampling = desirability, sampling
@@ -45,22 +42,6 @@ class Optimal:
     def path_integral(self) -> PathIntegral:
         """What a recording reads problem and temperature from."""
         return PathIntegral(self.problem, self.space, self._sampling)
-
-    def begin(self, x: Array) -> None:
-        """Forget the drive so far; a new one starts at x (n,)."""
-        self._driven = Driven(self.space.homology, x)
-
-    def observe(self, states: Array, duration: float) -> None:
-        """Take note of the states (k, n) just driven through; the time it took [s] does not matter."""
-        self._driven.observe(states)
-
-    def expect(self, states: Array, duration: float) -> None:
-        """Suppose that the robot will drive through the states (k, n) next."""
-        self._driven.expect(states)
-
-    def driven_class(self) -> tuple[int, ...]:
-        """Class of the driven path, completed by the straight line to the goal point."""
-        return self._driven.winding()
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """The law from state x (n,) on; it does not change and takes no time."""

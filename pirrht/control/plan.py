@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.replay import Replay
 from pirrht.tree.homology_tree import Reference
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
     """What was decided at one state."""
 
@@ -22,8 +24,10 @@ class Plan:
     ids: tuple[str, ...]  # class of each reference, relative to the start of the drive
     estimate: Estimate | None  # None in a fallback
     fallback: str | None  # why the estimate is missing: "no reference", "no survivor"
+    replay: Replay | None = None  # what makes the tape of an estimate
     instead: Array | None = None  # (T, m) the tape that is followed in a fallback
     law: Callable[[Array, float], Array] | None = None  # control (m,) at state (n,), s after the plan [s]
+    push: Callable[[Array], Array] | None = None  # what the nearest walls add to a control that is held, (m,)
     span: float = np.inf  # how long the law is followed [s]; then the tape
     shares: dict[str, float] | None = None  # weight of every class under the law
     followed: str | None = None  # the class that the control is of, where it is of one alone
@@ -32,10 +36,18 @@ class Plan:
     @property
     def tape(self) -> Array:
         """Open-loop controls, one per rollout step, (T, m)."""
-        if self.instead is not None:
-            return self.instead
+        return self.instead if self.instead is not None else self._replayed[0]
+
+    @property
+    def alive(self) -> Array:
+        """Weight of the samples still under way at each step, (T,); 1 without samples."""
+        return np.ones(len(self.tape)) if self.instead is not None else self._replayed[1]
+
+    @cached_property
+    def _replayed(self) -> tuple[Array, Array]:
         assert self.estimate is not None
-        return self.estimate.tape
+        assert self.replay is not None
+        return self.replay.tape(self.estimate.parts)
 
     @property
     def control(self) -> Array:
@@ -53,15 +65,9 @@ class Plan:
         if self.law is not None and s + 1e-9 < self.span:
             return self.law(x, s)
         if s + 1e-9 < self.times[1]:
-            return self.control + self._since_planned(x)
+            return self.control + (0.0 if self.push is None else self.push(x) - self.push(self.state))
         i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
         return self.tape[i] if i < len(self.tape) else np.zeros(self.tape.shape[1])
-
-    def _since_planned(self, x: Array) -> Array | float:
-        if self.estimate is None or self.estimate.rollouts.guides.reach <= 0.0:
-            return 0.0
-        source, guides = self.estimate.source, self.estimate.rollouts.guides
-        return source.push(x, guides) - source.push(self.state, guides)
 
     def rest(self, x: Array, s: float) -> Plan:
         """What is left of the tape s [s] later, at state x (n,), for lack of anything newer."""

@@ -48,7 +48,7 @@ class Allocation:
 
     def learn(self, names: Sequence[str], estimate: Estimate) -> None:
         """Take in what the samples of a plan contributed; the references' classes in the order of its samples."""
-        first = estimate.rollouts.guides.first
+        first = estimate.rollouts.leads.first
         for name, start, stop in zip(names, first[:-1], first[1:], strict=False):
             found = math.sqrt(float(np.mean(estimate.weight[start:stop] ** 2)))
             before = self._contribution.get(name, found)

@@ -8,64 +8,46 @@ becomes of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimation.estimate import Estimate, Rollouts, weigh
+from pirrht.estimation.estimate import Estimate, Rollouts
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.guidance.tracking import Guide
+from pirrht.guidance.leads import Batch
 
 FILLED = 0.6  # of the time left is used by the next round, since the pace changes; with the last, it is all used
 MOST = 150_000  # samples of a plan, however much time there is: weighing more of them takes longer than it is worth
 
 
-def sample(
-    integral: PathIntegral,
-    x: Array,
-    times: Array,
-    controls: Array,
-    seed: int,
-    *,
-    counts: Sequence[int] | None = None,
-    corners: Sequence[Array] | None = None,
-    guides: Sequence[Guide | None] | None = None,
-    classes: Mapping[int, str] | None = None,
-    left: Callable[[], float] | None = None,
-) -> Estimate:
-    """Sample paths as `PathIntegral.rollout` does, in the rounds that its settings ask for, and weigh them all.
+def sample(integral: PathIntegral, batch: Batch, seed: int, *, left: Callable[[], float] | None = None) -> Estimate:
+    """Sample the paths of a batch, and more like them as settings or time ask for, and weigh them all.
 
     Args:
-        left: time left [s]; more rounds are drawn until it is up.
+        seed: of the plan; equal seeds give equal paths.
+        left: time left [s]; more batches are drawn until it is up.
 
     Raises:
         NoSurvivingSample: no sample has any weight.
     """
-    settings = integral.sampling
-    number = np.full(len(controls), settings.samples) if counts is None else np.asarray(counts)
+    settings, number = integral.sampling, np.asarray(batch.counts)
     parts: list[Rollouts] = []
 
     def draw(number: NDArray[np.int64]) -> None:
-        seed_of_batch = _seed(seed, len(parts))
-        parts.append(
-            integral.rollout(x, times, controls, seed_of_batch, counts=number.tolist(), corners=corners, guides=guides)
-        )
+        parts.append(integral.rollout(batch.counting(number.tolist()), _seed(seed, len(parts))))
 
     before = 0.0 if left is None else left()
     draw(number)
     if left is not None:
         _until(left, before - left(), number, draw)
-    if settings.target is None:
-        return weigh(integral, parts, classes)
     drawn, most = 1.0, max(1.0, settings.most / settings.samples)
-    while drawn < most and not _known(integral, parts, settings.target):
+    while settings.target is not None and drawn < most and not _known(integral, parts, settings.target):
         more = min(drawn, most - drawn)
         draw(np.maximum(1, np.rint(more * number)).astype(np.int64))
         drawn += more
-    return weigh(integral, parts, classes)
+    return integral.weighed(parts, batch.classes)
 
 
 def _until(
@@ -85,7 +67,7 @@ def _until(
 def _known(integral: PathIntegral, parts: Sequence[Rollouts], target: float) -> bool:
     """Whether the control is known up to `target`, as far as the samples can tell."""
     try:
-        return float(weigh(integral, parts).control_error.max()) <= target
+        return float(integral.weighed(parts).control_error.max()) <= target
     except NoSurvivingSample:
         return False
 

@@ -7,37 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimation.sampling import Sampling
 from pirrht.estimation.sums import centred, grouped, scatter
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollouts.backend import Guides, Paths
+from pirrht.rollouts.backend import Leads, Paths
 
 OTHER = "other"
-
-
-class Source(Protocol):
-    """Who drew the samples: `pirrht.PathIntegral`."""
-
-    problem: Problem
-    sampling: Sampling
-
-    def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
-        """Open-loop controls of groups of samples, the weight under way at each step, effective sample sizes."""
-
-    def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
-        """States of chosen samples, and the number of steps each took."""
-
-    def push(self, x: Array, guides: Guides) -> Array:
-        """The part of the control at x (n,) that the nearest wall accounts for, (m,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +27,7 @@ class Rollouts:
 
     x0: Array  # (n,)
     seed: int
-    guides: Guides
+    leads: Leads
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi; -inf for paths that ran out of time
 
@@ -56,7 +37,7 @@ class Rollouts:
         return len(self.log_weight)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
     """What the samples say about one state."""
 
@@ -74,26 +55,7 @@ class Estimate:
     survivors: int  # samples that reached the goal
     rollouts: Rollouts  # the last samples that have any weight
     parts: tuple[Rollouts, ...]  # all samples, in the rounds in which they were drawn
-    source: Source
-
-    @property
-    def tape(self) -> Array:
-        """Open-loop controls (T, m): the sum over all samples of weight times control carried."""
-        return self._tape[0]
-
-    @property
-    def alive(self) -> Array:
-        """Weight of the samples still under way at each step, (T,)."""
-        return self._tape[1]
-
-    @cached_property
-    def _tape(self) -> tuple[Array, Array]:
-        top = max(float(part.log_weight.max()) for part in self.parts)
-        share = np.array([float(np.exp(part.log_weight - top).sum()) for part in self.parts])
-        tapes = [self.source.tapes(part, [np.ones(part.size, dtype=np.bool_)])[:2] for part in self.parts]
-        tape = sum(w * one[0] for w, (one, _) in zip(share / share.sum(), tapes, strict=True))
-        alive = sum(w * one[0] for w, (_, one) in zip(share / share.sum(), tapes, strict=True))
-        return np.asarray(tape), np.asarray(alive)
+    push: Array  # (m,) the part of `control` that the nearest walls account for
 
 
 def log_weights(
@@ -122,8 +84,14 @@ def log_weights(
     return log_weight
 
 
-def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] | None = None) -> Estimate:
-    """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.
+def weigh(
+    problem: Problem, parts: Sequence[Rollouts], push: Array, classes: Mapping[int, str] | None = None
+) -> Estimate:
+    """Weigh the samples.
+
+    Args:
+        push: what the nearest walls add to the control at the state, (m,).
+        classes: additive class keys to the names of the references' classes.
 
     Each part is weighed by its own proposals. Where these were fixed before it was drawn, the mean over all samples is
     an unbiased estimate of psi, even if they were chosen by what earlier parts found.
@@ -146,16 +114,16 @@ def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] 
     groups = grouped(weight, paths.key, np.array([*(classes or {})], dtype=np.int64), paths.now, paths.span)
     span = max(float(groups.span.sum()), 1e-300)
     control = groups.control.sum(axis=0) / span
-    errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].guides.mirrored)
+    errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].leads.mirrored)
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     ends = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
     rollouts = parts[shown]
     return Estimate(
-        control=control + source.push(rollouts.x0, rollouts.guides),
+        control=control + push,
         log_psi=log_psi,
-        value=-source.problem.temperature * log_psi,
-        value_error=source.problem.temperature * float(errors[0]),
+        value=-problem.temperature * log_psi,
+        value_error=problem.temperature * float(errors[0]),
         control_error=errors[1:] / span,
         ess=float(1.0 / np.sum(weight**2)),
         weight=weight[ends[shown] - rollouts.size : ends[shown]],
@@ -169,7 +137,7 @@ def weigh(source: Source, parts: Sequence[Rollouts], classes: Mapping[int, str] 
         survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
         rollouts=rollouts,
         parts=tuple(parts),
-        source=source,
+        push=push,
     )
 
 
@@ -188,7 +156,7 @@ def joined(parts: Sequence[Rollouts]) -> tuple[Paths, Array, NDArray[np.int64]]:
     paths = (
         parts[0].paths if len(parts) == 1 else Paths(*map(np.concatenate, zip(*(p.paths for p in parts), strict=True)))
     )
-    number = np.concatenate([np.diff(part.guides.first) for part in parts])
+    number = np.concatenate([np.diff(part.leads.first) for part in parts])
     return paths, np.concatenate([part.log_weight for part in parts]), np.concatenate([[0], np.cumsum(number)])
 
 

@@ -10,7 +10,7 @@ directions, go on until v no longer changes.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -19,6 +19,7 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.exact.domain import Domain
+from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import Field, clearance
 from pirrht.rollouts.first_exit import GOAL, INSIDE, sweep_exit
 
@@ -100,6 +101,9 @@ def _taps(deviation: float, tau: float, headings: int) -> Array:
     return weights
 
 
+ARENA: Any = Arena
+
+
 @kernel
 def _trace(field, goal, radius, x0, y0, h, length, fate, share):  # type: ignore[no-untyped-def]
     """How the ray from every point ends, and after which share of it; -1 for points in a wall."""
@@ -115,7 +119,9 @@ def _trace(field, goal, radius, x0, y0, h, length, fate, share):  # type: ignore
                 if (x - goal[0]) ** 2 + (y - goal[1]) ** 2 <= radius * radius:
                     fate[i, j, k], share[i, j, k] = GOAL, 0.0
                     continue
-                end, s = sweep_exit(field, goal, radius, x, y, x + length * math.cos(th), y + length * math.sin(th))
+                end, s = sweep_exit(
+                    ARENA(field, goal, radius), x, y, x + length * math.cos(th), y + length * math.sin(th)
+                )
                 fate[i, j, k], share[i, j, k] = end, s
 
 

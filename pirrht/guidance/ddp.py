@@ -88,13 +88,12 @@ def roll(world, car, times, nominal, control, change, gains, length, step, state
 
     Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced.
     """
-    gx, gy = world.goal
-    field = world.field
+    (gx, gy), radius, field = world.arena.goal, world.arena.radius, world.arena.field
     x, y, theta = states[0, 0], states[0, 1], states[0, 2]
     cost, priced = 0.0, 0.0
     for i in range(times.shape[0] - 1):
         dt = times[i + 1] - times[i]
-        s = entry_of_piece(x, y, theta, 0.0, car.speed * dt, gx, gy, world.goal_radius)
+        s = entry_of_piece(x, y, theta, 0.0, car.speed * dt, gx, gy, radius)
         if s < np.inf:
             share = car.rate * s / car.speed
             applied[i] = 0.0
@@ -104,7 +103,7 @@ def roll(world, car, times, nominal, control, change, gains, length, step, state
             u += gains[i, 0] * (x - nominal[i, 0]) + gains[i, 1] * (y - nominal[i, 1])
             u += gains[i, 2] * wrapped(theta - nominal[i, 2])
         else:
-            u = homing(x, y, theta, gx, gy, world.goal_radius, car.gain) / car.gain
+            u = homing(x, y, theta, gx, gy, radius, car.gain) / car.gain
         u = max(-STEEP, min(STEEP, u))
         applied[i] = u
         running = (car.rate + 0.5 * car.effort * u * u) * dt
@@ -124,8 +123,7 @@ def roll(world, car, times, nominal, control, change, gains, length, step, state
 @kernel
 def _arrival(world, car, x, y, theta):  # type: ignore[no-untyped-def]
     """Cost q s / V of the way s to the goal's rim straight ahead: gradient (3) and Hessian (6) in x, y, theta."""
-    gx, gy = world.goal
-    radius = world.goal_radius
+    (gx, gy), radius = world.arena.goal, world.arena.radius
     tx, ty = math.cos(theta), math.sin(theta)
     along = (gx - x) * tx + (gy - y) * ty
     off = max(radius * radius - (gx - x) ** 2 - (gy - y) ** 2 + along * along, 1e-4 * radius * radius)
@@ -151,7 +149,7 @@ def _arrival(world, car, x, y, theta):  # type: ignore[no-untyped-def]
 @kernel
 def sweep_back(world, car, times, states, control, length, damping, change, gains, spread):  # type: ignore[no-untyped-def]
     """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost]."""
-    field = world.field
+    field = world.arena.field
     v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
         world, car, states[length, 0], states[length, 1], states[length, 2]
     )
@@ -212,10 +210,7 @@ def class_of(world, states, length):  # type: ignore[no-untyped-def]
 def is_free(world, states, length):  # type: ignore[no-untyped-def]
     """Whether the first `length` steps touch nothing."""
     for i in range(length):
-        outcome, _ = sweep_exit(
-            world.field, world.goal, world.goal_radius,
-            states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1],
-        )  # fmt: skip
+        outcome, _ = sweep_exit(world.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
         if outcome == COLLISION:
             return False
     return True

@@ -15,35 +15,32 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.rollouts.gates import PASSED, Gates
+from pirrht.rollouts.gates import PASSED
 
 AHEAD = math.sqrt(0.5 * math.pi)  # mean of s under s exp(-s^2 / 2)
 MERGED = 0.5  # corners of one turn that are closer than this share of the noise's width are one gate
 
 
-def gates_of(lines: list[Array], x: Array, decay: float) -> Gates:
-    """Gates of references.
+def gates_of(line: Array, x: Array, decay: float) -> Array:
+    """Gates of one reference, (C, 8) as a row of `Gates.place`; there may be fewer of them than corners.
 
     Args:
-        lines: per reference the corners (k, 2) [m] after x, the goal point as the last; none: no gates.
-        x: state that the references start from, (n,).
+        line: its corners (k, 2) [m] after x, the goal point as the last; none: no gates.
+        x: state that the reference starts from, (n,).
         decay: of psi per meter [1/m].
     """
-    merged = [_merged(np.asarray(line, dtype=float), x[:2], decay) for line in lines]
-    C = max([len(line) for line in merged] + [1])
-    H = len(lines)
-    place = np.zeros((H, C, 8))
-    place[..., 2] = 1.0
-    for h, line in enumerate(merged):
-        place[h, : len(line), :2] = line
-        if len(line):
-            _place(line, x[:2], decay, place[h, :, 2:4], place[h, :, 4:6], place[h, :, 6:8])
-    count = np.array([len(line) for line in merged], dtype=np.int64).reshape(H)
-    return Gates(count, place, decay)
+    line = _merged(np.asarray(line, dtype=float), x[:2], decay)
+    place = np.zeros((len(line), 8))
+    place[:, 2] = 1.0
+    if len(line):
+        place[:, :2] = line
+        _place(line, x[:2], decay, place)
+    return place
 
 
-def _place(line: Array, x: Array, decay: float, ahead: Array, outward: Array, target: Array) -> None:
-    """Directions of the gates of one reference, and what follows each: the mean place on the next gate."""
+def _place(line: Array, x: Array, decay: float, place: Array) -> None:
+    """Write the directions of gates, and what follows each: the mean place on the next gate."""
+    ahead, outward, target = place[:, 2:4], place[:, 4:6], place[:, 6:8]
     legs = np.diff(np.vstack([x[None, :], line]), axis=0)
     units = legs / np.maximum(np.hypot(*legs.T), 1e-12)[:, None]
     follows = line[-1]

@@ -146,7 +146,7 @@ class Guidance:
 
     def free(self, x: Array) -> bool:
         """Whether the clearance field leaves room at x (3,); if not, no guide from there is valid."""
-        return bool(clearance(self.world.field, x[0], x[1]) > 0.0)
+        return bool(clearance(self.world.arena.field, x[0], x[1]) > 0.0)
 
     def counts(self, guides: Sequence[Guide | None], samples: int) -> list[int]:
         """Samples around each reference: N, or FEW where a class can hardly carry any weight.

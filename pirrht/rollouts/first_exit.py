@@ -145,10 +145,11 @@ def _obstacle_survival(field, x, y, nx, ny, c0, c1, variance):  # type: ignore[n
 
 
 @inlined
-def distances(field, goal, radius, x, y):  # type: ignore[no-untyped-def]
+def distances(arena, x, y):  # type: ignore[no-untyped-def]
     """How far (x, y) is from the obstacles, from the border and from the goal's disc, each negative beyond [m]."""
+    field, goal = arena.field, arena.goal
     edge = border(field, x, y)
-    to_goal = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2) - radius
+    to_goal = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2) - arena.radius
     return (interpolate(field, field.nearest, x, y) if edge > 0.0 else edge), edge, to_goal
 
 
@@ -166,21 +167,23 @@ def _behind_wall(field, x, y, nx, ny, c0, c1):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _behind_rim(goal, radius, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
+def _behind_rim(arena, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
     """The same for the distance g1 to the goal's disc."""
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
-    s = entry_of_piece(x, y, math.atan2(ny - y, nx - x), 0.0, length, goal[0], goal[1], radius)
+    gx, gy = arena.goal
+    s = entry_of_piece(x, y, math.atan2(ny - y, nx - x), 0.0, length, gx, gy, arena.radius)
     return g0 * (1.0 - length / s) if s < length else g1
 
 
 @kernel
-def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  # type: ignore[no-untyped-def]
+def bridge_exit(arena, x, y, nx, ny, before, after, cov, state):  # type: ignore[no-untyped-def]
     """How a noisy step from (x, y) to (nx, ny) ends.
 
     Args: `before` and `after` are the `distances` of its ends, cov the covariance (xx, xy, yy) of the step, and
         state the random sequence.
     Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit.
     """
+    field, goal, radius = arena.field, arena.goal, arena.radius
     c0, e0, g0 = before
     c1, e1, g1 = after
     reach = FAR * max(cov[0], cov[2])
@@ -192,7 +195,7 @@ def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  
         c1 = _behind_wall(field, x, y, nx, ny, c0, c1)
         near_wall = near_wall or c1 < 0.0
     if g1 > 0.0 and (g0 + g1) * (g0 + g1) < square:
-        g1 = _behind_rim(goal, radius, x, y, nx, ny, g0, g1)
+        g1 = _behind_rim(arena, x, y, nx, ny, g0, g1)
         near_goal = near_goal or g1 < 0.0
     if not (near_wall or near_border or near_goal):
         return state, INSIDE, 1.0
@@ -221,15 +224,16 @@ def bridge_exit(field, goal, radius, x, y, nx, ny, before, after, cov, state):  
 
 
 @kernel
-def at_crossing(field, goal, x, y, dx, dy, outcome, share, radius, deviation, state):  # type: ignore[no-untyped-def]
+def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type: ignore[no-untyped-def]
     """Displacement of an isotropic bridge at its first crossing; (dx, dy) is that at the end of the step.
 
     Towards the wall or the goal's disc it is the distance to it; along it the bridge is drawn.
     """
+    field = arena.field
     if outcome == GOAL:
-        nx, ny = goal[0] - x, goal[1] - y
+        nx, ny = arena.goal[0] - x, arena.goal[1] - y
         size = math.sqrt(nx * nx + ny * ny)
-        nx, ny, normal_part = nx / size, ny / size, size - radius
+        nx, ny, normal_part = nx / size, ny / size, size - arena.radius
     else:
         gx, gy = slope_of(field, x, y)
         nx, ny, normal_part = -gx, -gy, max(clearance(field, x, y), 0.0)
@@ -239,9 +243,10 @@ def at_crossing(field, goal, x, y, dx, dy, outcome, share, radius, deviation, st
 
 
 @kernel
-def endpoint_exit(field, goal, radius, nx, ny):  # type: ignore[no-untyped-def]
+def endpoint_exit(arena, nx, ny):  # type: ignore[no-untyped-def]
     """The paper's rule: the step ends the path if its end lies outside the free space or in the goal."""
-    if clearance(field, nx, ny) <= 0.0:
+    goal, radius = arena.goal, arena.radius
+    if clearance(arena.field, nx, ny) <= 0.0:
         return COLLISION, 1.0
     if (nx - goal[0]) ** 2 + (ny - goal[1]) ** 2 <= radius * radius:
         return GOAL, 1.0
@@ -249,13 +254,14 @@ def endpoint_exit(field, goal, radius, nx, ny):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def sweep_exit(field, goal, radius, x, y, nx, ny):  # type: ignore[no-untyped-def]
+def sweep_exit(arena, x, y, nx, ny):  # type: ignore[no-untyped-def]
     """How a step without position noise ends: the straight segment is marched by certified clearances."""
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
     if length == 0.0:
-        return endpoint_exit(field, goal, radius, nx, ny)
+        return endpoint_exit(arena, nx, ny)
+    field, (gx, gy) = arena.field, arena.goal
     ux, uy = (nx - x) / length, (ny - y) / length
-    until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, goal[0], goal[1], radius)
+    until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, gx, gy, arena.radius)
     stop = min(length, until)
     s = 0.0
     while True:

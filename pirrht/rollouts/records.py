@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.field import Field
+from pirrht.geometry.arena import Arena
 from pirrht.rollouts.gates import Gates
 from pirrht.topology.cuts import Cuts
 
@@ -17,9 +17,7 @@ from pirrht.topology.cuts import Cuts
 class World(NamedTuple):
     """What a rollout needs to know of scene and problem."""
 
-    field: Field
-    goal: tuple[float, float]  # centre [m]
-    goal_radius: float
+    arena: Arena
     cuts: Cuts
     parameters: Array  # p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant
@@ -29,10 +27,10 @@ class World(NamedTuple):
     bridge: bool  # exit rule: along the step, or at its end
 
 
-class Guides(NamedTuple):
-    """H references that samples are drawn around: control guides of T steps, or corners to head for."""
+class Leads(NamedTuple):
+    """What samples around H references follow, one row each: a tape, gates or a law; kernels read it."""
 
-    control: Array  # (H, T, m) tapes; for references with gates or a law what is added to these
+    control: Array  # (H, T, m) tapes; zero for references with gates or a law
     drift: Array  # (H, T, m) a = B_c^-1 G_c u, the same in noise units, where the gain is constant
     times: Array  # (T+1,) ends of the steps, from 0 [s]
     active: NDArray[np.int64]  # (H,) number of steps before a row of `control` is zero for good

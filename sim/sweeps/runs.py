@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.control.methods import TREELESS
+from pirrht.control.policy import Policy
 from pirrht.errors import PirrhtError
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
@@ -209,7 +210,7 @@ def unpacked(planned: Planned, folder: Path, number: int) -> Planned:
     return replace(planned, tree=str(file))
 
 
-def _controller(job: Job, scenario: Scenario, planned: Planned | None) -> episode.Driver:
+def _controller(job: Job, scenario: Scenario, planned: Planned | None) -> Policy:
     if job.method == "optimal":
         return scenario.optimal(_solved(job.scene, job.task, job.given, scenario.settings.noise))
     if planned is None:

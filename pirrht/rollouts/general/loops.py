@@ -19,16 +19,16 @@ def loops(one_path: Any, room: Any, m: int) -> Kernels:
     """Kernels around one that simulates a path, with `m` controls, in the scratch `room` that another provides."""
 
     @kernel
-    def sample(world, guides, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
-        nothing, scratch = np.empty((0, 1)), room(guides)
-        window, times = guides.window, guides.times
+    def sample(world, leads, x0, seed, start, stop, paths):  # type: ignore[no-untyped-def]
+        nothing, scratch = np.empty((0, 1)), room(leads)
+        window, times = leads.window, leads.times
         applied, led_by, base = np.empty((window, m)), np.empty((window, m)), np.empty(m)
         h = 0
         for s in range(start, stop):
-            while s >= guides.first[h + 1]:
+            while s >= leads.first[h + 1]:
                 h += 1
             work, key, outcome, steps, last = one_path(
-                world, guides, scratch, h, x0, seed, s, paths.log_ratio[s], nothing, applied, led_by, base
+                world, leads, scratch, h, x0, seed, s, paths.log_ratio[s], nothing, applied, led_by, base
             )
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
             for i in range(min(steps, window)):
@@ -39,28 +39,28 @@ def loops(one_path: Any, room: Any, m: int) -> Kernels:
                     paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + alive * base[j]
 
     @kernel
-    def control(world, guides, x0, seed, chosen, group, weight, total, alive):  # type: ignore[no-untyped-def]
+    def control(world, leads, x0, seed, chosen, group, weight, total, alive):  # type: ignore[no-untyped-def]
         """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), room(guides)
-        applied, base = np.zeros((guides.control.shape[1], m)), np.empty(m)
+        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), room(leads)
+        applied, base = np.zeros((leads.control.shape[1], m)), np.empty(m)
         h = 0
         for c in range(chosen.shape[0]):
             s, g = chosen[c], group[c]
-            while s >= guides.first[h + 1]:
+            while s >= leads.first[h + 1]:
                 h += 1
-            _, _, _, steps, _ = one_path(world, guides, scratch, h, x0, seed, s, ratio, nothing, applied, nothing, base)
+            _, _, _, steps, _ = one_path(world, leads, scratch, h, x0, seed, s, ratio, nothing, applied, nothing, base)
             for i in range(steps):
                 alive[g, i] += weight[c]
                 for j in range(m):
                     total[g, i, j] += weight[c] * applied[i, j]
 
     @kernel
-    def trace(world, guides, x0, seed, chosen, states, steps):  # type: ignore[no-untyped-def]
-        nothing, ratio, base, scratch = np.empty((0, 1)), np.empty(0), np.empty(m), room(guides)
+    def trace(world, leads, x0, seed, chosen, states, steps):  # type: ignore[no-untyped-def]
+        nothing, ratio, base, scratch = np.empty((0, 1)), np.empty(0), np.empty(m), room(leads)
         for c in range(chosen.shape[0]):
-            h = np.searchsorted(guides.first, chosen[c], side="right") - 1
+            h = np.searchsorted(leads.first, chosen[c], side="right") - 1
             _, _, _, steps[c], _ = one_path(
-                world, guides, scratch, h, x0, seed, chosen[c], ratio, states[c], nothing, nothing, base
+                world, leads, scratch, h, x0, seed, chosen[c], ratio, states[c], nothing, nothing, base
             )
 
     return Kernels(sample, control, trace)

@@ -11,6 +11,7 @@ import numpy as np
 
 from pirrht.compiled.jit import kernel
 from pirrht.compiled.streams import normals, stream, twin
+from pirrht.geometry.arena import at
 from pirrht.rollouts.first_exit import GOAL as REACHED
 from pirrht.rollouts.first_exit import (
     INSIDE,
@@ -86,9 +87,9 @@ def any_path(
         return xx, xy, yy
 
     @kernel
-    def room(guides):  # type: ignore[no-untyped-def]
+    def room(leads):  # type: ignore[no-untyped-def]
         """Scratch of `one_path`: x, moved, f, y, G, D, B, a, pushed, stage, column, carried."""
-        H = guides.control.shape[0]
+        H = leads.control.shape[0]
         x, moved, f, y = np.empty(n), np.empty(n), np.empty(n), np.empty(m)
         G, D, B, a = np.zeros((m, m)), np.empty((m, m)), np.empty((m, m)), np.empty((H, m))
         return x, moved, f, y, G, D, B, a, np.empty(m), np.empty(H, np.int64), np.empty((m, 1)), np.empty((m, 1))
@@ -96,7 +97,7 @@ def any_path(
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
     def one_path(  # type: ignore[no-untyped-def]
-        world, guides, room, h, x0, seed, sample, ratio, states, applied, led_by, base
+        world, leads, room, h, x0, seed, sample, ratio, states, applied, led_by, base
     ):
         """Simulate one sample; fill `ratio` (H,), `states` (T+1, n), `applied` and `led_by` (up to T, m) if not empty.
 
@@ -104,12 +105,13 @@ def any_path(
         `base` (m,) is the guide's control at the start without the nearest wall.
         Returns work, class key, outcome, steps taken, time until the exit in the last of them.
         """
-        field, goal, radius, p = world.field, world.goal, world.goal_radius, world.parameters
-        cuts, times, drifts, controls = world.cuts, guides.times, guides.drift, guides.control
-        count, decay, active = guides.gates.count, guides.gates.decay, guides.active
-        place, C = guides.gates.place.ctypes.data, guides.gates.place.shape[1]
-        speed, reach = guides.speed, guides.reach
-        law, led = guides.law, guides.led
+        arena, p = at(world.arena, 0.0), world.parameters
+        goal, radius = arena.goal, arena.radius
+        cuts, times, drifts, controls = world.cuts, leads.times, leads.drift, leads.control
+        count, decay, active = leads.gates.count, leads.gates.decay, leads.active
+        place, C = leads.gates.place.ctypes.data, leads.gates.place.shape[1]
+        speed, reach = leads.speed, leads.reach
+        law, led = leads.law, leads.led
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, world.inverse
         x, moved, f, y, G, D, B, a, pushed, stage, column, carried = room
@@ -117,13 +119,13 @@ def any_path(
         x[:], moved[:] = x0, x0
         xx, xy, yy = covariance(B)
         steep = STEEP * D[0, 0]
-        first, sign = twin(sample, guides.first[h], guides.mirrored)
+        first, sign = twin(sample, leads.first[h], leads.mirrored)
         state, work, key = stream(seed, first), 0.0, np.int64(0)
-        before = distances(field, goal, radius, x[0], x[1])
+        before = distances(arena, x[0], x[1])
         for j in range(n if draw else 0):
             states[0, j] = x[j]
         for i in range(T):
-            dt = times[i + 1] - times[i]
+            dt, arena = times[i + 1] - times[i], at(world.arena, times[i + 1])
             root, until = math.sqrt(dt), dt
             if varying:
                 gain_at(x, p, G)
@@ -138,7 +140,7 @@ def any_path(
             hurry = 1.0
             if near:
                 widest = math.sqrt(max(cov[0], cov[2]))
-                gx, gy, width = survivors_slope(field, reach, widest, x[0], x[1])
+                gx, gy, width = survivors_slope(arena.field, reach, widest, x[0], x[1])
                 # psi goes like exp(-sqrt(k^2 + (pi/width)^2) r) in a channel.
                 hurry = math.sqrt(1.0 + (math.pi / (decay * width)) ** 2)
                 for j in range(m):
@@ -189,7 +191,7 @@ def any_path(
             if not noisy_position and world.bridge:
                 far = math.sqrt((x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2) - radius
                 if far < math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt:
-                    exit, ahead = sweep_exit(field, goal, radius, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+                    exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
                     arrived = exit == REACHED
                 if arrived:
                     until = 0.0
@@ -210,20 +212,18 @@ def any_path(
             # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
             key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
             if not world.bridge:
-                exit, share = endpoint_exit(field, goal, radius, moved[0], moved[1])
+                exit, share = endpoint_exit(arena, moved[0], moved[1])
                 if reach > 0.0:
-                    before = distances(field, goal, radius, moved[0], moved[1])
+                    before = distances(arena, moved[0], moved[1])
             elif noisy_position:
-                after = distances(field, goal, radius, moved[0], moved[1])
-                state, exit, share = bridge_exit(
-                    field, goal, radius, x[0], x[1], moved[0], moved[1], before, after, cov, state
-                )
+                after = distances(arena, moved[0], moved[1])
+                state, exit, share = bridge_exit(arena, x[0], x[1], moved[0], moved[1], before, after, cov, state)
                 before = after
                 if isotropic and exit != INSIDE and cov[1] == 0.0 and cov[0] == cov[2]:
                     # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
                     state, dx, dy = at_crossing(
-                        field, goal, x[0], x[1], moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt,
-                        exit, share, radius, math.sqrt(cov[0]), state,
+                        arena, x[0], x[1], moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt,
+                        exit, share, math.sqrt(cov[0]), state,
                     )  # fmt: skip
                     y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
                     y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
@@ -232,7 +232,7 @@ def any_path(
             elif arrived:
                 exit, share = REACHED, ahead
             else:
-                exit, share = sweep_exit(field, goal, radius, x[0], x[1], moved[0], moved[1])
+                exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1])
             if weigh:
                 for g in range(H):
                     if car and led[g] > i:

@@ -15,9 +15,10 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import stream, twin
+from pirrht.geometry.arena import at
 from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
-from pirrht.rollouts.point.exits import SLOW, bridge, judge, look, single_field
-from pirrht.rollouts.point.guides import follow, lean
+from pirrht.rollouts.point.exits import SLOW, bridge, judge, look, single
+from pirrht.rollouts.point.leads import follow, lean
 from pirrht.rollouts.point.stages import (  # fmt: skip
     C0,
     C1,
@@ -71,19 +72,19 @@ def is_point(d: Dynamics) -> bool:
 
 
 @kernel
-def cut(field, goal, radius, B, step, k, random, f):  # type: ignore[no-untyped-def]
+def cut(arena, B, step, k, random, f):  # type: ignore[no-untyped-def]
     """Whether and where the step of a lane that may have ended on its way did: outcome and share of the step."""
     x, y, nx, ny = np.float64(f[X + k]), np.float64(f[Y + k]), np.float64(f[NX + k]), np.float64(f[NY + k])
     before = np.float64(f[C0 + k]), np.float64(f[E0 + k]), np.float64(f[G0 + k])
     after = np.float64(f[C1 + k]), np.float64(f[E1 + k]), np.float64(f[G1 + k])
     state, outcome, share = bridge_exit(
-        field, goal, radius, x, y, nx, ny, before, after, (step, 0.0, step), random[k]
+        arena, x, y, nx, ny, before, after, (step, 0.0, step), random[k]
     )  # fmt: skip
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
         deviation = math.sqrt(step)
-        _, dx, dy = at_crossing(field, goal, x, y, nx - x, ny - y, outcome, share, radius, deviation, state)
+        _, dx, dy = at_crossing(arena, x, y, nx - x, ny - y, outcome, share, deviation, state)
         variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
         f[Z0 + k] = (B[0, 0] * dx + B[1, 0] * dy) / variance
         f[Z1 + k] = (B[0, 1] * dx + B[1, 1] * dy) / variance
@@ -155,32 +156,32 @@ def record(into, i, h, until, k, first, f, long, a):  # type: ignore[no-untyped-
 
 
 @kernel
-def block(world, guides, h, x0, seed, chosen, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
+def block(world, leads, h, x0, seed, chosen, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
     """Simulate samples of one block, all around reference h: those numbered start to stop, or those places of `chosen`.
 
     If `into` (stop - start, T, RECORDED) is not empty, their steps are written there.
     """
     f, a, ratio, short, long, random, bits = scratch
     work, log_ratio, key, ended, steps, now, spans = paths
-    goal, radius, cuts, B, D = world.goal, world.goal_radius, world.cuts, world.diffusion, world.gain
-    field, inverse, times, drift = single_field(world.field), world.inverse, guides.times, guides.drift
-    active = guides.active
-    gates, count, decay, window = guides.gates.place, guides.gates.count, guides.gates.decay, guides.window
-    speed, reach, keep, listed = guides.speed, guides.reach, into.shape[0] > 0, chosen.shape[0] > 0
+    cuts, B, D, around = world.cuts, world.diffusion, world.gain, single(at(world.arena, 0.0))
+    inverse, times, drift = world.inverse, leads.times, leads.drift
+    active = leads.active
+    gates, count, decay, window = leads.gates.place, leads.gates.count, leads.gates.decay, leads.window
+    speed, reach, keep, listed = leads.speed, leads.reach, into.shape[0] > 0, chosen.shape[0] > 0
     H, T, n = drift.shape[0], drift.shape[1], stop - start
     variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
     f[:], short[:], long[:], ratio[:], base = 0.0, 0, 0, 0.0, (0.0, 0.0)
     f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[HURRY:SUM0] = x0[0], x0[1], x0[0], x0[1], 1.0
     for k in range(n):
-        first, f[SIGN + k] = twin(chosen[start + k] if listed else start + k, guides.first[h], guides.mirrored)
+        first, f[SIGN + k] = twin(chosen[start + k] if listed else start + k, leads.first[h], leads.mirrored)
         random[k], long[SAMPLE + k] = stream(seed, first), start + k
-    look(field, goal, radius, f, short, LANES)
+    look(around, f, short, LANES)
     f[C0:C1] = f[C1:PUSH0]
     for i in range(T):
         dt = times[i + 1] - times[i]
         step, full = variance * dt, (n + WIDE - 1) // WIDE * WIDE
         if reach > 0.0:
-            lean(field, reach, math.sqrt(step), decay, B, f, short, full)
+            lean(around.field, reach, math.sqrt(step), decay, B, f, short, full)
         for g in range(H):
             one, two = (drift[g, i, 0], drift[g, i, 1]) if i < active[g] else (0.0, 0.0)
             follow(gates, count[g], decay, speed, g, one, two, D, f, short, a, full)
@@ -190,8 +191,10 @@ def block(world, guides, h, x0, seed, chosen, start, stop, paths, into, scratch)
         draw(random, bits, f, full)
         move(h, dt, B, f, a, full)
         cross(cuts, f, long, full)
-        look(field, goal, radius, f, short, full)
-        flagged = bridge(step, random, f, short, full) if world.bridge else judge(goal, radius, f, short, full)
+        arena = at(world.arena, times[i + 1])
+        around = single(arena)
+        look(around, f, short, full)
+        flagged = bridge(step, random, f, short, full) if world.bridge else judge(around, f, short, full)
         for group in range(full - WIDE if flagged > 0 else -1, -1, -WIDE):
             some = 0
             for k in range(group, group + WIDE):
@@ -199,7 +202,7 @@ def block(world, guides, h, x0, seed, chosen, start, stop, paths, into, scratch)
             for k in range(min(group + WIDE, n) - 1 if some > 0 else -1, group - 1, -1):
                 outcome, share = short[FLAG + k], 1.0
                 if outcome == SLOW:
-                    outcome, share = cut(world.field, goal, radius, B, step, k, random, f)
+                    outcome, share = cut(arena, B, step, k, random, f)
                 if outcome != INSIDE:
                     if keep:
                         record(into, i, h, dt * share, k, start, f, long, a)
@@ -224,18 +227,18 @@ def block(world, guides, h, x0, seed, chosen, start, stop, paths, into, scratch)
 
 
 @kernel
-def blocks(world, guides, x0, seed, start, stop, paths, scratch):  # type: ignore[no-untyped-def]
+def blocks(world, leads, x0, seed, start, stop, paths, scratch):  # type: ignore[no-untyped-def]
     """Fill `paths` for a range of samples, block by block."""
     all_of_them, nowhere = np.empty(0, np.int64), np.empty((0, 0, RECORDED), np.float32)
     h, s = 0, start
     while s < stop:
-        while s >= guides.first[h + 1]:
+        while s >= leads.first[h + 1]:
             h += 1
-        end = min(min(stop, guides.first[h + 1]), s + LANES)
-        block(world, guides, h, x0, seed, all_of_them, s, end, paths, nowhere, scratch)
+        end = min(min(stop, leads.first[h + 1]), s + LANES)
+        block(world, leads, h, x0, seed, all_of_them, s, end, paths, nowhere, scratch)
         s = end
 
 
-def sample(world: Any, guides: Any, x0: Array, seed: np.uint64, start: int, stop: int, paths: Any) -> None:
+def sample(world: Any, leads: Any, x0: Array, seed: np.uint64, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples."""
-    blocks(world, guides, x0, seed, start, stop, paths, room(len(guides.control)))
+    blocks(world, leads, x0, seed, start, stop, paths, room(len(leads.control)))

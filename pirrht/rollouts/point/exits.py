@@ -11,23 +11,27 @@ from pirrht.compiled.addresses import load_float32
 from pirrht.compiled.float32 import ONE, TWO, ZERO
 from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import GOLDEN, bits_of
+from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import Samples, bilinear, border, cell_of
 from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE
 from pirrht.rollouts.point.stages import C0, C1, CELL, CORNER, E0, E1, FLAG, G0, G1, LANES, NX, NY, L, U, V, X, Y
 
 SLOW = 3  # flag of lanes whose step needs a closer look
 FRAME: Any = Samples
+PLACE: Any = Arena
 SHIFT, ULP = np.uint64(40), np.float32(2.0**-24)
 
 
 @inlined
-def single_field(field):  # type: ignore[no-untyped-def]
-    """The same field, its frame in single precision."""
-    return FRAME(
+def single(arena):  # type: ignore[no-untyped-def]
+    """The same arena, its numbers in single precision."""
+    field = arena.field
+    frame = FRAME(
         np.float32(field.x0), np.float32(field.y0), np.float32(field.spacing), np.float32(field.per),
         field.nx, field.ny, field.nearest, field.second, field.label,
         np.float32(field.left), np.float32(field.low), np.float32(field.right), np.float32(field.high),
     )  # fmt: skip
+    return PLACE(frame, (np.float32(arena.goal[0]), np.float32(arena.goal[1])), np.float32(arena.radius))
 
 
 @inlined
@@ -51,10 +55,10 @@ def place(field, f, short, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def look(field, goal, radius, f, short, n):  # type: ignore[no-untyped-def]
-    """How far the ends of the steps are from obstacles, border and goal, as `distances` says; field: `single_field`."""
+def look(arena, f, short, n):  # type: ignore[no-untyped-def]
+    """How far the ends of the steps are from obstacles, border and goal, as `distances` says; arena: `single`."""
     n = min(n, LANES)
-    gx, gy, radius = np.float32(goal[0]), np.float32(goal[1]), np.float32(radius)
+    field, (gx, gy), radius = arena.field, arena.goal, arena.radius
     place(field, f, short, n)
     corners(field, field.nearest, f, short, CORNER, n)
     for k in range(n):
@@ -68,10 +72,10 @@ def look(field, goal, radius, f, short, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def judge(goal, radius, f, short, n):  # type: ignore[no-untyped-def]
+def judge(arena, f, short, n):  # type: ignore[no-untyped-def]
     """Flag the lanes whose step ends outside the free space or in the goal; how many."""
     n = min(n, LANES)
-    gx, gy, radius = np.float32(goal[0]), np.float32(goal[1]), np.float32(radius)
+    (gx, gy), radius = arena.goal, arena.radius
     ended = 0
     for k in range(n):
         dx, dy = f[NX + k] - gx, f[NY + k] - gy

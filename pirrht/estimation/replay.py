@@ -1,0 +1,62 @@
+"""Samples simulated once more: a path is a function of seed and number alone, so that its steps are not kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.estimation.estimate import Rollouts, normalised
+from pirrht.rollouts.records import Kernels, World
+
+NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to a tape
+
+
+class Replay(NamedTuple):
+    """Makes tapes and shown paths of the samples that an estimate rests on."""
+
+    kernels: Kernels
+    world: World
+
+    def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+        """States (c, T+1, n) of chosen samples (c,), and the number of steps each took, (c,)."""
+        T = rollouts.leads.control.shape[1]
+        states, steps = np.zeros((len(chosen), T + 1, len(rollouts.x0))), np.zeros(len(chosen), np.int64)
+        seed = np.uint64(rollouts.seed)
+        self.kernels.trace(self.world, rollouts.leads, rollouts.x0, seed, chosen, states, steps)
+        return states, steps
+
+    def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
+        """Open-loop controls of groups of samples, each with weights normalised within the group.
+
+        Args:
+            groups: disjoint masks (S,) of samples.
+
+        Returns:
+            controls (G, T, m), the weight still under way at each step (G, T), effective sample sizes (G,).
+        """
+        T, m = rollouts.leads.control.shape[1:]
+        total, alive, ess = np.zeros((len(groups), T, m)), np.zeros((len(groups), T)), np.zeros(len(groups))
+        weight, group = np.zeros(rollouts.size), np.full(rollouts.size, -1, dtype=np.int64)
+        for g, mask in enumerate(groups):
+            weight[mask], ess[g] = normalised(rollouts.log_weight[mask])
+            group[mask] = g
+        chosen = np.flatnonzero(weight > NEGLIGIBLE)
+        self.kernels.control(
+            self.world, rollouts.leads, rollouts.x0, np.uint64(rollouts.seed), chosen, group[chosen], weight[chosen],
+            total, alive,
+        )  # fmt: skip
+        return total, alive, ess
+
+    def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:
+        """Open-loop controls (T, m) of all samples, weight times control carried, and the weight under way (T,)."""
+        top = max(float(part.log_weight.max()) for part in parts)
+        share = np.array([float(np.exp(part.log_weight - top).sum()) for part in parts])
+        share /= share.sum()
+        tapes = [self.tapes(part, [np.ones(part.size, dtype=np.bool_)])[:2] for part in parts]
+        tape = sum(w * one[0] for w, (one, _) in zip(share, tapes, strict=True))
+        alive = sum(w * one[0] for w, (_, one) in zip(share, tapes, strict=True))
+        return np.asarray(tape), np.asarray(alive)

@@ -1,0 +1,140 @@
+"""What samples around one reference follow: its tape, its gates, or the feedback of a guide.
+
+A lead says which control it has at a state and a time, and writes itself into a row of the kernels' tables. The
+likelihood ratio is that of whatever was followed, so any lead leaves psi unbiased.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.guidance.tracking import Guide
+from pirrht.rollouts.gates import Gates, heading
+from pirrht.rollouts.records import Leads
+
+
+class Lead(ABC):
+    """A control u(x, s) that samples follow."""
+
+    follows = True  # whether it depends on the state
+
+    @property
+    def corners(self) -> int:
+        """Number of gates, C."""
+        return 0
+
+    @abstractmethod
+    def __call__(self, x: Array, s: float) -> Array:
+        """Control (m,) at state x (n,), s [s] after the plan."""
+
+    @abstractmethod
+    def pack(self, leads: Leads, h: int) -> None:
+        """Write row h of the tables; they are zero before."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tape(Lead):
+    """Controls over time, whatever the state (the paper's reference)."""
+
+    times: Array  # (T+1,) ends of the steps [s]
+    controls: Array  # (T, m)
+
+    follows = False
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """The step's control; none after the end."""
+        i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
+        return np.asarray(self.controls[i]) if i < len(self.controls) else np.zeros(self.controls.shape[1])
+
+    def pack(self, leads: Leads, h: int) -> None:
+        """The tape itself."""
+        leads.control[h] = self.controls
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Towards(Lead):
+    """Heading for the gates of a reference, one after the other, at one speed."""
+
+    place: Array  # (C, 8) as a row of `Gates.place`
+    decay: float  # of psi per meter [1/m]
+    speed: float  # [m/s]
+
+    @property
+    def corners(self) -> int:
+        """Number of gates, C."""
+        return len(self.place)
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Velocity towards the first gate that is not passed."""
+        unit = np.empty(2)
+        heading(Gates(np.array([len(self.place)]), self.place[None], self.decay), 0, 0, x[0], x[1], unit)
+        return self.speed * unit
+
+    def pack(self, leads: Leads, h: int) -> None:
+        """The gates."""
+        leads.gates.count[h] = len(self.place)
+        leads.gates.place[h, : len(self.place)] = self.place
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Along(Lead):
+    """The feedback around the guide of a car."""
+
+    guide: Guide
+    gain: float  # B_c^-1 G_c
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Control of the guide plus its gains times what the state is off."""
+        guide = self.guide
+        i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.control) - 1)
+        share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
+        off = x - (1.0 - share) * guide.states[i] - share * guide.states[i + 1]
+        off[-1] = (off[-1] + np.pi) % (2.0 * np.pi) - np.pi
+        return np.array([guide.control[i] + guide.gains[i] @ off])
+
+    def pack(self, leads: Leads, h: int) -> None:
+        """The law in noise units."""
+        guide, law = self.guide, leads.law[h]
+        leads.led[h] = guide.length
+        law[:, 0], law[:, 1:4], law[:, 4:7] = guide.control, guide.gains, guide.states[:-1]
+        law[:, 7], law[:, 8] = guide.spread, np.log(guide.spread)
+        law[:, :4] *= self.gain
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Proposal:
+    """Samples to be drawn around one reference."""
+
+    lead: Lead
+    count: int  # N_h of them
+    name: str = ""  # of the reference's class, relative to the start of the drive; none without a reference
+    key: int | None = None  # the class as an additive key
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Batch:
+    """Samples to be drawn from one state around H references."""
+
+    state: Array  # (n,)
+    times: Array  # (T+1,) ends of the steps, from 0 [s]
+    proposals: tuple[Proposal, ...]  # (H,)
+
+    @property
+    def counts(self) -> list[int]:
+        """Samples around each reference, (H,)."""
+        return [proposal.count for proposal in self.proposals]
+
+    @property
+    def classes(self) -> Mapping[int, str]:
+        """Additive class keys of the references to their names."""
+        return {proposal.key: proposal.name for proposal in self.proposals if proposal.key is not None}
+
+    def counting(self, counts: Sequence[int]) -> Batch:
+        """The same references with other numbers of samples (H,)."""
+        pairs = zip(self.proposals, counts, strict=True)
+        return replace(self, proposals=tuple(replace(proposal, count=int(count)) for proposal, count in pairs))
