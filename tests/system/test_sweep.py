@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import ROOT
 
 from sim.cli import _parser, main
 from sim.sweeps import runs, sweep, sweeping
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.rows import RESULTS, key_of
 
-ROOT = Path(__file__).parent.parent
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
 WALL = """<mujoco model="wall"><worldbody>
   <geom name="floor" type="plane" pos="2 2 0" size="2 2 0.1"/>

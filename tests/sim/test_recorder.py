@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from drives import MAX_TIME, Drive, columns, record, rerun
+from repository import ROOT
 from rerun.chunk import RrdReader
 
 from pirrht.compiled.jit import cached
@@ -134,7 +135,7 @@ with drive.recorder(Path(sys.argv[1])) as recorder:
 def lost_when_killed(file: Path, pause: float, steps: int) -> float:
     """Kill a drive that pauses between its steps [s]; how long before it the last step was taken that is kept [s]."""
     command = [sys.executable, "-c", KILLED, str(file), str(pause)]
-    process = subprocess.Popen(command, cwd=Path(__file__).parent, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, cwd=ROOT / "tests" / "helpers", stdout=subprocess.PIPE, text=True)
     taken = []
     for line in process.stdout:
         taken.append(time.monotonic())

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from repository import ROOT
 
 from sim.sweeps.engine import LIBRARIES, TRIES, Agenda, Pool, Stop, in_turn, interruptible
 
@@ -179,8 +180,7 @@ def test_no_process_outlives_a_parent_that_is_killed(tmp_path):
     script.write_text(PARENT)
     marks = tmp_path / "marks"
     marks.mkdir()
-    here = Path(__file__).parent
-    environment = {**os.environ, "PYTHONPATH": f"{here}{os.pathsep}{here.parent}"}
+    environment = {**os.environ, "PYTHONPATH": f"{Path(__file__).parent}{os.pathsep}{ROOT}"}
     parent = subprocess.Popen([sys.executable, script, marks], env=environment)
     try:
         deadline = time.monotonic() + 60.0

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from repository import ROOT
 
 from pirrht.errors import OptionError, PirrhtError
 from sim.cli import main
@@ -24,7 +25,6 @@ distributed = pytest.importorskip("distributed")
 
 from sim.sweeps.cluster import Cluster  # noqa: E402
 
-ROOT = Path(__file__).parent.parent
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
 
 
@@ -77,7 +77,7 @@ class Local:
         self._start("worker", self.address, *options, "--nanny")
 
     def _start(self, *words: str) -> subprocess.Popen[bytes]:
-        path = f"{ROOT}{os.pathsep}{ROOT / 'tests'}"
+        path = f"{ROOT}{os.pathsep}{Path(__file__).parent}"
         command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], "--host", "127.0.0.1", *words[1:]]
         with (self._folder / f"{len(self._processes)}.log").open("wb") as log:
             process = subprocess.Popen(
