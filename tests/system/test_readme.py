@@ -1,13 +1,12 @@
 """What the README shows is run as it stands."""
 
-import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from repository import ROOT
+from repository import ROOT, environment
 
 from sim import cli
 
@@ -19,9 +18,8 @@ SCENES = {
 
 
 def run(code: str, folder: Path) -> str:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=240, env=environment
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=240, env=environment()
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
