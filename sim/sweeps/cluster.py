@@ -6,7 +6,7 @@ import logging
 import queue
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import pirrht
@@ -35,7 +35,20 @@ class Batch:
     """Pieces of one point on their way."""
 
     items: Sequence[Any]
-    worker: str  # for whom it was meant
+    worker: str = ""  # for whom it was meant
+    alone: bool = False  # whether nothing else is under way beside it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """What is to be done, and what is known of it."""
+
+    work: Callable[[Any], Any]
+    agenda: Agenda
+    batches: dict[Any, Batch] = field(default_factory=dict)  # under way, by their futures
+    last: dict[str, Any] = field(default_factory=dict)  # point that a worker is at
+    single: set[int] = field(default_factory=set)  # items of batches that ended workers: one of them is to blame
+    suspects: list[Any] = field(default_factory=list)  # items that ended workers, or waited beside what did
 
 
 class Cluster:
@@ -87,78 +100,65 @@ class Cluster:
         Raises:
             PirrhtError: the scheduler is gone.
         """
-        under_way: dict[Any, Batch] = {}
-        last: dict[str, Any] = {}
-        single: set[int] = set()  # items of batches that ended their workers: one of them is to blame
-        while stop.asked < 2 and (under_way or (agenda and not stop.asked)):
-            self._submit(work, agenda, stop, under_way, last, single)
+        way = Way(work, agenda)
+        while stop.asked < 2 and (way.batches or ((agenda or way.suspects) and not stop.asked)):
+            if not stop.asked:
+                self._submit(way)
             try:
                 future = self._done.get(timeout=TICK)
             except queue.Empty:
                 self._check_scheduler()
                 yield None
                 continue
-            batch = under_way.pop(future, None)
+            batch = way.batches.pop(future, None)
             if batch is None:
                 continue
             try:
                 results = future.result()
             except Exception as error:
                 self._check_scheduler(error)
-                yield from self._failed(batch, error, agenda, single, lost)
+                yield from self._failed(way, batch, error, lost)
                 continue
             for item in reversed(batch.items[len(results) :]):
                 agenda.put_back(item)
             yield from results
-        self._client.cancel(list(under_way), force=True)
+        self._client.cancel(list(way.batches), force=True)
 
-    def _submit(
-        self,
-        work: Callable[[Any], Any],
-        agenda: Agenda,
-        stop: Stop,
-        under_way: dict[Any, Batch],
-        last: dict[str, Any],
-        single: set[int],
-    ) -> None:
-        """Give every worker something to do, and something to go on with."""
-        if stop.asked:
+    def _submit(self, way: Way) -> None:
+        """Give every worker something to do, and something to go on with; but a suspect the whole cluster."""
+        if way.suspects or any(batch.alone for batch in way.batches.values()):
+            if not way.batches:
+                self._send(way, Batch(items=[way.suspects.pop()], alone=True))
             return
-        busy = [batch.worker for batch in under_way.values()]
+        busy = [batch.worker for batch in way.batches.values()]
         for worker in [w for depth in range(AHEAD) for w in self._census() if busy.count(w) <= depth]:
-            if not agenda:
+            if not way.agenda:
                 return
-            others = [point for other, point in last.items() if other != worker and other in busy]
-            items = agenda.batch(last.get(worker), others, BATCH_ITEMS, len(self._workers), single)
-            last[worker] = items[0].point
-            future = self._client.submit(
-                _batch,
-                work,
-                [item.carrying(None) for item in items],
-                self._sent(items[0].luggage),
-                pure=False,
-            )  # to whom it goes is the scheduler's choice: near its luggage, and elsewhere when a worker is lost
-            under_way[future] = Batch(items=items, worker=worker)
+            others = [point for other, point in way.last.items() if other != worker and other in busy]
+            items = way.agenda.batch(way.last.get(worker), others, BATCH_ITEMS, len(self._workers), way.single)
+            way.last[worker] = items[0].point
+            self._send(way, Batch(items=items, worker=worker))
             busy.append(worker)
-            future.add_done_callback(self._done.put)
 
-    def _failed(
-        self,
-        batch: Batch,
-        error: Exception,
-        agenda: Agenda,
-        single: set[int],
-        lost: Callable[[Any, str], Any],
-    ) -> Iterator[Any]:
+    def _send(self, way: Way, batch: Batch) -> None:
+        """To whom it goes is the scheduler's choice: near its luggage, and elsewhere when a worker is lost."""
+        items, luggage = [item.carrying(None) for item in batch.items], self._sent(batch.items[0].luggage)
+        future = self._client.submit(_batch, way.work, items, luggage, pure=False)
+        way.batches[future] = batch
+        future.add_done_callback(self._done.put)
+
+    def _failed(self, way: Way, batch: Batch, error: Exception, lost: Callable[[Any, str], Any]) -> Iterator[Any]:
         why = "the workers died" if isinstance(error, self._killed) else " ".join(str(error).split())
-        if len(batch.items) == 1 and isinstance(error, self._killed):
-            yield lost(batch.items[0], why)
-        elif len(batch.items) == 1 and agenda.failed(batch.items[0]):
-            yield lost(batch.items[0], f"{type(error).__name__}: {why}")
-        elif len(batch.items) > 1:
-            single.update(map(id, batch.items))
+        if len(batch.items) > 1:
+            way.single.update(map(id, batch.items))
             for item in reversed(batch.items):
-                agenda.put_back(item)
+                way.agenda.put_back(item)
+        elif isinstance(error, self._killed) and batch.alone:
+            yield lost(batch.items[0], why)
+        elif isinstance(error, self._killed):
+            way.suspects.extend(batch.items)
+        elif way.agenda.failed(batch.items[0]):
+            yield lost(batch.items[0], f"{type(error).__name__}: {why}")
 
     def _sent(self, luggage: Any) -> Any:
         """Luggage as the result of a task: what dies with a worker is made again."""

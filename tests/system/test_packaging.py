@@ -9,8 +9,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).resolve().parent.parent
+from repository import ROOT
 
 
 def call(*words: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -42,8 +41,8 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_wheel_holds_both_packages_and_their_models(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
-    for folder, pattern in (("pirrht", "*.py"), ("sim", "*.py")):
-        assert {f"{folder}/{path.name}" for path in (ROOT / folder).glob(pattern)} <= names
+    for folder in ("pirrht", "sim"):
+        assert {path.relative_to(ROOT).as_posix() for path in (ROOT / folder).rglob("*.py")} <= names
     for path in (ROOT / "models").rglob("*.xml"):
         assert f"sim/models/{path.relative_to(ROOT / 'models').as_posix()}" in names
     assert {"sim/models/scenes/slit.xml", "sim/models/robots/puck.xml"} <= names

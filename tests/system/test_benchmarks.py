@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "scripts"))
-
-from benchmarks import peers, planners, rollouts, timing  # noqa: E402
+from benchmarks import peers, planners, rollouts, timing
 
 OPTIONS = argparse.Namespace(scene=None, drive=0.1, part=None)
 

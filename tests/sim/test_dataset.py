@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from repository import environment
 
 from pirrht.errors import OptionError
 from sim.sweeps import dataset as module
@@ -175,9 +176,8 @@ def test_a_folder_has_one_writer_at_a_time_and_a_dead_one_keeps_nobody_out(tmp_p
     pytest.importorskip("fcntl")
     script = "from pathlib import Path\nfrom sim.sweeps.dataset import Dataset\nimport os\n"
     script += f"d = Dataset(Path({str(tmp_path)!r}))\nwith d.locked():\n    print('in', flush=True)\n    os.read(0, 1)"
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
     holder = subprocess.Popen(
-        [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
+        [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment()
     )
     assert holder.stdout is not None
     assert holder.stdout.readline() == b"in\n"

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 import signal
 import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import environment
 
 from sim.cli import _parser, main
 from sim.sweeps import runs, sweep, sweeping
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.rows import RESULTS, key_of
 
-ROOT = Path(__file__).parent.parent
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
 WALL = """<mujoco model="wall"><worldbody>
   <geom name="floor" type="plane" pos="2 2 0" size="2 2 0.1"/>
@@ -31,6 +30,18 @@ WALL = """<mujoco model="wall"><worldbody>
   <site name="goal" type="cylinder" pos="3.6 2 0" size="0.2 0.01"/>
   <site name="workspace" type="box" pos="2 2 0.5" size="2 2 0.5"/>
 </worldbody></mujoco>"""
+
+INTERRUPTED = """
+import os, signal, sys
+from sim import cli
+from sim.sweeps import dataset
+def once(file, table, write=dataset._write):
+    dataset._write = write
+    write(file, table)
+    os.killpg(0, signal.SIGINT)  # as a terminal does, to all processes
+dataset.CHUNK_RUNS, dataset._write = 20, once
+sys.exit(cli.main(sys.argv[1:]))
+"""
 
 
 def rows(folder: Path) -> list[dict]:
@@ -44,13 +55,13 @@ def written(folder: Path) -> int:
 
 
 @contextmanager
-def started(*words: str) -> Iterator[subprocess.Popen[str]]:
+def started(*words: str, program: Sequence[str] = ("-m", "sim.cli")) -> Iterator[subprocess.Popen[str]]:
     """A sweep as a process of its own, which does not outlive the test."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "sim.cli", "sweep", *words],
+        [sys.executable, *program, "sweep", *words],
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env=environment(),
         text=True,
         start_new_session=True,
     )
@@ -100,9 +111,7 @@ def _read(file: Path) -> list[dict]:
 
 def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sweep, tmp_path):
     words, expected = long_sweep
-    with started(*words, "-o", str(tmp_path / "sweep")) as process:
-        wait_for(lambda: written(tmp_path / "sweep") > 0)
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all processes
+    with started(*words, "-o", str(tmp_path / "sweep"), program=("-c", INTERRUPTED)) as process:
         _, told = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "under way are waited for" in told

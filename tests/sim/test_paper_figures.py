@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import ROOT
 
 from sim.colors import ClassColors, title
 from sim.paper import gallery, lengths, lifted, shares, snapshots, style
 from sim.paper.effort import Effort
 
-SCRIPT = Path(__file__).resolve().parent.parent / "scripts" / "reproduce_figures.py"
+SCRIPT = ROOT / "scripts" / "reproduce_figures.py"
 SMALL = Effort(vertices=250, samples=30, max_time=0.15, noises=(0.05, 0.3), draws=100, estimates=2, paths=20)
 plt = pytest.importorskip("matplotlib.pyplot")
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from repository import environment
 
 from sim.sweeps.engine import LIBRARIES, TRIES, Agenda, Pool, Stop, in_turn, interruptible
 
@@ -154,12 +155,12 @@ def test_in_turn_a_second_wish_is_an_interrupt():
 
 def test_ctrl_c_is_a_wish_and_afterwards_an_interrupt_again():
     with interruptible() as stop:
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)  # in this thread, so that it is heard before the next line
         assert stop.asked == 1
-        os.kill(os.getpid(), signal.SIGTERM)
+        signal.raise_signal(signal.SIGTERM)
         assert stop.asked == 3
     with pytest.raises(KeyboardInterrupt):
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
 
 
 PARENT = """
@@ -179,9 +180,7 @@ def test_no_process_outlives_a_parent_that_is_killed(tmp_path):
     script.write_text(PARENT)
     marks = tmp_path / "marks"
     marks.mkdir()
-    here = Path(__file__).parent
-    environment = {**os.environ, "PYTHONPATH": f"{here}{os.pathsep}{here.parent}"}
-    parent = subprocess.Popen([sys.executable, script, marks], env=environment)
+    parent = subprocess.Popen([sys.executable, script, marks], env=environment(Path(__file__).parent))
     try:
         deadline = time.monotonic() + 60.0
         while len(list(marks.iterdir())) < 2 and time.monotonic() < deadline:

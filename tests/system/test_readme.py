@@ -1,16 +1,16 @@
 """What the README shows is run as it stands."""
 
-import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from repository import ROOT, environment
 
 from sim import cli
 
-README = (Path(__file__).parent.parent / "README.md").read_text()
+README = (ROOT / "README.md").read_text()
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.S)
 SCENES = {
     name: text for text in re.findall(r"```xml\n(.*?)```", README, re.S) for name in re.findall('model="(.*?)"', text)
@@ -18,9 +18,8 @@ SCENES = {
 
 
 def run(code: str, folder: Path) -> str:
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=240, env=environment
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=240, env=environment()
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -53,7 +52,7 @@ def test_every_command_explains_itself(command, capsys):
 
 
 def test_every_picture_is_there_and_all_together_are_small():
-    folder = Path(__file__).parent.parent / "docs"
+    folder = ROOT / "docs"
     shown = re.findall(r"!\[[^\]]+\]\(docs/(.*?)\)", README)
     assert shown
     assert not [name for name in shown if not (folder / name).is_file()]
