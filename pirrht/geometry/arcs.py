@@ -122,19 +122,6 @@ def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no
 
 
 @kernel
-def turns_of_curve(start, curvature, length, markers, out):  # type: ignore[no-untyped-def]
-    """Write H (M,) of a curve without the 1 (paper, section IV-A) to out; returns the curve's end."""
-    for k in range(markers.shape[0]):
-        out[k] = 0.0
-    x, y, theta = start[0], start[1], start[2]
-    for p in range(length.shape[0]):
-        for k in range(markers.shape[0]):
-            out[k] += turns_of_piece(x, y, theta, curvature[p], length[p], markers[k, 0], markers[k, 1])
-        x, y, theta = along(x, y, theta, curvature[p], length[p])
-    return x, y
-
-
-@kernel
 def cut(length, limit, out):  # type: ignore[no-untyped-def]
     """Piece lengths (P,) of the part of a curve before arc length `limit`, written to out."""
     left = limit
