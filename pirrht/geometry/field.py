@@ -18,7 +18,7 @@ from pirrht.compiled.addresses import load_float32, load_int32
 from pirrht.compiled.float32 import ONE
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Scene
+from pirrht.geometry.scene import World
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
 BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
@@ -50,31 +50,30 @@ class Field(Samples):
     arrays: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # nearest, second, label
 
     @classmethod
-    def of(cls, scene: Scene, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
+    def of(cls, world: World, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
         """Take hold of samples (nx, ny) that start at the workspace's least corner."""
         arrays = (
             np.ascontiguousarray(nearest, dtype=np.float32),
             np.ascontiguousarray(second, dtype=np.float32),
             np.ascontiguousarray(label, dtype=np.int32),
         )
-        corner, end = scene.lower.astype(float), scene.upper.astype(float)
+        corner, end = world.lower.astype(float), world.upper.astype(float)
         addresses = (array.ctypes.data for array in arrays)
         field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *nearest.shape, *addresses, *corner, *end)
         field.arrays = arrays
         return field
 
 
-def build_field(scene: Scene, collision: Collision, groups: Sequence[Sequence[int]]) -> Field:
+def build_field(collision: Collision, groups: Sequence[Sequence[int]]) -> Field:
     """Sample FCL near the obstacles, coarser farther away; `groups` are the components (lists of obstacles)."""
-    h = scene.robot_radius / 8.0
-    span = scene.upper - scene.lower
-    h = float(max(h, span.max() / 4000.0))
+    world, r = collision.world, collision.footprint.radius
+    span = world.upper - world.lower
+    h = float(max(r / 8.0, span.max() / 4000.0))
     coarse = h * 2 ** (LEVELS - 1)
     shape = np.ceil(span / coarse).astype(int) + 1
-    r = scene.robot_radius
-    sample = _Sampler(scene, collision, groups)
+    level = _Level(collision, groups)
     known = np.ones(tuple(shape), dtype=bool)
-    nearest, second, label = sample.at(coarse, known, None)
+    nearest, second, label = level.at(coarse, known, None)
     width = coarse
     for _ in range(LEVELS - 1):
         margin = width**2 / (4.0 * np.maximum(_least(nearest) + r - np.sqrt(2.0) * width, 0.5 * r))
@@ -84,23 +83,23 @@ def build_field(scene: Scene, collision: Collision, groups: Sequence[Sequence[in
         label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[: near_guess.shape[0], : near_guess.shape[1]]
         guess = (near_guess, second_guess, label_guess.copy())
         guess[0][::2, ::2] = nearest
-        nearest, second, label = sample.at(width, refine, guess)
+        nearest, second, label = level.at(width, refine, guess)
     final = width**2 / (4.0 * np.maximum(nearest + r, r) - 4.0 * np.sqrt(2.0) * width)
-    return Field.of(scene, float(width), nearest - final, second - final, label)
+    return Field.of(world, float(width), nearest - final, second - final, label)
 
 
-class _Sampler:
+class _Level:
     """Asks FCL for the grid points of one level that a mask selects."""
 
-    def __init__(self, scene: Scene, collision: Collision, groups: Sequence[Sequence[int]]) -> None:
-        self.scene, self.collision, self.groups = scene, collision, groups
+    def __init__(self, collision: Collision, groups: Sequence[Sequence[int]]) -> None:
+        self.collision, self.groups = collision, groups
 
     def at(
         self, width: float, mask: NDArray[np.bool_], guess: tuple[Array, Array, NDArray[np.int64]] | None
     ) -> tuple[Array, Array, NDArray[np.int64]]:
         index = np.argwhere(mask)
-        points = self.scene.lower + index * width
-        r = self.scene.robot_radius
+        points = self.collision.world.lower + index * width
+        r = self.collision.footprint.radius
         reach = REACH
         if guess is None:
             shape = mask.shape

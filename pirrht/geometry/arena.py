@@ -1,0 +1,25 @@
+"""What a path asks about the world: how much room there is, and whether it has arrived."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from pirrht.geometry.field import Field
+from pirrht.geometry.scene import Goal
+
+
+class Arena(NamedTuple):
+    """A clearance field and the goal's disc, as numbers and addresses that kernels can take cheaply."""
+
+    field: Field
+    goal: tuple[float, float]  # centre [m]
+    radius: float  # of the goal's disc [m]
+
+    @classmethod
+    def of(cls, field: Field, goal: Goal) -> Arena:
+        """The arena of a field and a goal."""
+        return cls(field, (float(goal.center[0]), float(goal.center[1])), float(goal.radius))
+
+    def at(self, time: float) -> Arena:
+        """The arena at a time [s] after now. Every world stands still so far, so it is the same at all times."""
+        return self
