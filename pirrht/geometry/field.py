@@ -26,7 +26,7 @@ REACH = 1.0  # the field is cut off at this clearance [m]; exits and bridges are
 NOTHING = 1e6  # clearance where there are no obstacles at all [m]
 
 
-class Samples(NamedTuple):
+class Grid(NamedTuple):
     """Clearance of the robot's centre on a grid of nx * ny points, as numbers that kernels can take cheaply."""
 
     x0: float  # position of sample (0, 0) [m]
@@ -44,7 +44,7 @@ class Samples(NamedTuple):
     high: float
 
 
-class Field(Samples):
+class Field(Grid):
     """The same together with the arrays that the addresses point to."""
 
     arrays: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # nearest, second, label
@@ -205,7 +205,7 @@ def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _closest(field, x, y):  # type: ignore[no-untyped-def]
+def closest(field, x, y):  # type: ignore[no-untyped-def]
     """Indices of the grid point closest to (x, y)."""
     i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
     j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
@@ -215,7 +215,7 @@ def _closest(field, x, y):  # type: ignore[no-untyped-def]
 @kernel
 def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
     """Component that is nearest at the grid point closest to (x, y)."""
-    i, j = _closest(field, x, y)
+    i, j = closest(field, x, y)
     return load_int32(field.label, i * field.ny + j)
 
 

@@ -17,8 +17,6 @@ from pirrht.compiled.jit import jitable
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 
-TWO_PI = 2.0 * np.pi
-
 
 class Dynamics(ABC):
     """A planar system whose first two states are the position [m].
@@ -70,7 +68,7 @@ class Dynamics(ABC):
         """x - y of states (..., n), headings within half a turn of zero, (..., n)."""
         off: Array = x - y
         for i in self.angles:
-            off[..., i] = (off[..., i] + np.pi) % TWO_PI - np.pi
+            off[..., i] = (off[..., i] + np.pi) % (2.0 * np.pi) - np.pi
         return off
 
     def state_of(self, pose: Array) -> Array:

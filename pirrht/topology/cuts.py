@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_float64, load_int32, load_int64
 from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.arcs import turns_of_chord
 
 FEW = 8  # up to so many markers are all asked: that is faster than looking a sector up
 WIDER = 1e-9  # sectors are widened by this much for rounding, of 4 for a whole turn
@@ -144,11 +145,11 @@ def turn_at_cut(mx, my, gx, gy, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 
 @inlined
 def straight_turns(px, py, mx, my, gx, gy):  # type: ignore[no-untyped-def]
-    """Angle that the straight line from p to the goal point g sweeps as seen from a marker, in turns."""
+    """Angle that the straight line from p to the goal point g turns through as seen from a marker, in turns."""
     ax, ay, bx, by = px - mx, py - my, gx - mx, gy - my
-    cross, dot = ax * by - ay * bx, ax * bx + ay * by
     # On the cut itself the angle jumps; it counts as the right side, as `cross > 0` does at crossings.
-    return -0.5 if cross == 0.0 and dot < 0.0 else math.atan2(cross, dot) / (2.0 * np.pi)
+    on_cut = ax * by - ay * bx == 0.0 and ax * bx + ay * by < 0.0
+    return -0.5 if on_cut else turns_of_chord(ax, ay, bx, by)
 
 
 @kernel

@@ -17,7 +17,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Obstacle
 
-STEPS = 100  # cuts before two inflated shapes count as apart
+STEPS = 100  # parts taken off before two inflated shapes count as apart
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
@@ -107,7 +107,7 @@ class _Planar:
         return float(self.collision.obstacle_distance(i, point[None])[0])
 
     def candidates(self) -> list[tuple[int, int]]:
-        """Pairs whose inflated bounding rectangles overlap, found by a sweep along x."""
+        """Pairs whose inflated bounding rectangles overlap, found in their order along x."""
         order = np.argsort(self.low[:, 0], kind="stable")
         starts = self.low[order, 0]
         pairs = []
@@ -134,7 +134,7 @@ class _Planar:
             for k in (i, j):
                 if excess[k] > 0:
                     a, b = self.slope(k, x, y)
-                    polygon = _cut(polygon, a, b, a * x + b * y - excess[k] + min(self.doubt[k] * size, excess[k]))
+                    polygon = _clipped(polygon, a, b, a * x + b * y - excess[k] + min(self.doubt[k] * size, excess[k]))
             if len(polygon) < 3 or area < 1e-18:
                 return False
         return False
@@ -227,7 +227,7 @@ def _centroid(polygon: list[tuple[float, float]]) -> tuple[float, float, float]:
     return x0 + x / area, y0 + y / area, area
 
 
-def _cut(polygon: list[tuple[float, float]], a: float, b: float, c: float) -> list[tuple[float, float]]:
+def _clipped(polygon: list[tuple[float, float]], a: float, b: float, c: float) -> list[tuple[float, float]]:
     """The part of a convex polygon where a x + b y <= c."""
     kept = []
     heights = [a * x + b * y - c for x, y in polygon]
