@@ -1,7 +1,7 @@
 """Planar curves made of arcs and straight pieces: where they run, where they enter the goal, how they wind.
 
 A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0.
-Everything here is exact for such curves: no curve is cut into steps to be measured.
+Everything here is exact for such curves: no curve is divided into steps to be measured.
 """
 
 from __future__ import annotations

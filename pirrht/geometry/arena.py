@@ -1,4 +1,4 @@
-"""What a path asks about the world: how much room there is, and whether it has arrived."""
+"""What a path asks about the world: how far the nearest wall is, and whether it has arrived."""
 
 from __future__ import annotations
 

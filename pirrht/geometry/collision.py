@@ -1,4 +1,4 @@
-"""How far is the robot from the obstacles, and is this path free: the only door to FCL.
+"""How far is the robot from the obstacles, and is this path free: FCL is asked here only.
 
 The robot is a sphere at a fixed height. FCL's distance from a sphere is exact for boxes, cylinders, spheres,
 capsules and the outside of triangle meshes; meshes are hollow to it, and from an ellipsoid it can be
@@ -39,7 +39,7 @@ class Collision:
         self._is_doubtful, self._doubtful = doubtful, any(doubtful)
         self._all_solids, self._all_shells = tree_of(self._solids), tree_of(self._shells)
         self._all_doubtful = tree_of([s for s, doubt in zip(self._solids, doubtful, strict=True) if doubt])
-        self._probe, self._robot = ball(np.zeros(3), PROBE), ball(np.zeros(3), footprint.radius)
+        self._probe = ball(np.zeros(3), PROBE)
         self._distance_request, self._collision_request = fcl.DistanceRequest(), fcl.CollisionRequest()
         self._border: tuple[float, ...] = (*world.lower.tolist(), *world.upper.tolist())
         self._slack = 2 * TOLERANCE if self._doubtful else 1e-9
@@ -67,7 +67,7 @@ class Collision:
         Args:
             points: robot centres, (k, 2) [m].
             groups: disjoint lists of obstacle indices; obstacles in none of them are ignored.
-            reach: distances are cut off here [m].
+            reach: no distance above this is told [m].
 
         FCL is asked about solids for which no closed form is known.
 
@@ -97,7 +97,7 @@ class Collision:
         bounds = self._lower_bounds(lifted, members)
         at, columns = np.nonzero(bounds < reach)
         values = bounds[at, columns]
-        order = np.lexsort((values, at))  # nearest first, so that most pairs are settled by their bound
+        order = np.lexsort((values, at))  # nearest first, so that most pairs are decided by their bound
         first, second, which = found
         for i, member, bound in zip(
             at[order].tolist(), members[columns[order]].tolist(), values[order].tolist(), strict=True
@@ -121,19 +121,14 @@ class Collision:
         return confirmed
 
     def clearance(self, points: Array) -> Array:
-        """Room to move any way, (k, 2) -> (k,) [m]; 1-Lipschitz, at most 0 where the robot may not be."""
+        """Free distance in every direction, (k, 2) -> (k,) [m]; 1-Lipschitz, at most 0 where the robot may not be."""
         border = np.minimum(points - self.world.lower, self.world.upper - points).min(axis=-1)
         nearest: Array = np.minimum(border, self.distance(points) - self.footprint.radius)
         return nearest
 
     def free(self, points: Array) -> BoolArray:
         """Whether the robot touches no obstacle and is strictly inside the border, (k, 2) -> (k,)."""
-        result = self._inside(points)
-        lifted = self._lift(points)
-        for k in np.flatnonzero(result):
-            self._robot.setTranslation(lifted[k])
-            result[k] = not self._hits(self._all_solids, self._robot)
-        return result
+        return self.segments_free(points, points)
 
     def segments_free(self, tails: Array, heads: Array) -> BoolArray:
         """Whether the robot can go straight from tails to heads, 2 x (k, 2) -> (k,); a swept capsule each."""

@@ -17,7 +17,7 @@ def ball(center: Array, radius: float) -> Any:
 
 
 def capsule(radius: float, middle: Array, span: Array) -> Any:
-    """What a sphere sweeps that moves along span (2,) about middle (3,) [m]."""
+    """What a sphere covers that goes along span (2,), half of it before `middle` (3,) [m]."""
     length = float(np.hypot(span[0], span[1]))
     if length < 1e-9:
         return ball(middle, radius)

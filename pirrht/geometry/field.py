@@ -22,14 +22,14 @@ from pirrht.geometry.scene import World
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
 BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
-REACH = 1.0  # the field is cut off at this clearance [m]; exits and bridges are decided far below it
+REACH = 1.0  # the field tells no clearance above this [m]; exits and bridges are decided far below it
 NOTHING = 1e6  # clearance where there are no obstacles at all [m]
 
 
 class Grid(NamedTuple):
     """Clearance of the robot's centre on a grid of nx * ny points, as numbers that kernels can take cheaply."""
 
-    x0: float  # position of sample (0, 0) [m]
+    x0: float  # position of grid point (0, 0) [m]
     y0: float
     spacing: float  # h [m]
     per: float  # 1/h [1/m]
@@ -51,7 +51,7 @@ class Field(Grid):
 
     @classmethod
     def of(cls, world: World, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
-        """Take hold of samples (nx, ny) that start at the workspace's least corner."""
+        """Take hold of values (nx, ny) that start at the workspace's least corner."""
         arrays = (
             np.ascontiguousarray(nearest, dtype=np.float32),
             np.ascontiguousarray(second, dtype=np.float32),
@@ -165,7 +165,7 @@ def border(field, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def cell_of(field, x, y):  # type: ignore[no-untyped-def]
-    """Index of the cell's first sample in a grid, and where (x, y) lies in the cell, each from 0 to 1."""
+    """Index of the cell's first grid point, and where (x, y) lies in the cell, each from 0 to 1."""
     fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
     i = min(max(np.int32(fx), np.int32(0)), np.int32(field.nx - 2))
     j = min(max(np.int32(fy), np.int32(0)), np.int32(field.ny - 2))
@@ -187,20 +187,23 @@ def bilinear_slope(a, b, c, d, u, v, per):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
-    """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
+def _corners(field, grid, x, y):  # type: ignore[no-untyped-def]
     at, u, v = cell_of(field, x, y)
     a, b = load_float32(grid, at), load_float32(grid, at + 1)
-    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
+    return a, b, load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1), u, v
+
+
+@inlined
+def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
+    a, b, c, d, u, v = _corners(field, grid, x, y)
     return bilinear(a, b, c, d, u, v)
 
 
 @inlined
 def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
     """The same and its gradient."""
-    at, u, v = cell_of(field, x, y)
-    a, b = load_float32(grid, at), load_float32(grid, at + 1)
-    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
+    a, b, c, d, u, v = _corners(field, grid, x, y)
     return bilinear_slope(a, b, c, d, u, v, field.per)
 
 

@@ -24,7 +24,7 @@ FORMS = (Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE)
 class Solids(NamedTuple):
     """Obstacles as arrays."""
 
-    form: NDArray[np.int64]  # (M,) place in FORMS, -1 for a solid without a closed form
+    form: NDArray[np.int64]  # (M,) index in FORMS, -1 for a solid without a closed form
     size: Array  # (M, 3) MuJoCo's sizes [m]
     position: Array  # (M, 3) centres [m]
     rotation: Array  # (M, 3, 3) body axes in world coordinates
@@ -140,8 +140,8 @@ def tiles(points: Array, width: float) -> Iterator[tuple[NDArray[np.int64], Arra
     """Points (k, 2) by square tiles: rows, and the least and greatest corner of what lies in the tile."""
     if not len(points):
         return
-    place = np.floor((points - points.min(axis=0)) / width).astype(np.int64)
-    number = place[:, 0] * (place[:, 1].max() + 1) + place[:, 1]
+    tile = np.floor((points - points.min(axis=0)) / width).astype(np.int64)
+    number = tile[:, 0] * (tile[:, 1].max() + 1) + tile[:, 1]
     order = np.argsort(number, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
         yield rows, points[rows].min(axis=0), points[rows].max(axis=0)

@@ -108,7 +108,7 @@ def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn
         start, curvature, length: the curve as in `Curves`, (3,), (P,), (P,).
         to_goal: whether it goes on straight from its end to the goal point, which crosses no cut.
         hx, hy: the state at its end; used unless `to_goal` [m].
-        marker, turn: the pairs; room for M more per piece.
+        marker, turn: the pairs, of arrays that can hold M more per piece.
         count: pairs that are there already.
     """
     last = length.shape[0] - 1
