@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,14 +11,17 @@ from pirrht.errors import SceneError
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field, build_field
-from pirrht.geometry.scene import Scene
+from pirrht.geometry.scene import Goal, Scene
 from pirrht.topology.homology import Homology
 from pirrht.topology.obstacles import Component, components
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FreeSpace:
-    """A scene together with its collision checker, clearance field and topological obstacles."""
+    """A scene together with its collision checker, clearance field and topological obstacles.
+
+    Only `scene` and `homology` depend on its task; all else follows from its world and footprint.
+    """
 
     scene: Scene
     collision: Collision
@@ -33,31 +36,46 @@ class FreeSpace:
         Raises:
             SceneError: the start or the goal point is in collision.
         """
-        collision = Collision(scene)
-        for what, point in (("start", scene.start), ("goal", scene.goal.center)):
-            clearance = float(collision.clearance(point[None, :2])[0])
-            if clearance <= 0.0:
-                raise SceneError(
-                    f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g}) is in collision for a robot of radius "
-                    f"{scene.robot_radius:g} (it lacks {-clearance:.3g} m); move it or choose a smaller --radius"
-                )
-        parts = components(scene, collision)
+        collision = Collision(scene.world, scene.footprint)
+        _check_task(scene, collision)
+        parts = components(collision)
         encircled = tuple(part for part in parts if part.marker is not None)
         markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
         return cls(
             scene=scene,
             collision=collision,
-            field=build_field(scene, collision, [part.members for part in parts]),
+            field=build_field(collision, [part.members for part in parts]),
             obstacles=encircled,
             homology=Homology(markers=markers, goal=scene.goal.center.astype(float)),
         )
 
+    def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
+        """The same world and footprint with another start (3,) or goal; nothing is sampled again.
+
+        Raises:
+            SceneError: one of them lies outside the workspace or is in collision.
+        """
+        scene = self.scene
+        scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
+        _check_task(scene, self.collision)
+        homology = Homology(markers=self.homology.markers, goal=scene.goal.center.astype(float))
+        return replace(self, scene=scene, homology=homology)
+
     @property
     def arena(self) -> Arena:
-        """What rollouts ask about the world."""
-        x, y = self.scene.goal.center.tolist()
-        return Arena(self.field, (float(x), float(y)), float(self.scene.goal.radius))
+        """What a path asks about this world and its goal."""
+        return Arena.of(self.field, self.scene.goal)
 
     def clearance(self, position: Array) -> float:
         """FCL's clearance of the robot's centre at one position (2,) [m]."""
         return float(self.collision.clearance(position[None, :2])[0])
+
+
+def _check_task(scene: Scene, collision: Collision) -> None:
+    for what, point in (("start", scene.start), ("goal", scene.goal.center)):
+        clearance = float(collision.clearance(point[None, :2])[0])
+        if clearance <= 0.0:
+            raise SceneError(
+                f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g}) is in collision for a robot of radius "
+                f"{scene.robot_radius:g} (it lacks {-clearance:.3g} m); move it or choose a smaller --radius"
+            )

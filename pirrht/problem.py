@@ -22,7 +22,12 @@ def unit_rate(x, p):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """Minimise `E[phi(x(t_f)) + integral of q + u'Ru/2]` until the state leaves the free space or enters the goal."""
+    """Minimise `E[phi(x(t_f)) + integral of q + u'Ru/2]` until the state leaves the free space or enters the goal.
+
+    Raises:
+        OptionError: the system, R, q or phi cannot work here; says what would.
+        NotLinearlySolvable: no scalar lambda fits G, R and B.
+    """
 
     dynamics: Dynamics
     scene: Scene
@@ -33,6 +38,11 @@ class Problem:
     temperature: float = field(init=False)  # the scalar lambda of lambda G R^-1 G' = B B' [cost]
 
     def __post_init__(self) -> None:
+        self.dynamics.check()
+        m = self.dynamics.m
+        shape = np.shape(self.control_cost(self.dynamics.state_of(self.scene.start)))
+        if shape != (m, m):
+            raise OptionError(f"R is {shape}; {type(self.dynamics).__name__} has m = {m}, so it must be {m, m}")
         if callable(self.q) and self.q_min is None:
             raise OptionError("q is a function; give q_min, its least value over the workspace, as well")
         if not self.least_rate > 0:
@@ -79,9 +89,9 @@ class Problem:
         return value
 
     def _probes(self) -> list[Array]:
-        constant = self.dynamics.constant and not callable(self.R)
-        count = 1 if constant else 16
-        fraction = (np.arange(1, count + 1)[:, None] * np.array([0.7548776662, 0.5698402910])) % 1.0
-        points = self.scene.lower + fraction * (self.scene.upper - self.scene.lower)
-        rest = np.linspace(-np.pi, np.pi, count)[:, None] * np.ones((1, self.dynamics.n - 2))
-        return list(np.hstack([points, rest]))
+        """States all over the workspace, or one where nothing depends on the state."""
+        count = 1 if self.dynamics.constant and not callable(self.R) else 16
+        lower, upper = self.dynamics.box(self.scene)
+        fraction = np.tile(np.linspace(0.0, 1.0, count)[:, None], self.dynamics.n)
+        fraction[:, :2] = (np.arange(1, count + 1)[:, None] * np.array([0.7548776662, 0.5698402910])) % 1.0
+        return list(lower + fraction * (upper - lower))

@@ -281,10 +281,9 @@ def _truth(scenario: Scenario, x: Array) -> Truth:
 
 
 def _state(at: list[float], scenario: Scenario) -> Array:
-    n = scenario.problem.dynamics.n
     if len(at) not in (2, 3) or not np.all(np.isfinite(at)):
         raise OptionError(f"--at has {len(at)} numbers; it must be X Y or X Y TH, all finite")
-    x = np.array([*at, 0.0][:n] if len(at) < n else at[:n], dtype=float)
+    x = scenario.problem.dynamics.state_of(np.array([*at, 0.0]))
     where = f"--at {' '.join(f'{v:g}' for v in at)}"
     if scenario.space.clearance(x) <= 0.0:
         raise SceneError(f"{where}: this state is in collision or outside the workspace; choose another")

@@ -85,7 +85,7 @@ class Executor:
         self._command, self._twist = loaded.command, problem.dynamics.twist
         self._rate = commanded_rate(problem.dynamics, self._loop.step)
         self._obstacles = loaded.obstacle_geoms
-        self.reset(problem.scene.start)
+        self.reset(problem.dynamics.state_of(problem.scene.start))
 
     @property
     def physics_step(self) -> float:
@@ -146,7 +146,7 @@ class Analytic:
         self._clearance = clearance
         self._step = problem.dynamics.step
         self._n = problem.dynamics.n
-        self.reset(problem.scene.start)
+        self.reset(problem.dynamics.state_of(problem.scene.start))
 
     @property
     def physics_step(self) -> float:

@@ -84,7 +84,7 @@ def draw_scene(axes: Any, scenario: Scenario) -> None:
     axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc="#8fd19e", ec="#3c8f52", lw=1, zorder=1))
     axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec="black", lw=1.2, zorder=4))
     heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
-    if scenario.problem.dynamics.n > 2:
+    if scenario.problem.dynamics.angles:
         axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})
     axes.set_aspect("equal")
     margin = 0.02 * float((scene.upper - scene.lower).max())

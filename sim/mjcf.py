@@ -5,7 +5,8 @@ A scene file declares
   site `start`      position, and the direction of its x-axis as heading
   site `workspace`  box that bounds the robot's centre; without it the horizontal floor plane does
   obstacles         every static geom, whatever body it hangs in, whose contact bits match the robot's and
-                    whose height range meets the robot's; the floor is none
+                    whose height range meets the robot's; the floor is none. A mocap body stands still; one with
+                    a motion (`pirrht_motion_BODY`) is refused
   custom            `<numeric name="pirrht_noise" data="0.1"/>`: defaults of options (- becomes _);
                     `<text name="pirrht_robot" data="unicycle"/>`: the robot it is meant for
 
@@ -178,12 +179,22 @@ def _defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
             continue
         option, values = numeric.name.removeprefix("pirrht_").replace("_", "-"), list(numeric.data)
         if option not in _OPTIONS:
+            if option.startswith("motion-"):
+                raise _moves(numeric.name, path)
             known = ", ".join("pirrht_" + name.replace("-", "_") for name in _OPTIONS)
             raise SceneError(f'{path}: custom numeric "{numeric.name}" is no option; those are {known}')
         if len(values) != 1 or not np.isfinite(values[0]):
             raise SceneError(f'{path}: custom numeric "{numeric.name}" is {values}; write one finite number')
         defaults[option] = float(values[0])
     return defaults
+
+
+def _moves(element: str, path: Path) -> SceneError:
+    body = element.removeprefix("pirrht_motion_")
+    return SceneError(
+        f'{path}: body "{body}" moves (mocap, by "{element}"), and moving obstacles are not supported yet; '
+        "remove its motion, and it stands where it is"
+    )
 
 
 def _radius(given: float | None, defaults: dict[str, float], path: Path) -> float | None:
@@ -202,6 +213,8 @@ def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
             if robot not in robot_names():
                 known = ", ".join(robot_names())
                 raise SceneError(f'{path}: custom text "pirrht_robot" is "{robot}"; write one of {known}')
+        elif text.name.startswith("pirrht_motion_"):
+            raise _moves(text.name, path)
         elif text.name.startswith("pirrht_"):
             raise SceneError(f'{path}: custom text "{text.name}" is no option; the only one is pirrht_robot')
     return robot

@@ -153,7 +153,7 @@ class _Book:
         space = controller.space
         self._driven, self._period = Driven(space.homology, start), period
         # FCL moves its objects when it is asked: the planner's are busy.
-        self._collision = Collision(space.scene)
+        self._collision = Collision(space.scene.world, space.scene.footprint)
         self._cost = self._length = 0.0
 
     def frame(self, moved: Moved) -> Frame:

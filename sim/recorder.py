@@ -250,7 +250,7 @@ def _lifts(
     """Obstacles, from 0, whose H lifts the tree."""
     if lift is None:
         problem = path_integral.problem
-        return () if tree is None else telling(tree, problem.scene.start[: problem.dynamics.n])
+        return () if tree is None else telling(tree, problem.dynamics.state_of(problem.scene.start))
     M = len(space.obstacles)
     if not all(1 <= k <= M for k in lift):
         raise OptionError(

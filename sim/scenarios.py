@@ -43,7 +43,7 @@ class Scenario:
     @property
     def start(self) -> Array:
         """Start state, (n,)."""
-        return self.problem.scene.start[: self.problem.dynamics.n]
+        return self.problem.dynamics.state_of(self.problem.scene.start)
 
     def seeds(self) -> tuple[np.random.SeedSequence, ...]:
         """Independent seeds of the tree, the sampler and the plant."""

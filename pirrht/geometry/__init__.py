@@ -1,1 +1,12 @@
-"""."""
+"""What is free: the domain D of the paper's section II, between solid obstacles, for a robot that plans as a sphere.
+
+scene         a scene as plain values: world, footprint and task
+shapes        distances from solids in closed form; fcl_shapes: solids as objects of FCL
+collision     how far the obstacles are and whether a path is free: FCL's word, which is the last one
+field         that distance on a grid with its error bound, for millions of questions at once
+certify       what the field certifies about points, segments and curves (`ObstacleFree` of Algorithms 2 and 3)
+arcs          curves of arcs and straight pieces, and the angle of a chord, absmin of section IV-A
+arena         field and goal together: what a path asks about the world
+
+It may import `compiled` and the root's arrays and errors. Only collision and fcl_shapes know FCL.
+"""

@@ -1,7 +1,7 @@
 """Planar curves made of arcs and straight pieces: where they run, where they enter the goal, how they wind.
 
 A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0.
-Everything here is exact for such curves: no curve is cut into steps to be measured.
+Everything here is exact for such curves: no curve is divided into steps to be measured.
 """
 
 from __future__ import annotations
@@ -34,17 +34,26 @@ class Curves:
         return [trace(self.start[i], self.curvature[i], self.length[i], spacing) for i in range(self.start.shape[0])]
 
 
+@inlined
+def point_along(x, y, theta, ux, uy, curvature, s):  # type: ignore[no-untyped-def]
+    """Point after arc length s on a piece that sets out in the direction (ux, uy) = (cos theta, sin theta)."""
+    if abs(curvature) * abs(s) < 1e-9:
+        return x + s * ux, y + s * uy
+    end = theta + curvature * s
+    return x + (math.sin(end) - uy) / curvature, y - (math.cos(end) - ux) / curvature
+
+
 @kernel
 def along(x, y, theta, curvature, s):  # type: ignore[no-untyped-def]
     """Pose (x, y, theta) after arc length s on a piece."""
-    if abs(curvature) * abs(s) < 1e-9:
-        return x + s * math.cos(theta), y + s * math.sin(theta), theta + curvature * s
-    end = theta + curvature * s
-    return (
-        x + (math.sin(end) - math.sin(theta)) / curvature,
-        y - (math.cos(end) - math.cos(theta)) / curvature,
-        end,
-    )
+    px, py = point_along(x, y, theta, math.cos(theta), math.sin(theta), curvature, s)
+    return px, py, theta + curvature * s
+
+
+@inlined
+def center_of(x, y, theta, curvature):  # type: ignore[no-untyped-def]
+    """Centre of the circle that an arc is part of."""
+    return x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
 
 
 @inlined
@@ -55,25 +64,25 @@ def turns_of_chord(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def turns_of_piece(x, y, theta, curvature, length, mx, my):  # type: ignore[no-untyped-def]
-    """Angle that a piece sweeps as seen from the marker (mx, my), in turns; exact off the marker.
+    """Angle that a piece turns through as seen from the marker (mx, my), in turns; exact off the marker.
 
     Less than a whole circle closed by its chord is the border of a part of the disc, so from outside the
-    circle chord and arc sweep the same angle. From inside, the angle of an arc never turns back, and it has
+    circle chord and arc turn through the same angle. From inside, the angle of an arc never turns back, and it has
     the sign of the curvature.
     """
     if length <= 0.0:
         return 0.0
     bx, by, _ = along(x, y, theta, curvature, length)
     chord = turns_of_chord(x - mx, y - my, bx - mx, by - my)
-    sweep = abs(curvature) * length
-    if sweep < 1e-9:
+    bend = abs(curvature) * length
+    if bend < 1e-9:
         return chord
-    cx, cy = x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
+    cx, cy = center_of(x, y, theta, curvature)
     if (mx - cx) ** 2 + (my - cy) ** 2 >= 1.0 / curvature**2:
         return chord
     sign = math.copysign(1.0, curvature)
-    circles = math.floor(sweep / TWO_PI + 1e-9)
-    if chord * sign < 0.0 and sweep - circles * TWO_PI > 1e-9:
+    circles = math.floor(bend / TWO_PI + 1e-9)
+    if chord * sign < 0.0 and bend - circles * TWO_PI > 1e-9:
         circles += 1.0
     return chord + sign * circles
 
@@ -93,7 +102,7 @@ def entry_of_piece(x, y, theta, curvature, length, gx, gy, radius):  # type: ign
         s = -along_ray - math.sqrt(root)
         return s if s <= length else np.inf
     r = 1.0 / abs(curvature)
-    cx, cy = x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
+    cx, cy = center_of(x, y, theta, curvature)
     d = math.sqrt((gx - cx) ** 2 + (gy - cy) ** 2)
     if d > r + radius or d < abs(r - radius) or d == 0.0:
         return np.inf
@@ -122,20 +131,7 @@ def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no
 
 
 @kernel
-def turns_of_curve(start, curvature, length, markers, out):  # type: ignore[no-untyped-def]
-    """Write H (M,) of a curve without the 1 (paper, section IV-A) to out; returns the curve's end."""
-    for k in range(markers.shape[0]):
-        out[k] = 0.0
-    x, y, theta = start[0], start[1], start[2]
-    for p in range(length.shape[0]):
-        for k in range(markers.shape[0]):
-            out[k] += turns_of_piece(x, y, theta, curvature[p], length[p], markers[k, 0], markers[k, 1])
-        x, y, theta = along(x, y, theta, curvature[p], length[p])
-    return x, y
-
-
-@kernel
-def cut(length, limit, out):  # type: ignore[no-untyped-def]
+def truncate(length, limit, out):  # type: ignore[no-untyped-def]
     """Piece lengths (P,) of the part of a curve before arc length `limit`, written to out."""
     left = limit
     for p in range(length.shape[0]):

@@ -1,22 +1,32 @@
-"""What a path asks about the world while it runs: how far the walls are, and the goal."""
+"""What a path asks about the world: how far the nearest wall is, and whether it has arrived."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from pirrht.compiled.jit import inlined
 from pirrht.geometry.field import Field
+from pirrht.geometry.scene import Goal
 
 
 class Arena(NamedTuple):
-    """Walls and goal at one time, as numbers that kernels can take cheaply."""
+    """A clearance field and the goal's disc, as numbers and addresses that kernels can take cheaply."""
 
-    field: Field  # clearance of the robot's centre
-    goal: tuple[float, float]  # centre of the goal's disc [m]
+    field: Field
+    goal: tuple[float, float]  # centre [m]
     radius: float  # of the goal's disc [m]
+
+    @classmethod
+    def of(cls, field: Field, goal: Goal) -> Arena:
+        """The arena of a field and a goal."""
+        return cls(field, (float(goal.center[0]), float(goal.center[1])), float(goal.radius))
+
+    def at(self, time: float) -> Arena:
+        """The arena at a time [s] after now."""
+        return cast(Arena, at(self, time))
 
 
 @inlined
 def at(arena, time):  # type: ignore[no-untyped-def]
-    """The arena at a time [s]; a world that stands still is the same at all of them."""
+    """The same for kernels. Every world stands still so far, so it is the same at all times."""
     return arena

@@ -1,26 +1,34 @@
-"""What the clearance field certifies: points, segments and curves that are free, or blocked beyond doubt."""
+"""What the clearance field certifies: points, segments and curves that are free, or blocked beyond doubt.
+
+Clearance is 1-Lipschitz, so a disc of that radius about a free point is free: a march from disc to disc, each begun
+where the last one ended, certifies what it covers (paper, `ObstacleFree`).
+"""
 
 from __future__ import annotations
 
 import math
 
 from pirrht.compiled.addresses import load_float32
-from pirrht.compiled.jit import kernel
-from pirrht.geometry.arcs import along
-from pirrht.geometry.field import _closest, border, clearance
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.arcs import along, point_along
+from pirrht.geometry.field import border, clearance, closest
 
 FREE, UNSURE, BLOCKED = 1, 0, -1
-
-
 LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m] is left to FCL
 
 
 @kernel
 def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
     """Whether the Lipschitz upper bound from the nearest grid point is already negative."""
-    i, j = _closest(field, x, y)
+    i, j = closest(field, x, y)
     gap = math.sqrt((x - field.x0 - i * field.spacing) ** 2 + (y - field.y0 - j * field.spacing) ** 2)
     return load_float32(field.nearest, i * field.ny + j) + gap + field.spacing < 0.0
+
+
+@inlined
+def _refused(field, x, y):  # type: ignore[no-untyped-def]
+    """BLOCKED or UNSURE, for a point that is not certified to be free."""
+    return BLOCKED if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y) else UNSURE
 
 
 @kernel
@@ -35,9 +43,7 @@ def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
         x, y = ax + s * ux, ay + s * uy
         c = clearance(field, x, y)
         if c < LEAST_STEP:
-            if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y):
-                return BLOCKED
-            return UNSURE
+            return _refused(field, x, y)
         if s >= length:
             return FREE
         s = min(s + c, length)
@@ -46,9 +52,7 @@ def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @kernel
 def certify_point(field, x, y):  # type: ignore[no-untyped-def]
     """FREE, BLOCKED or UNSURE for one position."""
-    if clearance(field, x, y) > 0.0:
-        return FREE
-    return BLOCKED if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y) else UNSURE
+    return FREE if clearance(field, x, y) > 0.0 else _refused(field, x, y)
 
 
 @kernel
@@ -62,14 +66,10 @@ def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-d
     for p in range(length.shape[0]):
         s, kappa, ux, uy = 0.0, curvature[p], math.cos(theta), math.sin(theta)
         while True:
-            if abs(kappa) * s < 1e-9:
-                px, py = x + s * ux, y + s * uy
-            else:
-                end = theta + kappa * s
-                px, py = x + (math.sin(end) - uy) / kappa, y - (math.cos(end) - ux) / kappa
+            px, py = point_along(x, y, theta, ux, uy, kappa, s)
             c = clearance(field, px, py)
             if c < LEAST_STEP:
-                if border(field, px, py) <= 0.0 or _surely_blocked(field, px, py):
+                if _refused(field, px, py) == BLOCKED:
                     return BLOCKED
                 verdict = UNSURE
                 c = 0.5 * field.spacing
@@ -87,15 +87,11 @@ def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def
     x, y, theta = start[0], start[1], start[2]
     for p in range(length.shape[0]):
         kappa, total = curvature[p], length[p]
-        turns = abs(kappa) * total >= 1e-9
         ux, uy = math.cos(theta), math.sin(theta)
         s = 0.0
         while s < total:
-            if turns:
-                end = theta + kappa * s
-                c = clearance(field, x + (math.sin(end) - uy) / kappa, y - (math.cos(end) - ux) / kappa)
-            else:
-                c = clearance(field, x + s * ux, y + s * uy)
+            px, py = point_along(x, y, theta, ux, uy, kappa, s)
+            c = clearance(field, px, py)
             if c < LEAST_STEP:
                 return False
             s += c

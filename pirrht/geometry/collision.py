@@ -1,4 +1,4 @@
-"""How far is the robot from the obstacles, and is this path free: the only door to FCL.
+"""How far is the robot from the obstacles, and is this path free: FCL is asked here only.
 
 The robot is a sphere at a fixed height. FCL's distance from a sphere is exact for boxes, cylinders, spheres,
 capsules and the outside of triangle meshes; meshes are hollow to it, and from an ellipsoid it can be
@@ -15,10 +15,10 @@ import fcl
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray, IntArray
-from pirrht.geometry.scene import Kind, Obstacle, Scene
-from pirrht.geometry.shapes import Solids, distance_from, nearest_two, tiles
+from pirrht.geometry.fcl_shapes import ball, capsule, shell_of, solid_of, tree_of
+from pirrht.geometry.scene import Footprint, Kind, World
+from pirrht.geometry.shapes import PROBE, Found, Solids, distance_from, improve, nearest_two, tiles
 
-PROBE = 1e-6  # radius of the sphere that stands for the robot's centre [m]
 TOLERANCE = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]
 SHORTEST = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]
 CONFIRMED = 1e-9  # a closed form is that of a solid if it differs from FCL by less than this [m]
@@ -26,30 +26,25 @@ SPOTS = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0.1], [-1, -0.1], [0.1
 
 
 class Collision:
-    """Distances and free paths of a sphere among the obstacles of one scene; the border bounds its centre."""
+    """Distances and free paths of a sphere among the obstacles of a world; the border bounds its centre."""
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
+    def __init__(self, world: World, footprint: Footprint) -> None:
+        self.world, self.footprint = world, footprint
         self.calls = 0  # FCL queries so far
-        self._solids = [_solid(obstacle) for obstacle in scene.obstacles]
+        doubtful = [o.kind in (Kind.ELLIPSOID, Kind.MESH) for o in world.obstacles]
+        self._solids = [solid_of(o) for o in world.obstacles]
         self._shells = [
-            _shell(obstacle) if obstacle.kind is Kind.MESH else solid
-            for obstacle, solid in zip(scene.obstacles, self._solids, strict=True)
+            shell_of(o) if o.kind is Kind.MESH else s for o, s in zip(world.obstacles, self._solids, strict=True)
         ]
-        self._is_doubtful = [o.kind in (Kind.ELLIPSOID, Kind.MESH) for o in scene.obstacles]
-        self._doubtful = [s for s, doubt in zip(self._solids, self._is_doubtful, strict=True) if doubt]
-        self._all_solids = _manager(self._solids)
-        self._all_shells = _manager(self._shells)
-        self._all_doubtful = _manager(self._doubtful)
-        self._probe = fcl.CollisionObject(fcl.Sphere(PROBE))
-        self._robot = fcl.CollisionObject(fcl.Sphere(scene.robot_radius))
-        self._distance_request = fcl.DistanceRequest()
-        self._collision_request = fcl.CollisionRequest()
-        self._border: tuple[float, ...] = (*scene.lower.tolist(), *scene.upper.tolist())
+        self._is_doubtful, self._doubtful = doubtful, any(doubtful)
+        self._all_solids, self._all_shells = tree_of(self._solids), tree_of(self._shells)
+        self._all_doubtful = tree_of([s for s, doubt in zip(self._solids, doubtful, strict=True) if doubt])
+        self._probe = ball(np.zeros(3), PROBE)
+        self._distance_request, self._collision_request = fcl.DistanceRequest(), fcl.CollisionRequest()
+        self._border: tuple[float, ...] = (*world.lower.tolist(), *world.upper.tolist())
         self._slack = 2 * TOLERANCE if self._doubtful else 1e-9
-        boxes = np.array([_rectangle(o) for o in scene.obstacles]).reshape(-1, 2, 2)
-        self._lowest, self._highest = boxes[:, 0], boxes[:, 1]
-        self._forms = Solids.of(scene.obstacles, self._lowest, self._highest)
+        self._forms = Solids.of(world.obstacles)
+        self._lowest, self._highest = self._forms.low, self._forms.high
 
     def extents(self) -> tuple[Array, Array]:
         """Rectangles around the obstacles seen from above: lower and upper corners, 2 x (M, 2) [m]."""
@@ -66,24 +61,21 @@ class Collision:
         """From the robot's centre to `obstacles[index]`, (k, 2) -> (k,) [m]; 0 inside."""
         return np.array([self._from_one(index, point) for point in self._lift(points)], dtype=float)
 
-    def nearest_groups(
-        self, points: Array, groups: Sequence[Sequence[int]], reach: float
-    ) -> tuple[Array, Array, IntArray]:
+    def nearest_groups(self, points: Array, groups: Sequence[Sequence[int]], reach: float) -> Found:
         """Distances to the nearest and the second-nearest group of obstacles, and which group is nearest.
 
         Args:
             points: robot centres, (k, 2) [m].
             groups: disjoint lists of obstacle indices; obstacles in none of them are ignored.
-            reach: distances are cut off here [m].
+            reach: no distance above this is told [m].
 
         FCL is asked about solids for which no closed form is known.
 
         Returns:
-            Two distances (k,) [m], at most `reach`, and the index of the nearest group (k,), -1 beyond reach.
+            The distances, at most `reach`, and which group is nearest, -1 beyond reach.
         """
-        first, second = np.full(len(points), reach), np.full(len(points), reach)
-        which = np.full(len(points), -1, dtype=np.int64)
-        found = (first, second, which)
+        known = np.full(len(points), reach)
+        found = Found(known, known.copy(), np.full(len(points), -1, dtype=np.int64))
         group = np.full(len(self._solids), -1, dtype=np.int64)
         for g, members in enumerate(groups):
             group[list(members)] = g
@@ -92,47 +84,34 @@ class Collision:
             gap = np.maximum(np.maximum(self._lowest - high, low - self._highest), 0.0)
             near = (gap * gap).sum(axis=1) < reach * reach
             plain, others = np.flatnonzero(near & closed), np.flatnonzero(near & asked)
-            nearest_two(self._forms, plain, group, points, rows, self.scene.robot_height, PROBE, *found)
+            nearest_two(self._forms, plain, group, points, rows, self.footprint.height, found)
             if len(others):
-                self._ask_nearest(points, rows, others, group, reach, *found)
-        return first, second, which
+                self._ask_nearest(points, rows, others, group, reach, found)
+        return found
 
     def _ask_nearest(
-        self,
-        points: Array,
-        rows: IntArray,
-        members: IntArray,
-        group: IntArray,
-        reach: float,
-        first: Array,
-        second: Array,
-        which: IntArray,
+        self, points: Array, rows: IntArray, members: IntArray, group: IntArray, reach: float, found: Found
     ) -> None:
-        """Improve distances to the nearest and second-nearest group, in place, by those that FCL finds."""
+        """Improve what is known of the nearest groups, in place, by members that FCL is asked about."""
         lifted = self._lift(points[rows])
         bounds = self._lower_bounds(lifted, members)
         at, columns = np.nonzero(bounds < reach)
         values = bounds[at, columns]
-        order = np.lexsort((values, at))  # nearest first, so that most pairs are settled by their bound
+        order = np.lexsort((values, at))  # nearest first, so that most pairs are decided by their bound
+        first, second, which = found
         for i, member, bound in zip(
             at[order].tolist(), members[columns[order]].tolist(), values[order].tolist(), strict=True
         ):
             row, g = rows[i], group[member]
             if bound >= second[row] or (g == which[row] and bound >= first[row]):
                 continue
-            d = self._from_one(member, lifted[i])
-            if g == which[row]:
-                first[row] = min(d, first[row])
-            elif d < first[row]:
-                first[row], second[row], which[row] = d, first[row], g
-            else:
-                second[row] = min(d, second[row])
+            improve(first, second, which, row, g, self._from_one(member, lifted[i]))
 
     @cached_property
     def _confirmed(self) -> BoolArray:
         """Of which solids FCL confirms the closed form, at corners and sides of rectangles around them, (M,)."""
         confirmed = self._forms.form >= 0
-        r, height = self.scene.robot_radius, self.scene.robot_height
+        r, height = self.footprint
         for m in np.flatnonzero(confirmed):
             middle, half = 0.5 * (self._lowest[m] + self._highest[m]), 0.5 * (self._highest[m] - self._lowest[m])
             around = np.vstack([middle + share * (half + r) * SPOTS for share in (0.4, 1.0)])
@@ -142,27 +121,22 @@ class Collision:
         return confirmed
 
     def clearance(self, points: Array) -> Array:
-        """Room to move any way, (k, 2) -> (k,) [m]; 1-Lipschitz, at most 0 where the robot may not be."""
-        border = np.minimum(points - self.scene.lower, self.scene.upper - points).min(axis=-1)
-        nearest: Array = np.minimum(border, self.distance(points) - self.scene.robot_radius)
+        """Free distance in every direction, (k, 2) -> (k,) [m]; 1-Lipschitz, at most 0 where the robot may not be."""
+        border = np.minimum(points - self.world.lower, self.world.upper - points).min(axis=-1)
+        nearest: Array = np.minimum(border, self.distance(points) - self.footprint.radius)
         return nearest
 
     def free(self, points: Array) -> BoolArray:
         """Whether the robot touches no obstacle and is strictly inside the border, (k, 2) -> (k,)."""
-        result = self._inside(points)
-        lifted = self._lift(points)
-        for k in np.flatnonzero(result):
-            self._robot.setTranslation(lifted[k])
-            result[k] = not self._hits(self._all_solids, self._robot)
-        return result
+        return self.segments_free(points, points)
 
     def segments_free(self, tails: Array, heads: Array) -> BoolArray:
         """Whether the robot can go straight from tails to heads, 2 x (k, 2) -> (k,); a swept capsule each."""
         result = self._inside(tails) & self._inside(heads)
         middles = self._lift(0.5 * (tails + heads))
-        spans = heads - tails
+        spans, radius = heads - tails, self.footprint.radius
         for k in np.flatnonzero(result):
-            result[k] = not self._hits(self._all_solids, self._swept(middles[k], spans[k]))
+            result[k] = not self._hits(self._all_solids, capsule(radius, middles[k], spans[k]))
         return result
 
     def bisect_free(self, position: Callable[[float], Array], length: float) -> bool:
@@ -199,16 +173,16 @@ class Collision:
         border = min(x - left, right - x, y - low, high - y)
         if border <= 0 or not self._solids:
             return border
-        return min(border, self._nearest(np.array([x, y, self.scene.robot_height])) - self.scene.robot_radius)
+        return min(border, self._nearest(np.array([x, y, self.footprint.height])) - self.footprint.radius)
 
     def _inside(self, points: Array) -> BoolArray:
-        within = (points > self.scene.lower) & (points < self.scene.upper)
+        within = (points > self.world.lower) & (points < self.world.upper)
         return np.asarray(within.all(axis=-1), dtype=np.bool_)
 
     def _lift(self, points: Array) -> Array:
         lifted = np.empty((len(points), 3))
         lifted[:, :2] = points
-        lifted[:, 2] = self.scene.robot_height
+        lifted[:, 2] = self.footprint.height
         return lifted
 
     def _lower_bounds(self, points: Array, members: IntArray) -> Array:
@@ -238,7 +212,7 @@ class Collision:
             return 0.0
         if not self._doubtful:
             return d
-        return self._corrected(point, d, lambda ball: self._hits(self._all_doubtful, ball))
+        return self._corrected(point, d, lambda body: self._hits(self._all_doubtful, body))
 
     def _from_one(self, index: int, point: Array) -> float:
         self.calls += 1
@@ -248,21 +222,21 @@ class Collision:
             return 0.0
         if not self._is_doubtful[index]:
             return d
-        return self._corrected(point, d, lambda ball: self._hits_one(self._solids[index], ball))
+        return self._corrected(point, d, lambda body: self._hits_one(self._solids[index], body))
 
     def _corrected(self, point: Array, d: float, hits: Callable[[Any], bool]) -> float:
         """The greatest radius up to d of a ball that hits nothing, to within TOLERANCE."""
         margin = 0.5 * TOLERANCE
-        if d <= margin or not hits(_ball(point, d - margin)):
+        if d <= margin or not hits(ball(point, d - margin)):
             return d
-        if hits(_ball(point, PROBE)):
+        if hits(ball(point, PROBE)):
             return 0.0
         low, high = max(PROBE, d - 4 * margin), d - margin
-        while low > PROBE and hits(_ball(point, low)):
+        while low > PROBE and hits(ball(point, low)):
             low, high = max(PROBE, low - 4 * (d - low)), low
         while high - low > margin:
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if hits(_ball(point, middle)) else (middle, high)
+            low, high = (low, middle) if hits(ball(point, middle)) else (middle, high)
         return low
 
     def _hits_one(self, solid: Any, body: Any) -> bool:
@@ -282,85 +256,3 @@ class Collision:
         found: list[bool] = []
         manager.collide(body, found, visit)
         return bool(found)
-
-    def _swept(self, middle: Array, span: Array) -> Any:
-        length = float(np.hypot(span[0], span[1]))
-        if length < 1e-9:
-            return _ball(middle, self.scene.robot_radius)
-        c, s = span[0] / length, span[1] / length
-        along_z = np.array([[-s, 0.0, c], [c, 0.0, s], [0.0, 1.0, 0.0]])  # the capsule's own axis is z
-        return fcl.CollisionObject(fcl.Capsule(self.scene.robot_radius, length), fcl.Transform(along_z, middle))
-
-
-def _ball(center: Array, radius: float) -> Any:
-    return fcl.CollisionObject(fcl.Sphere(radius), fcl.Transform(center))
-
-
-def _manager(objects: list[Any]) -> Any:
-    manager = fcl.DynamicAABBTreeCollisionManager()
-    manager.registerObjects(objects)
-    manager.setup()
-    return manager
-
-
-def _pose(obstacle: Obstacle) -> Any:
-    return fcl.Transform(np.asarray(obstacle.rotation, dtype=float), np.asarray(obstacle.position, dtype=float))
-
-
-def _solid(obstacle: Obstacle) -> Any:
-    a, b, c = (float(s) for s in obstacle.size)
-    match obstacle.kind:
-        case Kind.BOX:
-            shape = fcl.Box(2 * a, 2 * b, 2 * c)
-        case Kind.CYLINDER:
-            shape = fcl.Cylinder(a, 2 * b)
-        case Kind.SPHERE:
-            shape = fcl.Sphere(a)
-        case Kind.CAPSULE:
-            shape = fcl.Capsule(a, 2 * b)
-        case Kind.ELLIPSOID:
-            shape = fcl.Ellipsoid(a, b, c)
-        case Kind.MESH:
-            vertices, faces = _hull(obstacle)
-            counted = np.hstack([np.full((len(faces), 1), 3), faces])
-            shape = fcl.Convex(vertices, len(faces), counted.ravel())
-    return fcl.CollisionObject(shape, _pose(obstacle))
-
-
-def _shell(obstacle: Obstacle) -> Any:
-    vertices, faces = _hull(obstacle)
-    shape = fcl.BVHModel()
-    shape.beginModel(len(vertices), len(faces))
-    shape.addSubModel(vertices, faces)
-    shape.endModel()
-    return fcl.CollisionObject(shape, _pose(obstacle))
-
-
-def _hull(obstacle: Obstacle) -> tuple[Array, IntArray]:
-    """Corners and triangles of a mesh, seen counter-clockwise from outside."""
-    assert obstacle.vertices is not None
-    assert obstacle.faces is not None
-    vertices = np.ascontiguousarray(obstacle.vertices, dtype=float)
-    faces = np.array(obstacle.faces, dtype=np.int64)
-    a, b, c = vertices[faces].swapaxes(0, 1)
-    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - vertices.mean(axis=0)) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return vertices, faces
-
-
-def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
-    """Corners of an axis-parallel rectangle that contains the solid seen from above, 2 x (2,) [m]."""
-    a, b, c = (float(s) for s in obstacle.size)
-    if obstacle.kind is Kind.MESH:
-        assert obstacle.vertices is not None
-        low, high = obstacle.vertices.min(axis=0), obstacle.vertices.max(axis=0)
-    else:
-        high = {
-            Kind.CYLINDER: np.array([a, a, b]),
-            Kind.SPHERE: np.array([a, a, a]),
-            Kind.CAPSULE: np.array([a, a, a + b]),
-        }.get(obstacle.kind, np.array([a, b, c]))
-        low = -high
-    middle = obstacle.position + obstacle.rotation @ (0.5 * (low + high))
-    reach = np.abs(obstacle.rotation) @ (0.5 * (high - low)) + PROBE
-    return (middle - reach)[:2], (middle + reach)[:2]

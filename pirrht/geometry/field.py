@@ -18,18 +18,18 @@ from pirrht.compiled.addresses import load_float32, load_int32
 from pirrht.compiled.float32 import ONE
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Scene
+from pirrht.geometry.scene import World
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
 BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
-REACH = 1.0  # the field is cut off at this clearance [m]; exits and bridges are decided far below it
+REACH = 1.0  # the field tells no clearance above this [m]; exits and bridges are decided far below it
 NOTHING = 1e6  # clearance where there are no obstacles at all [m]
 
 
-class Samples(NamedTuple):
+class Grid(NamedTuple):
     """Clearance of the robot's centre on a grid of nx * ny points, as numbers that kernels can take cheaply."""
 
-    x0: float  # position of sample (0, 0) [m]
+    x0: float  # position of grid point (0, 0) [m]
     y0: float
     spacing: float  # h [m]
     per: float  # 1/h [1/m]
@@ -44,37 +44,36 @@ class Samples(NamedTuple):
     high: float
 
 
-class Field(Samples):
+class Field(Grid):
     """The same together with the arrays that the addresses point to."""
 
     arrays: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # nearest, second, label
 
     @classmethod
-    def of(cls, scene: Scene, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
-        """Take hold of samples (nx, ny) that start at the workspace's least corner."""
+    def of(cls, world: World, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
+        """Take hold of values (nx, ny) that start at the workspace's least corner."""
         arrays = (
             np.ascontiguousarray(nearest, dtype=np.float32),
             np.ascontiguousarray(second, dtype=np.float32),
             np.ascontiguousarray(label, dtype=np.int32),
         )
-        corner, end = scene.lower.astype(float), scene.upper.astype(float)
+        corner, end = world.lower.astype(float), world.upper.astype(float)
         addresses = (array.ctypes.data for array in arrays)
         field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *nearest.shape, *addresses, *corner, *end)
         field.arrays = arrays
         return field
 
 
-def build_field(scene: Scene, collision: Collision, groups: Sequence[Sequence[int]]) -> Field:
+def build_field(collision: Collision, groups: Sequence[Sequence[int]]) -> Field:
     """Sample FCL near the obstacles, coarser farther away; `groups` are the components (lists of obstacles)."""
-    h = scene.robot_radius / 8.0
-    span = scene.upper - scene.lower
-    h = float(max(h, span.max() / 4000.0))
+    world, r = collision.world, collision.footprint.radius
+    span = world.upper - world.lower
+    h = float(max(r / 8.0, span.max() / 4000.0))
     coarse = h * 2 ** (LEVELS - 1)
     shape = np.ceil(span / coarse).astype(int) + 1
-    r = scene.robot_radius
-    sample = _Sampler(scene, collision, groups)
+    level = _Level(collision, groups)
     known = np.ones(tuple(shape), dtype=bool)
-    nearest, second, label = sample.at(coarse, known, None)
+    nearest, second, label = level.at(coarse, known, None)
     width = coarse
     for _ in range(LEVELS - 1):
         margin = width**2 / (4.0 * np.maximum(_least(nearest) + r - np.sqrt(2.0) * width, 0.5 * r))
@@ -84,23 +83,23 @@ def build_field(scene: Scene, collision: Collision, groups: Sequence[Sequence[in
         label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[: near_guess.shape[0], : near_guess.shape[1]]
         guess = (near_guess, second_guess, label_guess.copy())
         guess[0][::2, ::2] = nearest
-        nearest, second, label = sample.at(width, refine, guess)
+        nearest, second, label = level.at(width, refine, guess)
     final = width**2 / (4.0 * np.maximum(nearest + r, r) - 4.0 * np.sqrt(2.0) * width)
-    return Field.of(scene, float(width), nearest - final, second - final, label)
+    return Field.of(world, float(width), nearest - final, second - final, label)
 
 
-class _Sampler:
+class _Level:
     """Asks FCL for the grid points of one level that a mask selects."""
 
-    def __init__(self, scene: Scene, collision: Collision, groups: Sequence[Sequence[int]]) -> None:
-        self.scene, self.collision, self.groups = scene, collision, groups
+    def __init__(self, collision: Collision, groups: Sequence[Sequence[int]]) -> None:
+        self.collision, self.groups = collision, groups
 
     def at(
         self, width: float, mask: NDArray[np.bool_], guess: tuple[Array, Array, NDArray[np.int64]] | None
     ) -> tuple[Array, Array, NDArray[np.int64]]:
         index = np.argwhere(mask)
-        points = self.scene.lower + index * width
-        r = self.scene.robot_radius
+        points = self.collision.world.lower + index * width
+        r = self.collision.footprint.radius
         reach = REACH
         if guess is None:
             shape = mask.shape
@@ -166,7 +165,7 @@ def border(field, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def cell_of(field, x, y):  # type: ignore[no-untyped-def]
-    """Index of the cell's first sample in a grid, and where (x, y) lies in the cell, each from 0 to 1."""
+    """Index of the cell's first grid point, and where (x, y) lies in the cell, each from 0 to 1."""
     fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
     i = min(max(np.int32(fx), np.int32(0)), np.int32(field.nx - 2))
     j = min(max(np.int32(fy), np.int32(0)), np.int32(field.ny - 2))
@@ -188,25 +187,28 @@ def bilinear_slope(a, b, c, d, u, v, per):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
-    """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
+def _corners(field, grid, x, y):  # type: ignore[no-untyped-def]
     at, u, v = cell_of(field, x, y)
     a, b = load_float32(grid, at), load_float32(grid, at + 1)
-    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
+    return a, b, load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1), u, v
+
+
+@inlined
+def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
+    """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
+    a, b, c, d, u, v = _corners(field, grid, x, y)
     return bilinear(a, b, c, d, u, v)
 
 
 @inlined
 def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
     """The same and its gradient."""
-    at, u, v = cell_of(field, x, y)
-    a, b = load_float32(grid, at), load_float32(grid, at + 1)
-    c, d = load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1)
+    a, b, c, d, u, v = _corners(field, grid, x, y)
     return bilinear_slope(a, b, c, d, u, v, field.per)
 
 
 @inlined
-def _closest(field, x, y):  # type: ignore[no-untyped-def]
+def closest(field, x, y):  # type: ignore[no-untyped-def]
     """Indices of the grid point closest to (x, y)."""
     i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
     j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
@@ -216,7 +218,7 @@ def _closest(field, x, y):  # type: ignore[no-untyped-def]
 @kernel
 def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
     """Component that is nearest at the grid point closest to (x, y)."""
-    i, j = _closest(field, x, y)
+    i, j = closest(field, x, y)
     return load_int32(field.label, i * field.ny + j)
 
 

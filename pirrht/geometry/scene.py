@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,9 +50,32 @@ class Goal:
         return inside
 
 
+class World(NamedTuple):
+    """What stands where; distances, clearance fields and topological obstacles depend on it and the footprint alone."""
+
+    lower: Array  # (2,) least corner of the box that holds the robot's centre [m]
+    upper: Array  # (2,) greatest corner [m]
+    obstacles: tuple[Obstacle, ...]
+
+    def contains(self, position: Array) -> bool:
+        """Whether a robot centre (2,) lies strictly inside the workspace."""
+        return bool(np.all(position > self.lower) and np.all(position < self.upper))
+
+
+class Footprint(NamedTuple):
+    """The sphere as which a robot plans."""
+
+    radius: float  # [m]
+    height: float  # of its centre above the ground [m]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
-    """A planar workspace with solid obstacles for a robot that plans as a sphere."""
+    """A planar workspace with solid obstacles, the footprint of a robot in it, and its task: a start and a goal.
+
+    Raises:
+        SceneError: start or goal lie outside the workspace, or something is empty; names the scene.
+    """
 
     name: str
     lower: Array  # (2,) least corner of the box that holds the robot's centre [m]
@@ -71,23 +95,18 @@ class Scene:
         if not np.all(self.lower < self.upper):
             raise SceneError(f"{self.name}: the workspace is empty, from {self.lower} to {self.upper}")
         for what, point in (("start", self.start), ("goal", self.goal.center)):
-            if not (np.all(np.isfinite(point)) and self.contains(point[:2])):
+            if not (np.all(np.isfinite(point)) and self.world.contains(point[:2])):
                 raise SceneError(
                     f"{self.name}: the {what} ({point[0]:g}, {point[1]:g}) lies outside the workspace "
                     f"[{self.lower[0]:g}, {self.upper[0]:g}] x [{self.lower[1]:g}, {self.upper[1]:g}]"
                 )
 
-    def contains(self, position: Array) -> bool:
-        """Whether a robot centre (2,) lies strictly inside the workspace."""
-        return bool(np.all(position > self.lower) and np.all(position < self.upper))
+    @property
+    def world(self) -> World:
+        """Bounds and obstacles."""
+        return World(self.lower, self.upper, self.obstacles)
 
-    def with_task(
-        self, *, start: Array | None = None, goal: Goal | None = None, robot_radius: float | None = None
-    ) -> Scene:
-        """The same obstacles with another start, goal or robot radius."""
-        return replace(
-            self,
-            start=self.start if start is None else start,
-            goal=self.goal if goal is None else goal,
-            robot_radius=self.robot_radius if robot_radius is None else robot_radius,
-        )
+    @property
+    def footprint(self) -> Footprint:
+        """Radius and height of the robot."""
+        return Footprint(self.robot_radius, self.robot_height)

@@ -14,16 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.jit import inlined, jitable, kernel
 from pirrht.geometry.scene import Kind, Obstacle
 
+PROBE = 1e-6  # radius of the sphere that stands for the robot's centre; nearer than this counts as inside [m]
 FORMS = (Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE)
 
 
 class Solids(NamedTuple):
     """Obstacles as arrays."""
 
-    form: NDArray[np.int64]  # (M,) place in FORMS, -1 for a solid without a closed form
+    form: NDArray[np.int64]  # (M,) index in FORMS, -1 for a solid without a closed form
     size: Array  # (M, 3) MuJoCo's sizes [m]
     position: Array  # (M, 3) centres [m]
     rotation: Array  # (M, 3, 3) body axes in world coordinates
@@ -31,17 +32,36 @@ class Solids(NamedTuple):
     high: Array  # (M, 2)
 
     @classmethod
-    def of(cls, obstacles: Sequence[Obstacle], low: Array, high: Array) -> Solids:
-        """Gather obstacles and their rectangles."""
+    def of(cls, obstacles: Sequence[Obstacle]) -> Solids:
+        """Gather M obstacles."""
         M = len(obstacles)
+        boxes = np.array([_rectangle(o) for o in obstacles]).reshape(M, 2, 2)
         return cls(
             np.array([FORMS.index(o.kind) if o.kind in FORMS else -1 for o in obstacles], dtype=np.int64),
             np.array([o.size for o in obstacles], dtype=float).reshape(M, 3),
             np.array([o.position for o in obstacles], dtype=float).reshape(M, 3),
             np.array([o.rotation for o in obstacles], dtype=float).reshape(M, 3, 3),
-            np.ascontiguousarray(low),
-            np.ascontiguousarray(high),
+            np.ascontiguousarray(boxes[:, 0]),
+            np.ascontiguousarray(boxes[:, 1]),
         )
+
+
+def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
+    """Corners of an axis-parallel rectangle that contains the solid seen from above, 2 x (2,) [m]."""
+    a, b, c = (float(s) for s in obstacle.size)
+    if obstacle.kind is Kind.MESH:
+        assert obstacle.vertices is not None
+        low, high = obstacle.vertices.min(axis=0), obstacle.vertices.max(axis=0)
+    else:
+        high = {
+            Kind.CYLINDER: np.array([a, a, b]),
+            Kind.SPHERE: np.array([a, a, a]),
+            Kind.CAPSULE: np.array([a, a, a + b]),
+        }.get(obstacle.kind, np.array([a, b, c]))
+        low = -high
+    middle = obstacle.position + obstacle.rotation @ (0.5 * (low + high))
+    reach = np.abs(obstacle.rotation) @ (0.5 * (high - low)) + PROBE
+    return (middle - reach)[:2], (middle + reach)[:2]
 
 
 @inlined
@@ -72,9 +92,28 @@ def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     return max(d, 0.0)
 
 
+class Found(NamedTuple):
+    """Nearest groups of obstacles to k points, as far as they are known."""
+
+    first: Array  # (k,) distance to the nearest group [m]
+    second: Array  # (k,) distance to the second nearest [m]
+    which: NDArray[np.int64]  # (k,) index of the nearest, -1 where none is known
+
+
+@jitable
+def improve(first: Array, second: Array, which: NDArray[np.int64], i: int, g: int, d: float) -> None:
+    """Take note in the arrays of `Found` that a member of group g lies at distance d [m] from point i."""
+    if g == which[i]:
+        first[i] = min(d, first[i])
+    elif d < first[i]:
+        first[i], second[i], which[i] = d, first[i], g
+    else:
+        second[i] = min(d, second[i])
+
+
 @kernel
-def nearest_two(solids, members, group, points, rows, height, least, first, second, which):  # type: ignore[no-untyped-def]
-    """Improve distances to the nearest and second-nearest group by those from `members`, for some rows of points.
+def nearest_two(solids, members, group, points, rows, height, found):  # type: ignore[no-untyped-def]
+    """Improve what is known of the nearest groups (`Found`) by `members`, for some rows of points, in place.
 
     Args:
         members: solids with a closed form.
@@ -82,10 +121,9 @@ def nearest_two(solids, members, group, points, rows, height, least, first, seco
         points: (k, 2) [m].
         rows: those of the points that are asked.
         height: of all points [m].
-        least: distances up to this count as 0 [m].
-        first, second, which: (k,) the best so far; changed in place.
     """
     low, high = solids.low, solids.high
+    first, second, which = found
     for i in rows:
         x, y = points[i, 0], points[i, 1]
         for m in members:
@@ -95,22 +133,15 @@ def nearest_two(solids, members, group, points, rows, height, least, first, seco
             if dx * dx + dy * dy >= known * known:
                 continue
             d = distance_from(solids, m, x, y, height)
-            if d <= least:
-                d = 0.0
-            if group[m] == which[i]:
-                first[i] = min(d, first[i])
-            elif d < first[i]:
-                first[i], second[i], which[i] = d, first[i], group[m]
-            else:
-                second[i] = min(d, second[i])
+            improve(first, second, which, i, group[m], 0.0 if d <= PROBE else d)
 
 
 def tiles(points: Array, width: float) -> Iterator[tuple[NDArray[np.int64], Array, Array]]:
     """Points (k, 2) by square tiles: rows, and the least and greatest corner of what lies in the tile."""
     if not len(points):
         return
-    place = np.floor((points - points.min(axis=0)) / width).astype(np.int64)
-    number = place[:, 0] * (place[:, 1].max() + 1) + place[:, 1]
+    tile = np.floor((points - points.min(axis=0)) / width).astype(np.int64)
+    number = tile[:, 0] * (tile[:, 1].max() + 1) + tile[:, 1]
     order = np.argsort(number, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
         yield rows, points[rows].min(axis=0), points[rows].max(axis=0)

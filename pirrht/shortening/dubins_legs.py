@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
-from pirrht.geometry.arcs import TWO_PI, along, cut, entry_of_curve
+from pirrht.geometry.arcs import TWO_PI, along, entry_of_curve, truncate
 from pirrht.geometry.field import Field
 from pirrht.topology.cuts import Cuts
 from pirrht.topology.turns import key_of_pairs, pairs_of_curve
@@ -47,7 +47,7 @@ def approach(task, start, side, curvature, length):  # type: ignore[no-untyped-d
         turn = side * (math.atan2(vy, vx) - theta) + math.atan2(radius, length[1])
         length[0] = radius * (turn - TWO_PI * math.floor(turn / TWO_PI + 1e-12))
     s = entry_of_curve(start, curvature, length, task.goal[0], task.goal[1], task.reach)
-    cut(length, s, length)
+    truncate(length, s, length)
     return s
 
 

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
 from pirrht.errors import OptionError
+from pirrht.geometry.scene import Scene
 
 
 class Dynamics(ABC):
@@ -21,11 +23,13 @@ class Dynamics(ABC):
 
     `drift`, `control_block` and `diffusion_block` are numeric functions `(x, p, out) -> None` that fill `out`;
     they must compile with numba. `p` is `parameters`. The blocks may be arrays instead: then they are constant
-    and rollouts take the fast path.
+    and rollouts take the fast path. `states` names the components: "x" and "y" [m] first, then "heading" [rad], "vx",
+    "vy", "speed" [m/s], "t" [s] or whatever else the system has, but no "z".
     """
 
     n: int  # states
     m: int  # controls; the last m states are the actuated ones
+    states: tuple[str, ...] = ("x", "y")  # (n,) what the components of a state are
     parameters: Array  # (k,) numbers the functions read
     drift: Callable[..., None]  # f, out (n,) [state/s]
     control_block: Array | Callable[..., None]  # G_c, (m, m) [state/s per control]
@@ -44,6 +48,68 @@ class Dynamics(ABC):
     def noisy_position(self) -> bool:
         """Whether the noise acts on the position itself (then exits need a Brownian bridge, else a sweep)."""
         return self.n - self.m < 2
+
+    @cached_property
+    def position(self) -> tuple[int, int]:
+        """Indices of x and y in a state."""
+        return self.states.index("x"), self.states.index("y")
+
+    @cached_property
+    def angles(self) -> tuple[int, ...]:
+        """Indices of the headings in a state."""
+        return tuple(i for i, name in enumerate(self.states) if name == "heading")
+
+    @cached_property
+    def clock(self) -> int | None:
+        """Index of the time in a state, if it is one of the components."""
+        return self.states.index("t") if "t" in self.states else None
+
+    def difference(self, x: Array, y: Array) -> Array:
+        """x - y of states (..., n), headings within half a turn of zero, (..., n)."""
+        off: Array = x - y
+        for i in self.angles:
+            off[..., i] = (off[..., i] + np.pi) % (2.0 * np.pi) - np.pi
+        return off
+
+    def state_of(self, pose: Array) -> Array:
+        """The state (n,) at x, y [m] and heading [rad] (3,); whatever else it has is zero."""
+        x = np.zeros(self.n)
+        x[list(self.position)] = pose[:2]
+        x[list(self.angles)] = pose[2]
+        return x
+
+    def box(self, scene: Scene) -> tuple[Array, Array]:
+        """Least and greatest state, 2 x (n,), to probe between: the workspace, all headings, -1 to 1 for the rest."""
+        upper = np.ones(self.n)
+        upper[list(self.angles)] = np.pi
+        lower = -upper
+        lower[list(self.position)], upper[list(self.position)] = scene.lower, scene.upper
+        return lower, upper
+
+    def check(self) -> None:
+        """Whether scenes and rollouts can serve this system.
+
+        Raises:
+            OptionError: they cannot; names the class and says what would have worked.
+        """
+        name, given = type(self).__name__, ", ".join(self.states)
+        if "z" in self.states:
+            raise OptionError(f'{name}: its state "z" is a third position, but scenes are planar; keep to "x" and "y"')
+        if self.n < 2:
+            raise OptionError(f"{name}: n is {self.n}; a robot in the plane has at least the 2 states x and y")
+        if self.states[:2] != ("x", "y"):
+            raise OptionError(f'{name}: its states are ({given}); the first two must be "x" and "y"')
+        if not len(set(self.states)) == len(self.states) == self.n:
+            raise OptionError(
+                f"{name}: n is {self.n}, but its states are ({given}); name each once, "
+                'as in states = ("x", "y", "vx", "vy")'
+            )
+        if not 1 <= self.m <= self.n:
+            raise OptionError(f"{name}: m is {self.m}; of {self.n} states at least 1 and at most {self.n} are actuated")
+        for what in ("control_block", "diffusion_block"):
+            block = getattr(self, what)
+            if not callable(block) and np.shape(block) != (self.m, self.m):
+                raise OptionError(f"{name}: {what} is {np.shape(block)}; with m = {self.m} it must be {self.m, self.m}")
 
     def f(self, x: Array) -> Array:
         """Passive drift at x (n,), (n,) [state/s]."""

@@ -31,6 +31,7 @@ class Unicycle(Dynamics):
 
     n = 3
     m = 1
+    states = ("x", "y", "heading")
     drift = staticmethod(unicycle_drift)
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
 """Which cuts a path crosses, without asking every marker.
 
 The cut of a marker is the ray that leaves it away from the goal point. Seen from the goal point it lies in one
-direction, so a segment can only cross cuts whose directions it sweeps: markers are sorted by direction, and a table of
+direction, so a segment can only cross cuts whose directions it passes: markers are sorted by direction, and a table of
 as many equal buckets as there are markers says where a sector begins. What a sector holds is tested exactly.
 """
 
@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_float64, load_int32, load_int64
 from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.arcs import turns_of_chord
 
-FEW = 8  # up to so many markers are all asked: that is faster than looking a sector up
+FEW = 8  # up to so many markers are all asked: that is faster than finding their sector
 WIDER = 1e-9  # sectors are widened by this much for rounding, of 4 for a whole turn
-THROUGH = 1e-6  # a segment that passes the goal point this close, against its length, may sweep either side
+THROUGH = 1e-6  # a segment that passes the goal point this close, against its length, may pass it on either side
 
 
 class Index(NamedTuple):
-    """Markers by direction from the goal point and by place, as numbers that kernels can take cheaply."""
+    """Markers by direction from the goal point and by position, as numbers that kernels can take cheaply."""
 
     goal_x: float  # goal point [m]
     goal_y: float
@@ -33,14 +34,14 @@ class Index(NamedTuple):
     x: int  # address of float64 (2M,): markers by direction, twice around [m]
     y: int
     weight: int  # address of int64 (2M,): their additive keys
-    marker: int  # address of int32 (2M,): their places in all signatures
+    marker: int  # address of int32 (2M,): their indices in all signatures
     left: float  # corner of a lattice over the markers [m]
     low: float
     cell: float  # its cells' width [m]
     columns: int
     rows: int
     first: int  # address of int32 (columns * rows + 1,): first member of each cell
-    member: int  # address of int32 (M,): places in the order by direction
+    member: int  # address of int32 (M,): indices in the order by direction
 
 
 class Cuts(Index):
@@ -83,8 +84,8 @@ def _lattice(markers: Array) -> tuple[float, float, float, int, int, NDArray[np.
     low, span = (markers.min(axis=0), np.ptp(markers, axis=0)) if M else (np.zeros(2), np.zeros(2))
     cell = float(max(np.sqrt(span.prod() / max(M, 1)), span.max() / max(M, 1), 1e-9))
     columns, rows = (int(n) for n in np.floor(span / cell) + 1)
-    place = np.floor((markers - low) / cell).astype(np.int64)
-    number = np.minimum(place[:, 0], columns - 1) * rows + np.minimum(place[:, 1], rows - 1)
+    at = np.floor((markers - low) / cell).astype(np.int64)
+    number = np.minimum(at[:, 0], columns - 1) * rows + np.minimum(at[:, 1], rows - 1)
     member = np.argsort(number, kind="stable")
     first = np.searchsorted(number[member], np.arange(columns * rows + 1))
     return float(low[0]), float(low[1]), cell, columns, rows, first.astype(np.int32), member.astype(np.int32)
@@ -144,11 +145,11 @@ def turn_at_cut(mx, my, gx, gy, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 
 @inlined
 def straight_turns(px, py, mx, my, gx, gy):  # type: ignore[no-untyped-def]
-    """Angle that the straight line from p to the goal point g sweeps as seen from a marker, in turns."""
+    """Angle that the straight line from p to the goal point g turns through as seen from a marker, in turns."""
     ax, ay, bx, by = px - mx, py - my, gx - mx, gy - my
-    cross, dot = ax * by - ay * bx, ax * bx + ay * by
     # On the cut itself the angle jumps; it counts as the right side, as `cross > 0` does at crossings.
-    return -0.5 if cross == 0.0 and dot < 0.0 else math.atan2(cross, dot) / (2.0 * np.pi)
+    on_cut = ax * by - ay * bx == 0.0 and ax * bx + ay * by < 0.0
+    return -0.5 if on_cut else turns_of_chord(ax, ay, bx, by)
 
 
 @kernel

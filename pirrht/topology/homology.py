@@ -7,7 +7,6 @@ integer k_l also counts how often a path crosses the cut, the ray that leaves ma
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -16,6 +15,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import kernel
+from pirrht.geometry.arcs import turns_of_chord
 from pirrht.topology.cuts import Cuts, straight_turns
 
 
@@ -105,4 +105,4 @@ def _turns(points, markers, out):  # type: ignore[no-untyped-def]
         for k in range(markers.shape[0]):
             ax, ay = points[i, 0] - markers[k, 0], points[i, 1] - markers[k, 1]
             bx, by = points[i + 1, 0] - markers[k, 0], points[i + 1, 1] - markers[k, 1]
-            out[k] += math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * np.pi)
+            out[k] += turns_of_chord(ax, ay, bx, by)

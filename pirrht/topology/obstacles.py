@@ -15,9 +15,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Kind, Obstacle, Scene
+from pirrht.geometry.scene import Kind, Obstacle
 
-STEPS = 100  # cuts before two inflated shapes count as apart
+STEPS = 100  # parts taken off before two inflated shapes count as apart
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
@@ -31,14 +31,14 @@ class Component:
     joins_border: bool  # whether the robot cannot pass between the component and the border
 
 
-def components(scene: Scene, collision: Collision) -> tuple[Component, ...]:
-    """Topological obstacles of a scene, ordered by their first member; those out of reach are left out.
+def components(collision: Collision) -> tuple[Component, ...]:
+    """Topological obstacles of a world, ordered by their first member; those out of reach are left out.
 
     A joint is certified by a common point of two inflated shapes. A gap that is only micrometres narrower
     than the robot may count as a passage.
     """
-    planar = _Planar(scene, collision)
-    root = list(range(len(scene.obstacles)))
+    planar = _Planar(collision)
+    root = list(range(len(planar.obstacles)))
     for i, j in planar.candidates():
         if _find(root, i) != _find(root, j) and planar.meet(i, j):
             first, last = sorted((_find(root, i), _find(root, j)))
@@ -46,22 +46,22 @@ def components(scene: Scene, collision: Collision) -> tuple[Component, ...]:
     groups: dict[int, list[int]] = {}
     for i in range(len(root)):
         groups.setdefault(_find(root, i), []).append(i)
-    found = (_component(scene, planar, members) for members in groups.values())
+    found = (_component(planar, members) for members in groups.values())
     return tuple(component for component in found if component is not None)
 
 
-def _component(scene: Scene, planar: _Planar, members: list[int]) -> Component | None:
+def _component(planar: _Planar, members: list[int]) -> Component | None:
     border = any(planar.joins_border(i) for i in members)
     if not border and not any(planar.within(i) for i in members):
         return None
     marker = None
     if not border:
-        areas = np.array([projected_area(scene.obstacles[i]) for i in members])
+        areas = np.array([projected_area(planar.obstacles[i]) for i in members])
         largest = members[int(np.flatnonzero(areas >= areas.max() * (1 - 1e-9))[0])]
         marker = planar.center(largest)
     return Component(
         members=tuple(members),
-        names=tuple(scene.obstacles[i].name for i in members),
+        names=tuple(planar.obstacles[i].name for i in members),
         marker=marker,
         joins_border=border,
     )
@@ -90,16 +90,15 @@ def projected_area(obstacle: Obstacle) -> float:
 
 
 class _Planar:
-    """The inflated shapes of one scene and the questions asked about them."""
+    """The inflated shapes of one world and the questions asked about them."""
 
-    def __init__(self, scene: Scene, collision: Collision) -> None:
-        self.scene = scene
-        self.collision = collision
-        self.radius = scene.robot_radius
+    def __init__(self, collision: Collision) -> None:
+        self.collision, self.world, self.radius = collision, collision.world, collision.footprint.radius
+        self.obstacles = self.world.obstacles
         low, high = collision.extents()
         self.low, self.high = low - self.radius, high + self.radius
         # the distance from an ellipsoid is uncertain by micrometres, so its slope takes a longer lever
-        rough = np.array([o.kind is Kind.ELLIPSOID for o in scene.obstacles], dtype=bool)
+        rough = np.array([o.kind is Kind.ELLIPSOID for o in self.obstacles], dtype=bool)
         self.offset = np.where(rough, 0.04, 1e-4) * self.radius
         self.doubt = np.where(rough, 1e-3, 1e-6)  # possible error of a slope
 
@@ -108,7 +107,7 @@ class _Planar:
         return float(self.collision.obstacle_distance(i, point[None])[0])
 
     def candidates(self) -> list[tuple[int, int]]:
-        """Pairs whose inflated bounding rectangles overlap, found by a sweep along x."""
+        """Pairs whose inflated bounding rectangles overlap, found in their order along x."""
         order = np.argsort(self.low[:, 0], kind="stable")
         starts = self.low[order, 0]
         pairs = []
@@ -135,7 +134,7 @@ class _Planar:
             for k in (i, j):
                 if excess[k] > 0:
                     a, b = self.slope(k, x, y)
-                    polygon = _cut(polygon, a, b, a * x + b * y - excess[k] + min(self.doubt[k] * size, excess[k]))
+                    polygon = _clipped(polygon, a, b, a * x + b * y - excess[k] + min(self.doubt[k] * size, excess[k]))
             if len(polygon) < 3 or area < 1e-18:
                 return False
         return False
@@ -150,7 +149,7 @@ class _Planar:
 
     def joins_border(self, i: int) -> bool:
         """Whether P_i meets a side of the workspace."""
-        lower, upper = self.scene.lower, self.scene.upper
+        lower, upper = self.world.lower, self.world.upper
         if np.any(self.low[i] > upper) or np.any(self.high[i] < lower):
             return False
         for axis in (0, 1):
@@ -172,14 +171,14 @@ class _Planar:
 
     def within(self, i: int) -> bool:
         """Whether P_i, known not to meet the border, is inside the workspace and not empty."""
-        if np.any(self.low[i] > self.scene.upper) or np.any(self.high[i] < self.scene.lower):
+        if np.any(self.low[i] > self.world.upper) or np.any(self.high[i] < self.world.lower):
             return False
         point = self.center(i)
-        return self.scene.contains(point) and self.distance(i, point) <= self.radius
+        return self.world.contains(point) and self.distance(i, point) <= self.radius
 
     def center(self, i: int) -> Array:
         """The solid's centre seen from above, (2,) [m]; if that is outside P_i, where d_i is least."""
-        center = np.array(self.scene.obstacles[i].position[:2], dtype=float)
+        center = np.array(self.obstacles[i].position[:2], dtype=float)
         if self.distance(i, center) <= self.radius:
             return center
         (left, low), (right, high) = self.low[i], self.high[i]
@@ -228,7 +227,7 @@ def _centroid(polygon: list[tuple[float, float]]) -> tuple[float, float, float]:
     return x0 + x / area, y0 + y / area, area
 
 
-def _cut(polygon: list[tuple[float, float]], a: float, b: float, c: float) -> list[tuple[float, float]]:
+def _clipped(polygon: list[tuple[float, float]], a: float, b: float, c: float) -> list[tuple[float, float]]:
     """The part of a convex polygon where a x + b y <= c."""
     kept = []
     heights = [a * x + b * y - c for x, y in polygon]

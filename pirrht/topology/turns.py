@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pirrht.compiled.addresses import load_float64, load_int32
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.arcs import along, turns_of_piece
+from pirrht.geometry.arcs import along, center_of, turns_of_piece
 from pirrht.topology.cuts import sector, straight_turns, turn_at_cut
 
 
@@ -37,19 +37,30 @@ def spread(marker: NDArray[np.int32], turn: NDArray[np.int16], M: int) -> NDArra
     return whole
 
 
+class Piece(NamedTuple):
+    """One arc or straight piece of a curve."""
+
+    x: float  # where it begins [m]
+    y: float
+    theta: float  # direction there [rad]
+    curvature: float  # [1/m]
+    length: float  # [m]
+
+
 @inlined
 def _column(x, left, cell, columns):  # type: ignore[no-untyped-def]
     return min(max(int((x - left) / cell), 0), columns - 1)
 
 
 @kernel
-def _around(cuts, x, y, theta, curvature, length, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
+def _around(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
     """Pairs of the markers inside the circle of an arc, appended; number of pairs.
 
-    An arc and its chord sweep different angles there, so the integer is the rounded sum of angles.
+    An arc and its chord turn through different angles there, so the integer is the rounded sum of angles.
     """
+    x, y, theta, curvature, length = piece
     gx, gy, r = cuts.goal_x, cuts.goal_y, 1.0 / abs(curvature)
-    mid_x, mid_y = x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
+    mid_x, mid_y = center_of(x, y, theta, curvature)
     low, high = _column(mid_y - r, cuts.low, cuts.cell, cuts.rows), _column(mid_y + r, cuts.low, cuts.cell, cuts.rows)
     west = _column(mid_x - r, cuts.left, cuts.cell, cuts.columns)
     east = _column(mid_x + r, cuts.left, cuts.cell, cuts.columns)
@@ -60,9 +71,9 @@ def _around(cuts, x, y, theta, curvature, length, ex, ey, marker, turn, count): 
             i = load_int32(cuts.member, j)
             mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
             if (mx - mid_x) ** 2 + (my - mid_y) ** 2 < 1.0 / curvature**2:
-                swept = turns_of_piece(x, y, theta, curvature, length, mx, my)
+                own = turns_of_piece(x, y, theta, curvature, length, mx, my)
                 rest = straight_turns(ex, ey, mx, my, gx, gy) - straight_turns(x, y, mx, my, gx, gy)
-                whole = math.floor(swept + rest + 0.5)
+                whole = math.floor(own + rest + 0.5)
                 if whole != 0:
                     marker[count], turn[count] = load_int32(cuts.marker, i), whole
                     count += 1
@@ -70,29 +81,35 @@ def _around(cuts, x, y, theta, curvature, length, ex, ey, marker, turn, count): 
 
 
 @kernel
-def pairs_of_piece(cuts, x, y, theta, curvature, length, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
+def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append the pairs (at most M) of a piece that ends at (ex, ey); number of pairs."""
-    turns = abs(curvature) * length >= 1e-9
+    x, y, theta, curvature, length = piece
+    bends = abs(curvature) * length >= 1e-9
     mid_x, mid_y, square = 0.0, 0.0, -1.0
-    if turns:
-        mid_x, mid_y = x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
+    if bends:
+        mid_x, mid_y = center_of(x, y, theta, curvature)
         square = 1.0 / curvature**2
     begin, end = sector(cuts, x, y, ex, ey)
     for i in range(begin, end):
         mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
         whole = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, x, y, ex, ey)
-        if whole != 0 and not (turns and (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square):
+        if whole != 0 and not (bends and (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square):
             marker[count], turn[count] = load_int32(cuts.marker, i), whole
             count += 1
-    return _around(cuts, x, y, theta, curvature, length, ex, ey, marker, turn, count) if turns else count
+    return _around(cuts, piece, ex, ey, marker, turn, count) if bends else count
 
 
 @kernel
 def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Append the pairs (at most M per piece) of a curve to the head (hx, hy); number of pairs.
+    """Append the pairs of a curve, in which a marker may come up more than once; number of pairs.
 
-    With `to_goal` it ends where it ends and goes on straight to the goal point, which crosses no cut. A marker may
-    come up more than once.
+    Args:
+        cuts: the markers' (`Cuts`).
+        start, curvature, length: the curve as in `Curves`, (3,), (P,), (P,).
+        to_goal: whether it goes on straight from its end to the goal point, which crosses no cut.
+        hx, hy: the state at its end; used unless `to_goal` [m].
+        marker, turn: the pairs, of arrays that can hold M more per piece.
+        count: pairs that are there already.
     """
     last = length.shape[0] - 1
     while last > 0 and length[last] <= 0.0:
@@ -103,7 +120,8 @@ def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn
             ex, ey, end = along(x, y, theta, curvature[p], length[p])
             if p == last and not to_goal:  # the state itself: its side of a cut must not depend on rounding
                 ex, ey = hx, hy
-            count = pairs_of_piece(cuts, x, y, theta, curvature[p], length[p], ex, ey, marker, turn, count)
+            piece = Piece(x, y, theta, curvature[p], length[p])
+            count = _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count)
             x, y, theta = ex, ey, end
     return count
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import Curves, along, cut, entry_of_curve
+from pirrht.geometry.arcs import Curves, along, entry_of_curve, truncate
 from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_curve, certify_point
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field
@@ -72,7 +72,7 @@ class Inspector:
         """A path whose last curve ends where it first enters the goal's disc."""
         s = entry_of_curve(path.start[-1], path.curvature[-1], path.length[-1], *self.goal.center, self.goal.radius)
         length = path.length.copy()
-        cut(path.length[-1], s, length[-1])
+        truncate(path.length[-1], s, length[-1])
         share = length.sum(axis=1) / np.maximum(path.length.sum(axis=1), 1e-300)
         return replace(path, length=length, cost=path.cost * share)
 
@@ -113,7 +113,7 @@ def judge(field, start, curvature, length, price, heads, into_goal, cuts, goal, 
         if s < np.inf and not into_goal[i]:
             status[i] = BLOCKED
             continue
-        cut(length[i], s, cut_length[i])
+        truncate(length[i], s, cut_length[i])
         status[i] = certify_curve(field, start[i], curvature[i], cut_length[i])
         if status[i] == BLOCKED:
             continue

@@ -17,7 +17,7 @@ from benchmarks.timing import row
 from numba import njit
 
 from pirrht.geometry.certify import FREE, certify_segment
-from pirrht.geometry.field import Samples, clearance
+from pirrht.geometry.field import Grid, clearance
 from sim.scenarios import Scenario, prepare
 
 NUMBERS = (1000, 10_000)  # vertices
@@ -158,7 +158,7 @@ def _ompl(scenario: Scenario, planner: str, vertices: int) -> dict[str, float]:
 
 def _certificates(scenario: Scenario, inside: list[int]) -> tuple[Callable[..., bool], Callable[..., bool]]:
     """Whether a segment and whether a point is free, adding the nanoseconds spent to `inside`."""
-    field = Samples(*scenario.space.field)  # plain numbers, which become constants of the compiled code
+    field = Grid(*scenario.space.field)  # plain numbers, which become constants of the compiled code
 
     @njit
     def segment(ax, ay, bx, by):  # type: ignore[no-untyped-def]

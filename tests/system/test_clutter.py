@@ -93,7 +93,7 @@ def test_obstacles_cover_a_fifth_of_the_field():
     scene = course()[0].scene
     axes = [np.arange(low + 0.02, high, 0.04) for low, high in zip(scene.lower, scene.upper, strict=True)]
     points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    assert 0.15 < np.mean(Collision(scene).distance(points) <= 0) < 0.30
+    assert 0.15 < np.mean(Collision(scene.world, scene.footprint).distance(points) <= 0) < 0.30
 
 
 def test_three_obstacles_or_more_block_the_straight_way():

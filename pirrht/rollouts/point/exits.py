@@ -12,12 +12,12 @@ from pirrht.compiled.float32 import ONE, TWO, ZERO
 from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import GOLDEN, bits_of
 from pirrht.geometry.arena import Arena
-from pirrht.geometry.field import Samples, bilinear, border, cell_of
+from pirrht.geometry.field import Grid, bilinear, border, cell_of
 from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE
 from pirrht.rollouts.point.stages import C0, C1, CELL, CORNER, E0, E1, FLAG, G0, G1, LANES, NX, NY, L, U, V, X, Y
 
 SLOW = 3  # flag of lanes whose step needs a closer look
-FRAME: Any = Samples
+FRAME: Any = Grid
 PLACE: Any = Arena
 SHIFT, ULP = np.uint64(40), np.float32(2.0**-24)
 

@@ -91,7 +91,7 @@ def among(*obstacles: Obstacle, half: float = HALF) -> Collision:
         robot_radius=RADIUS,
         robot_height=HEIGHT,
     )
-    return Collision(scene)
+    return Collision(scene.world, scene.footprint)
 
 
 def mixed(rng: np.random.Generator) -> Collision:

@@ -31,15 +31,15 @@ def scene(kinds: list[Kind], seed: int) -> Scene:
     )  # fmt: skip
 
 
-def forms(of: Scene, collision: Collision) -> Solids:
-    return Solids.of(of.obstacles, *collision.extents())
+def checker(of: Scene) -> Collision:
+    return Collision(of.world, of.footprint)
 
 
 @pytest.mark.parametrize("kind", FORMS, ids=lambda kind: kind.value)
 def test_closed_forms_are_the_distances_that_fcl_finds(kind: Kind) -> None:
     where = scene([kind] * 12, 1)
-    collision, points = Collision(where), np.random.default_rng(2).uniform(-1, 5, (300, 2))
-    solids = forms(where, collision)
+    collision, points = checker(where), np.random.default_rng(2).uniform(-1, 5, (300, 2))
+    solids = Solids.of(where.obstacles)
     inside = 0
     for m in range(12):
         found = np.array([distance_from(solids, m, *point, where.robot_height) for point in points])
@@ -60,7 +60,7 @@ def dense(collision: Collision, points: Array, groups: list[list[int]], reach: f
 @pytest.mark.parametrize("reach", [0.3, 1.2])
 def test_the_two_nearest_groups_are_those_that_fcl_finds_pair_by_pair(reach: float) -> None:
     where = scene([*FORMS, Kind.ELLIPSOID, Kind.ELLIPSOID, *FORMS], 3)
-    collision, points = Collision(where), np.random.default_rng(4).uniform(0, 4, (400, 2))
+    collision, points = checker(where), np.random.default_rng(4).uniform(0, 4, (400, 2))
     groups = [[0, 7], [1], [2, 4], [3, 5], [6], [8]]
     first, second, which = collision.nearest_groups(points, groups, reach)
     expected = dense(collision, points, groups, reach)
@@ -75,7 +75,7 @@ def test_fcl_is_asked_little_about_solids_with_a_closed_form_and_always_about_ot
     points = np.random.default_rng(5).uniform(0, 4, (2000, 2))
     asked = []
     for kind in (Kind.CYLINDER, Kind.ELLIPSOID):
-        collision = Collision(scene([kind] * 5, 6))
+        collision = checker(scene([kind] * 5, 6))
         collision.nearest_groups(points, [[i] for i in range(5)], 1.0)
         asked.append(collision.calls)
     assert asked[0] <= 5 * 16
@@ -83,7 +83,7 @@ def test_fcl_is_asked_little_about_solids_with_a_closed_form_and_always_about_ot
 
 
 def test_a_closed_form_that_fcl_contradicts_is_not_used() -> None:
-    collision = Collision(scene([Kind.BOX, Kind.SPHERE], 7))
+    collision = checker(scene([Kind.BOX, Kind.SPHERE], 7))
     collision._forms.size[0] *= 1.01
     points = np.random.default_rng(8).uniform(0, 4, (200, 2))
     first, _, _ = collision.nearest_groups(points, [[0], [1]], 1.0)

@@ -12,7 +12,6 @@ from scipy.stats import kstest, norm
 from pirrht.arrays import Array
 from pirrht.compiled.streams import stream, uniform
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.rollouts.first_exit import (
@@ -259,4 +258,4 @@ def test_the_sweep_judges_with_the_clearance_of_fcl():
     exit, share = sweep_exit(space.field, goal, radius, 1.0, 2.0, 3.0, 2.0)
     assert exit == COLLISION
     assert 1.0 + 2.0 * share == pytest.approx(2.0 - 0.01 - 0.05, abs=0.01)
-    assert Collision(space.scene).clearance(np.array([[1.0 + 2.0 * share - 0.02, 2.0]]))[0] > 0
+    assert space.collision.clearance(np.array([[1.0 + 2.0 * share - 0.02, 2.0]]))[0] > 0

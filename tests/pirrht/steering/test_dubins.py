@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from windings_by_angle import turns_of_curve
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves, along, turns_of_curve
+from pirrht.geometry.arcs import TWO_PI, Curves, along
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.problem import Problem
 from pirrht.shortening.dubins_shortcut import shortcut

@@ -52,7 +52,7 @@ def scene_of(*obstacles, half=(5.0, 5.0), radius=RADIUS):
 
 def found(*obstacles, **workspace):
     scene = scene_of(*obstacles, **workspace)
-    return components(scene, Collision(scene))
+    return components(Collision(scene.world, scene.footprint))
 
 
 def members(result):
@@ -138,8 +138,10 @@ def test_markers_lie_in_their_inflated_solids(kind):
     for seed in range(20):
         turn = Rotation.random(random_state=seed)
         obstacle = solid(kind, rng.uniform(0.1, 1.0, 3), rng.uniform(-1, 1, 2), turn, height=rng.uniform(-0.5, 0.7))
-        for component in found(obstacle):
-            assert Collision(scene_of(obstacle)).distance(component.marker[None])[0] <= RADIUS
+        scene = scene_of(obstacle)
+        collision = Collision(scene.world, scene.footprint)
+        for component in components(collision):
+            assert collision.distance(component.marker[None])[0] <= RADIUS
 
 
 def gap_in_mujoco(one, other):

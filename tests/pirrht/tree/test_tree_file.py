@@ -147,8 +147,8 @@ def test_a_path_a_stream_and_bytes_are_all_the_same(slit: Scenario, saved: bytes
 
 def test_loading_asks_neither_for_the_start_nor_for_the_noise(slit: Scenario, saved: bytes):
     """Both may differ between the runs that share a tree."""
-    moved = slit.space.scene.with_task(start=np.array([2.0, 1.0, 0.0]))
-    tree_file.load(BytesIO(saved), replace(slit.space, scene=moved), StraightLine())
+    moved = slit.space.with_task(start=np.array([2.0, 1.0, 0.0]))
+    tree_file.load(BytesIO(saved), moved, StraightLine())
 
 
 # -- refusals ----------------------------------------------------------------------------------------------------

@@ -1,0 +1,75 @@
+"""A new task in the same world is examined without examining the world again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pirrht import FreeSpace, Goal, Kind, Obstacle, Scene, SceneError
+from pirrht.compiled.jit import kernel
+from pirrht.geometry.arena import Arena
+from pirrht.geometry.field import clearance
+
+POSTS = tuple(
+    Obstacle(
+        name=kind.value, kind=kind, size=np.array([0.3, 0.2, 0.4]), position=np.array([*at, 0.1]), rotation=np.eye(3)
+    )
+    for kind, at in ((Kind.BOX, (1.0, 1.0)), (Kind.CYLINDER, (2.6, 1.2)), (Kind.SPHERE, (1.8, 2.6)))
+)
+SCENE = Scene(
+    name="posts", lower=np.zeros(2), upper=np.array([4.0, 3.5]), obstacles=POSTS, start=np.array([0.3, 0.3, 0.0]),
+    goal=Goal(center=np.array([3.6, 3.0]), radius=0.2), robot_radius=0.15,
+)  # fmt: skip
+TASK = {"start": np.array([3.5, 0.4, 1.0]), "goal": Goal(center=np.array([0.4, 2.9]), radius=0.3)}
+
+
+def test_a_new_task_asks_fcl_for_its_start_and_goal_only() -> None:
+    space = FreeSpace.of(SCENE)
+    before = space.collision.calls
+    space.with_task(**TASK)
+    assert space.collision.calls == before + 2
+
+
+def test_a_new_task_is_that_of_a_fresh_examination() -> None:
+    space, fresh = FreeSpace.of(SCENE).with_task(**TASK), FreeSpace.of(replace(SCENE, **TASK))
+    assert (space.scene.start is TASK["start"], space.scene.goal is TASK["goal"]) == (True, True)
+    assert [o.members for o in space.obstacles] == [o.members for o in fresh.obstacles] == [(0,), (1,), (2,)]
+    homologies = zip(
+        (space.homology.markers, space.homology.goal), (fresh.homology.markers, fresh.homology.goal), strict=True
+    )
+    samples = zip(space.field.arrays, fresh.field.arrays, strict=True)
+    cuts = zip(space.homology.cuts.arrays, fresh.homology.cuts.arrays, strict=True)
+    for one, other in (*homologies, *samples, *cuts):
+        np.testing.assert_array_equal(one, other)
+    assert space.field[:6] == fresh.field[:6]
+
+
+def test_what_a_new_task_leaves_out_stays_and_the_old_one_is_kept() -> None:
+    space = FreeSpace.of(SCENE)
+    moved = space.with_task(goal=TASK["goal"])
+    assert moved.scene.start is SCENE.start
+    assert space.scene.goal is SCENE.goal
+    assert moved.field is space.field
+
+
+@pytest.mark.parametrize("start", [(1.0, 1.0, 0.0), (5.0, 1.0, 0.0)], ids=["in the box", "outside"])
+def test_a_task_that_cannot_be_is_refused(start: tuple[float, ...]) -> None:
+    with pytest.raises(SceneError, match="posts: the start"):
+        FreeSpace.of(SCENE).with_task(start=np.array(start))
+
+
+@kernel
+def room_at(arena, x, y):  # type: ignore[no-untyped-def]
+    """Clearance, and distance to the goal's disc."""
+    return clearance(arena.field, x, y), np.hypot(x - arena.goal[0], y - arena.goal[1]) - arena.radius
+
+
+def test_kernels_take_an_arena_and_a_standing_world_is_the_same_at_all_times() -> None:
+    space = FreeSpace.of(SCENE)
+    assert isinstance(space.arena, Arena)
+    assert space.arena.at(0.0) == space.arena.at(7.0) == space.arena
+    found, away = room_at(space.arena, 0.4, 0.5)
+    assert found == clearance(space.field, 0.4, 0.5)
+    assert away == pytest.approx(np.hypot(3.2, 2.5) - 0.2)

@@ -1,0 +1,126 @@
+"""A system or a scene that the method cannot serve is refused by name, and told what would have worked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mjcf_samples import SITES, mjcf
+
+from pirrht import Dynamics, Goal, OptionError, Problem, Scene, SceneError, SingleIntegrator, Unicycle
+from pirrht.arrays import Array
+from pirrht.systems.dynamics import no_drift
+from sim.mjcf import Loaded, load
+
+SCENE = Scene(
+    name="field", lower=np.array([0.0, -1.0]), upper=np.array([4.0, 3.0]), obstacles=(), robot_radius=0.1,
+    start=np.array([1.0, 2.0, 0.3]), goal=Goal(center=np.array([3.0, 0.0]), radius=0.2),
+)  # fmt: skip
+
+
+def system(**changes: Any) -> Dynamics:
+    """A double integrator, whose class is called Boat, but for what is changed."""
+
+    def twist(self: Dynamics, x: Array, rate: Array) -> Array:
+        return rate
+
+    m = changes.get("m", 2)
+    body = {
+        "n": 4,
+        "m": m,
+        "states": ("x", "y", "vx", "vy"),
+        "parameters": np.zeros(0),
+        "drift": staticmethod(no_drift),
+    }
+    blocks = {"control_block": np.eye(m), "diffusion_block": 0.1 * np.eye(m), "twist": twist}
+    boat: Dynamics = type("Boat", (Dynamics,), body | blocks | changes)()
+    return boat
+
+
+def posed(dynamics: Dynamics, R: Any = None) -> Problem:
+    return Problem(dynamics=dynamics, scene=SCENE, R=np.eye(dynamics.m) if R is None else R)
+
+
+REFUSED = {
+    "a height": ({"states": ("x", "y", "z", "vx")}, r'"z" is a third position, but scenes are planar'),
+    "a line": ({"n": 1, "m": 1, "states": ("x",)}, "at least the 2 states x and y"),
+    "y before x": ({"states": ("y", "x", "vx", "vy")}, r'\(y, x, vx, vy\); the first two must be "x" and "y"'),
+    "undeclared states": ({"states": Dynamics.states}, r"n is 4, but its states are \(x, y\); name each once, as in"),
+    "a name twice": ({"states": ("x", "y", "vx", "vx")}, r"name each once, as in states ="),
+    "no control": ({"m": 0}, "m is 0; of 4 states at least 1 and at most 4"),
+    "more controls than states": ({"m": 5}, "m is 5; of 4 states"),
+    "a block of G": ({"control_block": np.eye(3)}, r"control_block is \(3, 3\); with m = 2 it must be \(2, 2\)"),
+    "a row of B": ({"diffusion_block": np.ones(2)}, r"diffusion_block is \(2,\); with m = 2 it must be \(2, 2\)"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_system_that_cannot_be_served_is_refused_by_its_class(case: str) -> None:
+    changes, remedy = REFUSED[case]
+    with pytest.raises(OptionError, match=f"^Boat: .*{remedy}") as caught:
+        posed(system(**changes))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_control_cost_of_another_shape_is_refused() -> None:
+    for R in (np.eye(2), np.float64(1.0), lambda x: np.eye(3)):
+        with pytest.raises(OptionError, match=r"^R is .*; Unicycle has m = 1, so it must be \(1, 1\)$"):
+            posed(Unicycle(), R)
+
+
+def test_a_system_that_says_what_its_states_are_is_accepted() -> None:
+    assert posed(system()).temperature == pytest.approx(0.01)
+    assert posed(system(states=("x", "y", "heading", "t"))).temperature == pytest.approx(0.01)
+
+
+def test_position_headings_and_clock_follow_from_the_names_of_the_states() -> None:
+    trailer = system(n=5, states=("x", "y", "speed", "heading", "t"))
+    assert (trailer.position, trailer.angles, trailer.clock) == ((0, 1), (3,), 4)
+    assert (SingleIntegrator().angles, Unicycle().angles, Unicycle().clock) == ((), (2,), None)
+    np.testing.assert_array_equal(trailer.state_of(SCENE.start), [1.0, 2.0, 0.0, 0.3, 0.0])
+    np.testing.assert_array_equal(SingleIntegrator().state_of(SCENE.start), SCENE.start[:2])
+    np.testing.assert_array_equal(Unicycle().state_of(SCENE.start), SCENE.start)
+    lower, upper = trailer.box(SCENE)
+    np.testing.assert_array_equal(lower, [0.0, -1.0, -1.0, -np.pi, -1.0])
+    np.testing.assert_array_equal(upper, [4.0, 3.0, 1.0, np.pi, 1.0])
+
+
+def test_differences_of_headings_are_at_most_half_a_turn() -> None:
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-20, 20, (2, 50, 3))
+    off = Unicycle().difference(x, y)
+    np.testing.assert_array_equal(off[:, :2], (x - y)[:, :2])
+    assert np.abs(off[:, 2]).max() <= np.pi
+    np.testing.assert_allclose(np.exp(1j * off[:, 2]), np.exp(1j * (x - y)[:, 2]))
+    np.testing.assert_array_equal(Unicycle().difference(x[7], y[7]), off[7])
+    np.testing.assert_array_equal(SingleIntegrator().difference(x[:, :2], y[:, :2]), (x - y)[:, :2])
+
+
+DOOR = '<body name="door" mocap="true" pos="5 5 0.1"><geom name="door" size="0.3"/></body>'
+
+
+@pytest.fixture
+def loaded(tmp_path: Path) -> Callable[[str], Loaded]:
+    """The door in an otherwise empty scene, with what is to stand in `<custom>`."""
+
+    def loaded(custom: str) -> Loaded:
+        path = tmp_path / "scene.xml"
+        path.write_text(mjcf(SITES + DOOR, head=f"<custom>{custom}</custom>"))
+        return load(path)
+
+    return loaded
+
+
+@pytest.mark.parametrize(
+    "motion", ['numeric name="pirrht_motion_door" data="0 5 5 0"', 'text name="pirrht_motion_door" data="repeat"']
+)
+def test_a_scene_in_motion_is_refused_by_the_body_that_moves(loaded: Callable[[str], Loaded], motion: str) -> None:
+    with pytest.raises(SceneError, match=r'body "door" moves .*moving obstacles are not supported yet; remove'):
+        loaded(f"<{motion}/>")
+
+
+def test_a_mocap_body_without_motion_is_an_obstacle_that_stands(loaded: Callable[[str], Loaded]) -> None:
+    assert [o.name for o in loaded("").scene.obstacles] == ["door"]
