@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 
 from pirrht.compiled.threads import mapped
-from pirrht.geometry.field import Field
-from pirrht.rollouts.point.exits import judge, look, single_field
+from pirrht.geometry.arena import Arena
+from pirrht.rollouts.point.exits import judge, look, single
 from pirrht.rollouts.point.stages import LANES, NX, SIGN, L, X, cross, draw, move, room, weigh
 
 STEPS = 60
@@ -22,10 +22,10 @@ def _normals(blocks, scratch):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy")
-def _steps(field, goal, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-def]
+def _steps(arena, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-def]
     """The same with the step, its class, one look-up, the exit at its end and H likelihood ratios; no path ends."""
     f, a, ratio, short, long, random, bits = scratch
-    frame, B = single_field(field), noise * np.eye(2)
+    around, B, goal = single(arena), noise * np.eye(2), arena.goal
     for _ in range(blocks):
         f[X:SIGN], ratio[:] = 0.0, 0.0
         f[X : X + L], f[X + L : X + 2 * L] = goal[0], goal[1]
@@ -33,8 +33,8 @@ def _steps(field, goal, cuts, H, noise, blocks, scratch):  # type: ignore[no-unt
             draw(random, bits, f, LANES)
             move(0, 0.1, B, f, a, LANES)
             cross(cuts, f, long, LANES)
-            look(frame, goal, 0.1, f, short, LANES)
-            judge(goal, 0.1, f, short, LANES)
+            look(around, f, short, LANES)
+            judge(around, f, short, LANES)
             weigh(0, H, 0.1, f, a, ratio, LANES)
             f[X : X + 2 * L] = f[NX : NX + 2 * L]
 
@@ -44,11 +44,9 @@ def normals(samples: int, threads: int) -> int:
     return _on(threads, samples, 1, lambda blocks, scratch: _normals(blocks, scratch))
 
 
-def steps(field: Field, goal: tuple[float, float], cuts: object, classes: int, samples: int, threads: int) -> int:
+def steps(arena: Arena, cuts: object, classes: int, samples: int, threads: int) -> int:
     """Simulate `samples` paths of 60 steps that nothing ends; number of steps."""
-    return _on(
-        threads, samples, classes, lambda blocks, scratch: _steps(field, goal, cuts, classes, 0.01, blocks, scratch)
-    )
+    return _on(threads, samples, classes, lambda blocks, scratch: _steps(arena, cuts, classes, 0.01, blocks, scratch))
 
 
 def _on(threads: int, samples: int, classes: int, work) -> int:  # type: ignore[no-untyped-def]

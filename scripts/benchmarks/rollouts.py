@@ -16,6 +16,7 @@ from benchmarks import limit, peers
 from benchmarks.timing import interleaved, row
 
 from pirrht.estimation.sampler import Estimate, PathIntegral
+from pirrht.guidance.leads import Batch, Proposal
 from sim.scenarios import Scenario, prepare
 
 NUMBERS = (600, 6000, 60_000)  # rollouts of all classes together
@@ -35,9 +36,8 @@ class Setting:
         self.default = prepare(scene)
         references = self.paper.grown_tree().references(self.paper.start)
         self.times = np.arange(STEPS + 1) * DT
-        self.tapes = np.array([reference.trajectory.tape(self.times) for reference in references])
-        goal = self.paper.problem.scene.goal.center[None, :]
-        self.corners = [np.vstack([reference.path.start[1:, :2], goal]) for reference in references]
+        self.trajectories = [reference.trajectory for reference in references]
+        self.tapes = np.array([trajectory.tape(self.times) for trajectory in self.trajectories])
         self.kernels = {OURS: _integral(self.paper), DEFAULT: _integral(self.default)}
 
     @property
@@ -56,12 +56,10 @@ class Setting:
 
     def estimate(self, kernel: str, samples: int, seed: int) -> Estimate:
         """Sample and weigh."""
-        integral = self.kernels[kernel]
-        corners = self.corners if kernel == DEFAULT else None
-        counts = [samples // self.H] * self.H
-        return integral.estimate(
-            integral.rollout(self.paper.start, self.times, self.tapes, seed, counts=counts, corners=corners)
-        )
+        integral, x = self.kernels[kernel], self.paper.start
+        leads = [integral.lead(x, self.times, trajectory) for trajectory in self.trajectories]
+        proposals = tuple(Proposal(lead=lead, count=samples // self.H) for lead in leads)
+        return integral.estimate(integral.rollout(Batch(state=x, times=self.times, proposals=proposals), seed))
 
 
 def _integral(scenario: Scenario) -> PathIntegral:
@@ -134,11 +132,10 @@ def _note(figures: dict[str, Any]) -> str:
 def _limit(setting: Setting) -> Result:
     """Time per step of what no rollout can do without, on as many threads as ours."""
     integral, samples = setting.kernels[OURS], NUMBERS[-1]
-    threads, goal = integral.threads, integral.world.goal
-    field, cuts = setting.paper.space.field, integral.world.cuts
+    threads, arena, cuts = integral.threads, integral.world.arena, integral.world.cuts
     work: dict[str, Callable[[int], int]] = {
         "two normals": lambda _: limit.normals(samples, threads),
-        "two normals and the arithmetic": lambda _: limit.steps(field, goal, cuts, setting.H, samples, threads),
+        "two normals and the arithmetic": lambda _: limit.steps(arena, cuts, setting.H, samples, threads),
     }
     seconds = interleaved(work, 5, warm=True)
     rates = {name: work[name](0) / spent for name, spent in seconds.items()}

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
+from batches import batch_of
 from scipy.special import k0, k1
 
 from pirrht.arrays import Array
@@ -83,13 +84,15 @@ def straight(x: Array, ends: Sequence[Array], times: Array) -> tuple[Array, list
 
 def at_strip(integral: PathIntegral, x: float, sides: Sequence[int], seed: int, **options) -> Estimate:
     """Around references to the chosen sides of a strip, or none."""
-    state, L = np.array([x, 0.0]), integral.world.field.right
+    state, L = np.array([x, 0.0]), integral.world.arena.field.right
     times = integral.grid(2.0 * (L - abs(x)))
     if sides:
         tapes, corners = straight(state, [np.array([side * L, 0.0]) for side in sides], times)
     else:
         tapes, corners = np.zeros((1, len(times) - 1, 2)), None
-    return integral.estimate(integral.rollout(state, times, tapes, seed, corners=corners, **options))
+    return integral.estimate(
+        integral.rollout(batch_of(integral, state, times, tapes, corners=corners, **options), seed)
+    )
 
 
 def within(samples: Array, exact: Array | float, *, errors: float = 3.0) -> bool:

@@ -27,7 +27,7 @@ def plan(noisy):
     return scenario.controller(tree).plan(START)
 
 
-def nothing(x, s):
+def nothing(x):
     return np.zeros(2)
 
 

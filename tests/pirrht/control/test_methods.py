@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from batches import batch_of
 from closed_forms import annulus
 
 from pirrht.control.best_class import alone, best_class, class_values
@@ -13,10 +14,16 @@ from pirrht.control.plan import Plan
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import Sampling
+from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.tree.homology_tree import HomologyTree
 from sim import cli, episode
 from sim.scenarios import Scenario
+
+
+def noisy(slit: Scenario) -> Problem:
+    """The problem that `around_all` samples."""
+    return slit.with_settings(noise=0.3).problem
 
 
 def around_all(slit: Scenario, tree: HomologyTree, samples: int = 150, **settings) -> tuple[Estimate, list[str]]:
@@ -28,9 +35,9 @@ def around_all(slit: Scenario, tree: HomologyTree, samples: int = 150, **setting
     tapes = np.array([r.trajectory.tape(times) for r in references])
     corners = [np.vstack([r.trajectory.path.start[1:, :2], slit.space.scene.goal.center]) for r in references]
     names = {slit.space.homology.key(r.winding): r.id for r in references}
-    estimate = sample(
-        integral, x, times, tapes, 5, corners=corners, counts=[samples, samples // 2, samples], classes=names
-    )
+    counts = [samples, samples // 2, samples]
+    batch = batch_of(integral, x, times, tapes, corners=corners, counts=counts, classes=names)
+    estimate = sample(integral, batch, 5)
     return estimate, [r.id for r in references]
 
 
@@ -57,10 +64,10 @@ def test_where_there_is_one_class_the_best_of_them_is_what_all_of_them_say():
 
 def test_the_plain_average_of_the_paper_is_the_mean_over_what_each_class_says_alone(slit, slit_tree):
     estimate, _ = around_all(slit, slit_tree, weights="average")
-    each = -class_values(estimate) / slit.with_settings(noise=0.3).problem.temperature
+    each = -class_values(noisy(slit), estimate) / noisy(slit).temperature
     assert np.logaddexp.reduce(each) - np.log(len(each)) == pytest.approx(estimate.log_psi, rel=1e-12)
     for h, log_psi in enumerate(each):
-        assert alone(estimate, h).log_psi == pytest.approx(log_psi, rel=1e-12)
+        assert alone(noisy(slit), estimate, h).log_psi == pytest.approx(log_psi, rel=1e-12)
 
 
 def test_alone_a_class_says_what_its_own_samples_would(slit, slit_tree):
@@ -68,27 +75,27 @@ def test_alone_a_class_says_what_its_own_samples_would(slit, slit_tree):
     estimate, names = around_all(slit, slit_tree)
     part = estimate.parts[0]
     for h in range(len(names)):
-        own = slice(*part.guides.first[h : h + 2])
-        weight = np.exp(-part.paths.work[own] / estimate.source.problem.temperature - part.paths.log_ratio[own, h])
+        own = slice(*part.leads.first[h : h + 2])
+        weight = np.exp(-part.paths.work[own] / noisy(slit).temperature - part.paths.log_ratio[own, h])
         weight *= part.paths.outcome[own] == 1
-        result = alone(estimate, h, {})
+        result = alone(noisy(slit), estimate, h, {})
         assert result.log_psi == pytest.approx(np.log(weight.mean()), rel=1e-12)
         expected = weight @ part.paths.now[own] / (weight @ part.paths.span[own])
-        push = estimate.source.push(slit.start, part.guides)
+        push = estimate.push
         np.testing.assert_allclose(result.control, expected + push, rtol=1e-9)
         assert result.proposal_weights[h] == pytest.approx(1.0)
 
 
 def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_nearly_as_good(slit, slit_tree):
     estimate, names = around_all(slit, slit_tree)
-    values = class_values(estimate)
+    values = class_values(noisy(slit), estimate)
     best, second = np.argsort(values)[:2]
-    assert best_class(estimate, names, None) == best
-    assert best_class(estimate, names, names[best]) == best
+    assert best_class(noisy(slit), estimate, names, None) == best
+    assert best_class(noisy(slit), estimate, names, names[best]) == best
     ratio = values[best] / values[second]
-    assert best_class(estimate, names, names[second], consistency=0.999 * ratio) == second
-    assert best_class(estimate, names, names[second], consistency=1.001 * ratio) == best
-    assert best_class(estimate, names, "9,9", consistency=0.1) == best
+    assert best_class(noisy(slit), estimate, names, names[second], consistency=0.999 * ratio) == second
+    assert best_class(noisy(slit), estimate, names, names[second], consistency=1.001 * ratio) == best
+    assert best_class(noisy(slit), estimate, names, "9,9", consistency=0.1) == best
 
 
 def test_only_one_class_is_followed_and_its_name_is_said(slit: Scenario, slit_tree: HomologyTree):

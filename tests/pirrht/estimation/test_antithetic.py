@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from batches import batch_of
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
@@ -22,8 +23,8 @@ def of(slit: Scenario, **changes: object) -> PathIntegral:
 
 def test_a_pair_starts_with_opposite_steps_and_what_is_left_over_stands_alone(slit):
     source = of(slit, guide="open-loop")
-    rollouts = source.rollout(slit.start, TIMES, np.zeros((2, 60, 2)), 3, counts=[3, 4])
-    states, _ = source.trace(rollouts, np.arange(7))
+    rollouts = source.rollout(batch_of(source, slit.start, TIMES, np.zeros((2, 60, 2)), counts=[3, 4]), 3)
+    states, _ = source.replay.trace(rollouts, np.arange(7))
     steps = states[:, 1] - slit.start
     for a, b in ((0, 1), (3, 4), (5, 6)):  # the third sample has no partner
         np.testing.assert_allclose(steps[a], -steps[b], atol=1e-15)
@@ -44,7 +45,8 @@ def test_standard_errors_of_pairs_are_what_repeated_plans_show(slit, slit_tree):
     With more noise it hangs on rare heavy samples, which no standard error knows of before they come.
     """
     source, (tapes, corners) = of(slit, samples=600), around(slit, slit_tree)
-    found = [source.estimate(source.rollout(slit.start, TIMES, tapes, s, corners=corners)) for s in range(PLANS)]
+    batch = batch_of(source, slit.start, TIMES, tapes, corners=corners)
+    found = [source.estimate(source.rollout(batch, seed)) for seed in range(PLANS)]
     claimed = np.sqrt(np.mean([e.value_error**2 for e in found]))
     assert claimed == pytest.approx(np.std([e.value for e in found], ddof=1), rel=0.3)
     claimed = np.sqrt(np.mean([np.sum(e.control_error**2) for e in found]))
@@ -62,7 +64,8 @@ def test_pairs_leave_the_mean_of_psi_where_it_is_and_scatter_the_control_less(sl
     psi, control = {}, {}
     for draws in ("antithetic", "independent"):
         source = of(slit, draws=draws, samples=200)
-        found = [source.estimate(source.rollout(x, times, tapes, seed, corners=corners)) for seed in range(PLANS)]
+        batch = batch_of(source, x, times, tapes, corners=corners)
+        found = [source.estimate(source.rollout(batch, seed)) for seed in range(PLANS)]
         psi[draws] = np.array([e.log_psi for e in found])
         control[draws] = np.array([e.control for e in found])
     top = max(logs.max() for logs in psi.values())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from batches import batch_of
 from closed_forms import (
     LEFT,
     RIGHT,
@@ -80,9 +81,8 @@ def test_desirability_around_a_disc_is_a_ratio_of_bessel_functions(b, guide):
     integral = PathIntegral(problem, space, Sampling(dt=0.0125, samples=1000, guide=guide, window=0.05))
     times = integral.grid(2.0 * (r - radius))
     tapes, _ = straight(x, [x * (radius / r)], times)
-    found = [
-        integral.estimate(integral.rollout(x, times, tapes, seed, corners=[np.zeros((1, 2))])) for seed in range(SEEDS)
-    ]
+    batch = batch_of(integral, x, times, tapes, corners=[np.zeros((1, 2))])
+    found = [integral.estimate(integral.rollout(batch, seed)) for seed in range(SEEDS)]
     values = np.array([e.value for e in found])
     assert values.mean() == pytest.approx(value, rel=0.01)
     assert within([e.control for e in found], -speed * x / r)
@@ -100,7 +100,8 @@ def test_the_rim_of_a_disc_costs_an_error_that_falls_with_the_step():
         integral = PathIntegral(problem, space, Sampling(dt=dt, samples=10000))
         times = integral.grid(2.0 * (r - radius))
         tapes, _ = straight(x, [x * (radius / r)], times)
-        rollouts = [integral.rollout(x, times, tapes, seed, corners=[np.zeros((1, 2))]) for seed in range(4)]
+        batch = batch_of(integral, x, times, tapes, corners=[np.zeros((1, 2))])
+        rollouts = [integral.rollout(batch, seed) for seed in range(4)]
         error.append(abs(np.mean([integral.estimate(rollout).value for rollout in rollouts]) - value))
     assert error[0] < 0.01 * value
     assert error[2] < 0.5 * error[0]
@@ -125,7 +126,8 @@ def test_a_useless_reference_keeps_the_value():
     integral = PathIntegral(problem, strip_space(0.5), Sampling(dt=0.05, samples=10000, guide="open-loop"))
     x, times = np.array([0.2, 0.0]), integral.grid(1.0)
     tapes, _ = straight(x, [np.array([0.5, 0.0]), np.array([0.2, 5.0])], times)
-    values = np.array([integral.estimate(integral.rollout(x, times, tapes, seed)).value for seed in range(SEEDS)])
+    batch = batch_of(integral, x, times, tapes)
+    values = np.array([integral.estimate(integral.rollout(batch, seed)).value for seed in range(SEEDS)])
     value, _ = interval_exit(problem, 0.5, 0.5, 0.2)
     assert within(values, value)
     assert values.mean() == pytest.approx(value, rel=0.01)

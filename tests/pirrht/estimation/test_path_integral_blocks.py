@@ -109,7 +109,8 @@ def test_functions_that_return_constants_take_the_same_paths_as_constants(guide)
     # Constants take the path of many lanes abreast, in single precision.
     np.testing.assert_allclose(other.rollouts.log_weight, one.rollouts.log_weight, atol=1e-4)
     np.testing.assert_allclose(other.control, one.control, atol=1e-4)
-    np.testing.assert_allclose(other.tape, one.tape, atol=1e-4)
+    tapes = [integral.replay.tape(e.parts)[0] for integral, e in ((slow, other), (fast, one))]
+    np.testing.assert_allclose(*tapes, atol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -5,15 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pirrht.control.plan import Plan
 from pirrht.estimation.sampler import Estimate
 from pirrht.outcome import Outcome
 from pirrht.topology.homology import class_id
 from sim.scenarios import Scenario
 
 
-def at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Estimate:
+def plan_at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Plan:
     changed = scenario.with_settings(noise=b, samples=samples, **settings)
-    estimate = changed.controller(tree).plan(changed.start).estimate
+    return changed.controller(tree).plan(changed.start)
+
+
+def at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Estimate:
+    estimate = plan_at_start(scenario, tree, b, samples, **settings).estimate
     assert estimate is not None
     return estimate
 
@@ -43,11 +48,12 @@ def test_the_plain_average_is_too_high_by_a_share_of_lambda_ln_3(slit, slit_tree
 
 
 def test_a_sample_belongs_to_the_class_of_its_own_path(slit, slit_tree):
-    estimate = at_start(slit, slit_tree, 0.3, 400)
+    plan = plan_at_start(slit, slit_tree, 0.3, 400)
+    estimate = plan.estimate
     rollouts, homology = estimate.rollouts, slit.space.homology
     chosen = np.arange(rollouts.size)
     arrived = rollouts.paths.outcome == Outcome.GOAL
-    states, steps = estimate.source.trace(rollouts, chosen)
+    states, steps = plan.replay.trace(rollouts, chosen)
     windings = [homology.winding(states[s, : steps[s] + 1]) for s in chosen]
     keys = np.array([homology.key(winding) for winding in windings])
     np.testing.assert_array_equal(keys[arrived], rollouts.paths.key[arrived])
@@ -61,11 +67,12 @@ def test_a_sample_belongs_to_the_class_of_its_own_path(slit, slit_tree):
 
 @pytest.mark.parametrize("exit_rule", ["bridge", "endpoint"])
 def test_the_number_of_threads_does_not_change_a_bit(slit, slit_tree, exit_rule):
-    found = [at_start(slit, slit_tree, 0.2, 500, threads=threads, exit=exit_rule) for threads in (1, 2, 3)]
-    for other in found[1:]:
+    plans = [plan_at_start(slit, slit_tree, 0.2, 500, threads=threads, exit=exit_rule) for threads in (1, 2, 3)]
+    found = [plan.estimate for plan in plans]
+    for plan, other in zip(plans[1:], found[1:], strict=True):
         np.testing.assert_array_equal(other.weight, found[0].weight)
         np.testing.assert_array_equal(other.control, found[0].control)
-        np.testing.assert_array_equal(other.tape, found[0].tape)
+        np.testing.assert_array_equal(plan.tape, plans[0].tape)
         assert other.value == found[0].value
 
 

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from batches import batch_of
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller, shifted
@@ -55,7 +56,7 @@ def both_sides(integral: PathIntegral) -> tuple[Array, Array, list[Array]]:
 def to_both_sides(integral: PathIntegral, seed: int, **options) -> Estimate:
     """Around a reference to each side of the strip."""
     times, tapes, corners = both_sides(integral)
-    return integral.estimate(integral.rollout(X, times, tapes, seed, corners=corners, **options))
+    return integral.estimate(integral.rollout(batch_of(integral, X, times, tapes, corners=corners, **options), seed))
 
 
 def spread_and_error(estimates: list[Estimate]) -> tuple[Array, Array]:
@@ -153,7 +154,7 @@ def test_the_controller_shares_samples_out_from_its_second_plan_on(slit: Scenari
     def drawn(controller: Controller) -> list[int]:
         estimate = controller.plan(slit.start).estimate
         assert estimate is not None
-        return np.diff(estimate.rollouts.guides.first).tolist()
+        return np.diff(estimate.rollouts.leads.first).tolist()
 
     adaptive, equal = (
         slit.with_settings(noise=0.1, samples=100, allocation=rule).controller(slit_tree)
@@ -174,7 +175,7 @@ def test_the_controller_shares_samples_out_from_its_second_plan_on(slit: Scenari
 def in_batches(integral: PathIntegral, seed: int, **options) -> Estimate:
     """As `to_both_sides`, in the batches that the settings ask for."""
     times, tapes, corners = both_sides(integral)
-    return sample(integral, X, times, tapes, seed, corners=corners, **options)
+    return sample(integral, batch_of(integral, X, times, tapes, corners=corners), seed, **options)
 
 
 # -- stopping ----------------------------------------------------------------------------------------------------

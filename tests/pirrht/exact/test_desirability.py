@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from batches import batch_of
 
 from pirrht import FreeSpace, Goal, Kind, Obstacle, PathIntegral, Problem, Sampling, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import PirrhtError
@@ -171,7 +172,9 @@ def test_the_value_of_a_car_agrees_with_samples():
     sampler = PathIntegral(problem, space, Sampling(dt=0.05, guide="open-loop", samples=100_000))
     for x in ([0.5, 0.5, 0.8], [2.2, 1.7, 0.0], [2.5, 3.2, -2.0]):
         times = sampler.grid(4.0)
-        estimate = sampler.estimate(sampler.rollout(np.array(x), times, np.zeros((1, len(times) - 1, 1)), 0))
+        estimate = sampler.estimate(
+            sampler.rollout(batch_of(sampler, np.array(x), times, np.zeros((1, len(times) - 1, 1))), 0)
+        )
         error = problem.temperature / math.sqrt(estimate.ess)
         assert grid.value(np.array(x)) == pytest.approx(estimate.value, abs=0.01 * estimate.value + 4.0 * error)
 

@@ -5,20 +5,20 @@ import pytest
 from scipy.integrate import quad
 
 from pirrht.guidance.gates import gates_of
-from pirrht.rollouts.gates import aim, heading, mean_offset
+from pirrht.rollouts.gates import Gates, aim, heading, mean_offset
 
 CORNER = np.array([1.0, 0.0])
 
 
-def unit_towards(gates, g, x):
+def unit_towards(place, decay, x):
     out = np.empty(2)
-    stage = heading(gates, g, 0, x[0], x[1], out)
+    stage = heading(Gates(np.array([len(place)]), place[None], decay), 0, 0, x[0], x[1], out)
     return out, stage
 
 
 def around_a_corner(decay):
     """From (0, -1) around an obstacle above (1, 0)... to (2, -1): a right turn at the corner, obstacle below."""
-    return gates_of([np.array([CORNER, [2.0, -1.0]])], np.array([0.0, -1.0]), decay)
+    return gates_of(np.array([CORNER, [2.0, -1.0]]), np.array([0.0, -1.0]), decay)
 
 
 @pytest.mark.parametrize("a", [-8.0, -3.3, -0.7, 0.0, 1.1, 4.0, 8.0, 50.0])
@@ -34,7 +34,7 @@ def test_the_mean_offset_is_that_of_the_density_cut_off_at_the_corner(a):
 
 
 def test_without_noise_samples_head_for_the_corner_itself():
-    unit, stage = unit_towards(around_a_corner(1e9), 0, np.array([0.0, -1.0]))
+    unit, stage = unit_towards(around_a_corner(1e9), 1e9, np.array([0.0, -1.0]))
     assert stage == 0
     np.testing.assert_allclose(unit, np.array([1.0, 1.0]) / np.sqrt(2.0), atol=1e-3)
 
@@ -42,7 +42,7 @@ def test_without_noise_samples_head_for_the_corner_itself():
 def test_with_noise_they_keep_off_it_the_more_the_noisier():
     slopes = []
     for decay in (100.0, 25.0, 11.0):
-        unit, _ = unit_towards(around_a_corner(decay), 0, np.array([0.0, -1.0]))
+        unit, _ = unit_towards(around_a_corner(decay), decay, np.array([0.0, -1.0]))
         slopes.append(unit[1] / unit[0])
     assert 1.0 < slopes[0] < slopes[1] < slopes[2]
 
@@ -50,8 +50,8 @@ def test_with_noise_they_keep_off_it_the_more_the_noisier():
 def test_where_the_corner_is_not_in_the_way_they_head_straight_for_what_follows():
     gates = around_a_corner(1e4)
     high = np.array([0.0, 3.0])
-    unit, _ = unit_towards(gates, 0, high)
-    ahead, outward, (far, beside) = gates.place[0, 0, 2:].reshape(3, 2)
+    unit, _ = unit_towards(gates, 1e4, high)
+    ahead, outward, (far, beside) = gates[0, 2:].reshape(3, 2)
     follows = CORNER + far * ahead + beside * outward
     straight = follows - high
     np.testing.assert_allclose(unit, straight / np.hypot(*straight), atol=2e-3)
@@ -59,13 +59,13 @@ def test_where_the_corner_is_not_in_the_way_they_head_straight_for_what_follows(
 
 def test_a_gate_opens_away_from_the_obstacle_that_the_reference_bends_around():
     gates = around_a_corner(10.0)
-    np.testing.assert_allclose(gates.place[0, 0, 4:6], [0.0, 1.0], atol=1e-12)  # a turn to the right: it lies below
-    mirrored = gates_of([np.array([[1.0, 0.0], [2.0, 1.0]])], np.array([0.0, 1.0]), 10.0)
-    np.testing.assert_allclose(mirrored.place[0, 0, 4:6], [0.0, -1.0], atol=1e-12)
+    np.testing.assert_allclose(gates[0, 4:6], [0.0, 1.0], atol=1e-12)  # a turn to the right: it lies below
+    mirrored = gates_of(np.array([[1.0, 0.0], [2.0, 1.0]]), np.array([0.0, 1.0]), 10.0)
+    np.testing.assert_allclose(mirrored[0, 4:6], [0.0, -1.0], atol=1e-12)
 
 
 def test_behind_its_gate_a_sample_heads_for_the_next_one():
-    unit, stage = unit_towards(around_a_corner(10.0), 0, np.array([1.2, 0.1]))
+    unit, stage = unit_towards(around_a_corner(10.0), 10.0, np.array([1.2, 0.1]))
     assert stage == 1
     straight = np.array([0.8, -1.1])
     np.testing.assert_allclose(unit, straight / np.hypot(*straight), atol=1e-12)
@@ -73,8 +73,8 @@ def test_behind_its_gate_a_sample_heads_for_the_next_one():
 
 def test_corners_of_one_turn_close_together_are_one_gate():
     bend = np.array([[1.0, 0.0], [1.02, 0.0], [1.04, -0.01], [2.0, -1.0]])
-    assert gates_of([bend], np.array([0.0, -1.0]), 11.0).count[0] == 2
-    assert gates_of([bend], np.array([0.0, -1.0]), 1e6).count[0] == 4
+    assert len(gates_of(bend, np.array([0.0, -1.0]), 11.0)) == 2
+    assert len(gates_of(bend, np.array([0.0, -1.0]), 1e6)) == 4
 
 
 def test_the_aim_is_the_mean_of_the_second_order_density_and_close_to_that_of_the_lengths_themselves():

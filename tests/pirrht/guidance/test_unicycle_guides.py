@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from batches import batch_of
 
 from pirrht.arrays import Array
 from pirrht.control.controller import running_cost
@@ -138,10 +139,10 @@ def test_feedback_holds_noisy_paths_together():
     for guide_by in ("feedback", "open-loop"):
         integral, times, guides = setting(guide=guide_by)
         leaders = guides[:1] if guide_by == "feedback" else None
-        rollouts = integral.rollout(
-            np.zeros(3), times, guides[0].control[None, :, None], 1, counts=[300], guides=leaders
-        )
-        states, steps = integral.trace(rollouts, np.arange(300))
+        tape = guides[0].control[None, :, None]
+        batch = batch_of(integral, np.zeros(3), times, tape, counts=[300], guides=leaders)
+        rollouts = integral.rollout(batch, 1)
+        states, steps = integral.replay.trace(rollouts, np.arange(300))
         at = 22  # beside the post
         under_way = states[steps > at, at]
         off = under_way[:, :2] - guides[0].states[at, :2]
@@ -176,7 +177,8 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one():
     assert cut.spread.min() < 0.95
     for source, target in [("passive", "cut"), ("passive", "other"), ("wide", "passive"), ("cut", "other")]:
         counts = [40000 * (name == source) for name in names]
-        rollouts = integral.rollout(x, times, np.zeros((4, 8, 1)), 3, counts=counts, guides=list(laws.values()))
+        batch = batch_of(integral, x, times, np.zeros((4, 8, 1)), counts=counts, guides=list(laws.values()))
+        rollouts = integral.rollout(batch, 3)
         ratio = rollouts.paths.log_ratio
         weight = np.exp(ratio[:, names.index(target)] - ratio[:, names.index(source)])
         error = weight.std() / np.sqrt(len(weight))
@@ -188,15 +190,11 @@ def test_both_ways_of_guiding_estimate_the_same_value():
     values = {}
     for guide_by, samples in (("feedback", 2000), ("open-loop", 60000)):
         integral, times, guides = setting(False, 0.3, 2.0, guide=guide_by)
-        found = [
-            integral.estimate(
-                integral.rollout(
-                    np.zeros(3), times, tapes(times, False, 0.3, 2.0), seed, counts=[samples] * len(guides),
-                    guides=guides if guide_by == "feedback" else None,
-                )
-            ).value
-            for seed in range(8)
-        ]  # fmt: skip
+        batch = batch_of(
+            integral, np.zeros(3), times, tapes(times, False, 0.3, 2.0), counts=[samples] * len(guides),
+            guides=guides if guide_by == "feedback" else None,
+        )  # fmt: skip
+        found = [integral.estimate(integral.rollout(batch, seed)).value for seed in range(8)]
         values[guide_by] = np.mean(found), np.std(found, ddof=1) / np.sqrt(len(found))
     (one, error_one), (two, error_two) = values["feedback"], values["open-loop"]
     assert abs(one - two) < 3.0 * np.hypot(error_one, error_two)
@@ -207,10 +205,8 @@ def test_effective_samples_and_scatter_beside_an_obstacle():
     for guide_by in ("feedback", "open-loop"):
         integral, times, guides = setting(samples=300, guide=guide_by)
         leaders = guides if guide_by == "feedback" else None
-        estimates = [
-            integral.estimate(integral.rollout(np.zeros(3), times, tapes(times), seed, guides=leaders))
-            for seed in range(10)
-        ]
+        batch = batch_of(integral, np.zeros(3), times, tapes(times), guides=leaders)
+        estimates = [integral.estimate(integral.rollout(batch, seed)) for seed in range(10)]
         found[guide_by] = [(e.ess, e.value) for e in estimates]
     ess = {name: np.mean([e for e, _ in rows]) for name, rows in found.items()}
     scatter = {name: np.std([v for _, v in rows]) for name, rows in found.items()}

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from batches import batch_of
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral, Rollouts
@@ -24,7 +25,8 @@ def drawn(source: PathIntegral, tree: HomologyTree, counts: list[int]) -> Rollou
     x = source.problem.scene.start[:2]
     trajectories = [r.trajectory for r in tree.references(x)]
     corners = [np.vstack([t.path.start[1:, :2], source.space.scene.goal.center]) for t in trajectories]
-    return source.rollout(x, TIMES, np.array([t.tape(TIMES) for t in trajectories]), 1, counts=counts, corners=corners)
+    tapes = np.array([t.tape(TIMES) for t in trajectories])
+    return source.rollout(batch_of(source, x, TIMES, tapes, counts=counts, corners=corners), 1)
 
 
 def both(scenario: Scenario, tree: HomologyTree, counts: list[int], **rules: str) -> tuple[Paths, Paths]:

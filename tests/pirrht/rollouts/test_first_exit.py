@@ -113,20 +113,16 @@ def room() -> FreeSpace:
     )  # fmt: skip
 
 
-def goal_of(space: FreeSpace) -> tuple[tuple[float, float], float]:
-    return (float(space.scene.goal.center[0]), float(space.scene.goal.center[1])), float(space.scene.goal.radius)
-
-
 def bridges(tail: Array, head: Array, variance: float, count: int = DRAWS) -> tuple[Array, Array]:
     """Outcomes and shares of many isotropic steps with the same ends."""
     space = room()
-    goal, radius = goal_of(space)
-    before, after = (distances(space.field, goal, radius, *map(float, p)) for p in (tail, head))
+    arena = space.arena
+    before, after = (distances(arena, *map(float, p)) for p in (tail, head))
     cov = (variance, 0.0, variance)
     state, outcome, share = stream(np.uint64(4), 0), np.empty(count, int), np.empty(count)
     for i in range(count):
         state, outcome[i], share[i] = bridge_exit(
-            space.field, goal, radius, *map(float, tail), *map(float, head), before, after, cov, np.uint64(state)
+            arena, *map(float, tail), *map(float, head), before, after, cov, np.uint64(state)
         )
     return outcome, share
 
@@ -185,36 +181,34 @@ def test_a_step_in_the_open_stays_inside():
 
 def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
     space = room()
-    goal, radius = goal_of(space)
+    arena = space.arena
     state = stream(np.uint64(6), 0)
     for i in range(500):
         state, u = uniform(np.uint64(state))
         share = 0.05 + 0.9 * u
-        state, dx, dy = at_crossing(
-            space.field, goal, 1.9, 2.0, 0.2, 0.1, COLLISION, share, radius, 0.1, np.uint64(state)
-        )
+        state, dx, dy = at_crossing(arena, 1.9, 2.0, 0.2, 0.1, COLLISION, share, 0.1, np.uint64(state))
         assert clearance(space.field, 1.9 + dx, 2.0 + dy) == pytest.approx(0.0, abs=0.01)
-        state, dx, dy = at_crossing(space.field, goal, 0.9, 3.1, -0.2, 0.1, GOAL, share, radius, 0.0, np.uint64(state))
+        state, dx, dy = at_crossing(arena, 0.9, 3.1, -0.2, 0.1, GOAL, share, 0.0, np.uint64(state))
         # Towards the disc by the distance to it, along it by its share of the step.
         unit = np.array([0.6 - 0.9, 3.2 - 3.1]) / np.hypot(0.3, 0.1)
-        assert np.dot([dx, dy], unit) == pytest.approx(np.hypot(0.3, 0.1) - radius)
+        assert np.dot([dx, dy], unit) == pytest.approx(np.hypot(0.3, 0.1) - arena.radius)
         across = np.array([-unit[1], unit[0]])
         assert np.dot([dx, dy], across) == pytest.approx(share * np.dot([-0.2, 0.1], across)), i
 
 
 def test_the_endpoint_rule_reads_the_end_only():
     space = room()
-    goal, radius = goal_of(space)
-    assert endpoint_exit(space.field, goal, radius, 3.0, 2.0) == (INSIDE, 1.0)
-    assert endpoint_exit(space.field, goal, radius, 2.0, 2.0) == (COLLISION, 1.0)
-    assert endpoint_exit(space.field, goal, radius, -0.1, 2.0) == (COLLISION, 1.0)
-    assert endpoint_exit(space.field, goal, radius, 0.6, 3.1) == (GOAL, 1.0)
+    arena = space.arena
+    assert endpoint_exit(arena, 3.0, 2.0) == (INSIDE, 1.0)
+    assert endpoint_exit(arena, 2.0, 2.0) == (COLLISION, 1.0)
+    assert endpoint_exit(arena, -0.1, 2.0) == (COLLISION, 1.0)
+    assert endpoint_exit(arena, 0.6, 3.1) == (GOAL, 1.0)
 
 
 def test_a_sweep_never_passes_through_a_thin_wall():
     """2000 random segments across a wall of 2 cm, up to 4 m long, all of them longer than it is thick."""
     space = room()
-    goal, radius = goal_of(space)
+    arena = space.arena
     rng = np.random.default_rng(5)
     for _ in range(2000):
         tail, head = rng.uniform([0.01, 0.01], [1.9, 3.99]), rng.uniform([2.1, 0.01], [3.99, 3.99])
@@ -222,25 +216,25 @@ def test_a_sweep_never_passes_through_a_thin_wall():
             tail, head = head, tail
         if space.scene.goal.contains(tail):
             continue
-        exit, share = sweep_exit(space.field, goal, radius, *tail, *head)
+        exit, share = sweep_exit(arena, *tail, *head)
         assert exit != INSIDE
         where = tail + share * (head - tail)
         if exit == COLLISION:
             assert space.collision.clearance(where[None])[0] < 0.02
         else:
-            assert np.hypot(*(where - goal)) == pytest.approx(radius)
+            assert np.hypot(*(where - np.array(space.arena.goal))) == pytest.approx(space.arena.radius)
 
 
 def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
     space = room()
-    goal, radius = goal_of(space)
+    arena = space.arena
     rng = np.random.default_rng(6)
     exits = []
     for _ in range(1500):
         tail, head = rng.uniform(-0.2, 4.2, (2, 2))
         if not space.collision.free(tail[None])[0] or space.scene.goal.contains(tail):
             continue
-        exit, share = sweep_exit(space.field, goal, radius, *tail, *head)
+        exit, share = sweep_exit(arena, *tail, *head)
         exits.append(exit)
         line = tail + np.linspace(0, share if exit == GOAL else 1.0, 200)[:, None] * (head - tail)
         gap = space.collision.clearance(line).min()
@@ -254,8 +248,8 @@ def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
 def test_the_sweep_judges_with_the_clearance_of_fcl():
     """The wall as FCL has it is where the sweep meets it."""
     space = room()
-    goal, radius = goal_of(space)
-    exit, share = sweep_exit(space.field, goal, radius, 1.0, 2.0, 3.0, 2.0)
+    arena = space.arena
+    exit, share = sweep_exit(arena, 1.0, 2.0, 3.0, 2.0)
     assert exit == COLLISION
     assert 1.0 + 2.0 * share == pytest.approx(2.0 - 0.01 - 0.05, abs=0.01)
     assert space.collision.clearance(np.array([[1.0 + 2.0 * share - 0.02, 2.0]]))[0] > 0

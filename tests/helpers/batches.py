@@ -1,0 +1,39 @@
+"""Batches put together by hand: tapes, corners and guides of one's own instead of those of a tree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
+from pirrht.guidance.tracking import Guide
+
+
+def batch_of(
+    integral: PathIntegral,
+    x: Array,
+    times: Array,
+    tapes: Array,
+    *,
+    counts: Sequence[int] | None = None,
+    corners: Sequence[Array] | None = None,
+    guides: Sequence[Guide | None] | None = None,
+    classes: Mapping[int, str] | None = None,
+) -> Batch:
+    """Samples from x (n,) around guides where there are any, else towards corners (k, 2), else along tapes (T, m)."""
+
+    def lead(h: int) -> Lead:
+        if guides is not None and (guide := guides[h]) is not None:
+            return Along(guide, float(integral.world.gain[0, 0]))
+        if corners is not None and integral.gated and len(corners[h]):
+            return integral.towards(x, np.asarray(corners[h]))
+        return Tape(times, np.asarray(tapes[h], dtype=float))
+
+    H = len(tapes)
+    number = [integral.sampling.samples] * H if counts is None else counts
+    names = [*(classes or {}).items(), *[(None, "")] * H]
+    proposals = [Proposal(lead=lead(h), count=int(number[h]), key=names[h][0], name=names[h][1]) for h in range(H)]
+    return Batch(state=np.asarray(x, dtype=float), times=times, proposals=tuple(proposals))
