@@ -9,7 +9,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
-from pirrht.control.feedback import Law, Memory
+from pirrht.control.feedback import ClassMixture, ClassPool
 from pirrht.control.methods import METHODS, SAMPLING, TREELESS
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
@@ -73,7 +73,7 @@ class Controller(Policy):
         self.polished, self.rng, self.between = polished, rng, between
         shared = self.method.mixes and sampling.allocation == "contribution" and self.path_integral.guidance is None
         self.allocation = Allocation(sampling.samples) if shared else None
-        self.memory = Memory(problem) if between == "classes" else None
+        self.pool = ClassPool(problem) if between == "classes" else None
         self.begin(problem.scene.start[: problem.dynamics.n])
 
     def begin(self, x: Array) -> None:
@@ -81,8 +81,8 @@ class Controller(Policy):
         super().begin(x)
         self._previous: Plan | None = None
         self._followed: str | None = None  # class, where only one is
-        if self.memory is not None:
-            self.memory.forget()
+        if self.pool is not None:
+            self.pool.forget()
         if self.allocation is not None:
             self.allocation.forget()
         self._guides: dict[tuple[int, ...], Guide] = {}  # by class of driven path and guide together
@@ -115,7 +115,7 @@ class Controller(Policy):
         batch = self.batch(x, references)
         estimate = self._estimate(batch, left)
         ids = tuple(batch.classes.values())
-        law = None if estimate is None or self.memory is None else self._law(self.memory, estimate, batch)
+        law = None if estimate is None or self.pool is None else self._law(self.pool, estimate, batch)
         return Plan(
             state=x,
             times=batch.times,
@@ -167,16 +167,16 @@ class Controller(Policy):
     def _alone(self, estimate: Estimate, ids: list[str], names: Mapping[int, str]) -> Estimate:
         """What the samples of the best class say; what earlier ones said of another class is forgotten."""
         best = best_class(self.problem, estimate, ids, self._followed, consistency=self.consistency)
-        if self._followed != ids[best] and self.memory is not None:
-            self.memory.forget()
+        if self._followed != ids[best] and self.pool is not None:
+            self.pool.forget()
         self._followed = ids[best]
         return alone(self.problem, estimate, best, {key: name for key, name in names.items() if name == ids[best]})
 
-    def _law(self, memory: Memory, estimate: Estimate, batch: Batch) -> Law:
+    def _law(self, pool: ClassPool, estimate: Estimate, batch: Batch) -> ClassMixture:
         """Feedback until the next plan."""
         leads = {one.name: one.lead for one in batch.proposals if one.key is not None and one.lead.follows}
         elapsed, self.drive.since_estimate = self.drive.since_estimate, 0.0
-        return memory.law(estimate, leads, self.path_integral.push(estimate.rollouts.leads), elapsed)
+        return pool.law(estimate, leads, self.path_integral.push(estimate.rollouts.leads), elapsed)
 
     def _references(self, x: Array) -> list[Reference]:
         if self.tree is None or self.method.most == 0:

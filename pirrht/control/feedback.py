@@ -54,7 +54,7 @@ class ClassLaw:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Law:
+class ClassMixture:
     """The control at any state near the plan's."""
 
     problem: Problem
@@ -112,12 +112,12 @@ class Law:
 
 
 @dataclass(slots=True)
-class Memory:
+class ClassPool:
     """Pools what the plans of a drive find out about each class."""
 
     problem: Problem
     fade: float = MEMORY  # [s]; 0: only the last plan counts
-    _last: Law | None = field(default=None)
+    _last: ClassMixture | None = field(default=None)
 
     def __post_init__(self) -> None:
         """Compile what leads are made of."""
@@ -128,7 +128,7 @@ class Memory:
         """Start anew."""
         self._last = None
 
-    def law(self, estimate: Estimate, leads: Mapping[str, Lead], push: Push, elapsed: float) -> Law:
+    def law(self, estimate: Estimate, leads: Mapping[str, Lead], push: Push, elapsed: float) -> ClassMixture:
         """The law after one more plan, made `elapsed` [s] after the last one.
 
         Args:
@@ -164,7 +164,7 @@ class Memory:
             found[name] = new if name not in found else _pooled(found[name], new)
         top = max(c.log_psi for c in found.values())
         found = {name: c for name, c in found.items() if c.log_psi > top + FADED}
-        self._last = Law(problem=self.problem, state=x, classes=found, push=push)
+        self._last = ClassMixture(problem=self.problem, state=x, classes=found, push=push)
         return self._last
 
 

@@ -16,7 +16,7 @@ from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.sums import centred, grouped, scatter
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollouts.backend import Leads, Paths
+from pirrht.rollouts.records import Leads, Origin, Paths
 
 OTHER = "other"
 
@@ -25,11 +25,15 @@ OTHER = "other"
 class Rollouts:
     """S sampled paths from one state; full states are simulated again for those that are shown."""
 
-    x0: Array  # (n,)
-    seed: int
+    origin: Origin
     leads: Leads
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi; -inf for paths that ran out of time
+
+    @property
+    def x0(self) -> Array:
+        """State that they start from, (n,)."""
+        return self.origin.x
 
     @property
     def size(self) -> int:

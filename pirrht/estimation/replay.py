@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts, normalised
-from pirrht.rollouts.records import Kernels, World
+from pirrht.rollouts.records import Chosen, Kernels, World
 
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to a tape
 
@@ -25,8 +25,7 @@ class Replay(NamedTuple):
         """States (c, T+1, n) of chosen samples (c,), and the number of steps each took, (c,)."""
         T = rollouts.leads.control.shape[1]
         states, steps = np.zeros((len(chosen), T + 1, len(rollouts.x0))), np.zeros(len(chosen), np.int64)
-        seed = np.uint64(rollouts.seed)
-        self.kernels.trace(self.world, rollouts.leads, rollouts.x0, seed, chosen, states, steps)
+        self.kernels.trace(self.world, rollouts.leads, rollouts.origin, chosen, states, steps)
         return states, steps
 
     def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
@@ -44,11 +43,9 @@ class Replay(NamedTuple):
         for g, mask in enumerate(groups):
             weight[mask], ess[g] = normalised(rollouts.log_weight[mask])
             group[mask] = g
-        chosen = np.flatnonzero(weight > NEGLIGIBLE)
-        self.kernels.control(
-            self.world, rollouts.leads, rollouts.x0, np.uint64(rollouts.seed), chosen, group[chosen], weight[chosen],
-            total, alive,
-        )  # fmt: skip
+        number = np.flatnonzero(weight > NEGLIGIBLE)
+        chosen = Chosen(number, group[number], weight[number])
+        self.kernels.control(self.world, rollouts.leads, rollouts.origin, chosen, total, alive)
         return total, alive, ess
 
     def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:

@@ -30,6 +30,7 @@ from pirrht.problem import Problem
 from pirrht.rollouts.backend import Kernels, Leads, World, empty_paths, kernels_for
 from pirrht.rollouts.first_exit import survivors_slope
 from pirrht.rollouts.gates import Gates
+from pirrht.rollouts.records import Origin
 from pirrht.steering.trajectory import Trajectory
 
 __all__ = ["EXITS", "GUIDES", "OTHER", "WEIGHTS", "Estimate", "PathIntegral", "Rollouts", "Sampling"]
@@ -115,14 +116,14 @@ class PathIntegral:
         first, H = leads.first, len(batch.proposals)
         S = int(first[-1])
         paths, log_weight = empty_paths(S, H, self.problem.dynamics.m), np.empty(S)
-        x0 = np.ascontiguousarray(batch.state, dtype=float)
+        origin = Origin(np.ascontiguousarray(batch.state, dtype=float), np.uint64(seed))
 
         def work(part: tuple[int, int]) -> None:
-            self.kernels.sample(self.world, leads, x0, np.uint64(seed), part[0], part[1], paths)
+            self.kernels.sample(self.world, leads, origin, part[0], part[1], paths)
             log_weight[slice(*part)] = log_weights(self.problem, self.sampling.weights, paths, first, part)
 
         _in_parallel(work, S, self.threads if self.kernels.alone < S else 1)
-        rollouts = Rollouts(x0=x0, seed=seed, leads=leads, paths=paths, log_weight=log_weight)
+        rollouts = Rollouts(origin=origin, leads=leads, paths=paths, log_weight=log_weight)
         return rollouts if self.beyond is None else self._completed(rollouts, self.beyond)
 
     def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Rollouts:

@@ -16,13 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Domain
-from pirrht.exact.planar import Clearance
+from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_cells, in_goal
+from pirrht.exact.lagrange import derivative, polynomial
 from pirrht.exact.tiles import TILE, logarithm, one_round
-from pirrht.geometry.scene import Goal
+from pirrht.freespace import FreeSpace
+from pirrht.problem import Problem
 
+PER_STEP = 3.0  # default points per standard deviation of a step
 BEYOND = 6.5  # a step is cut off so many deviations beyond the one that the law asks for
 PARTS = 8  # cells cut by a wall or by the rim are integrated over so many parts each way
 MARGIN = 3  # grid points beyond the border
@@ -33,29 +35,39 @@ ROUNDS = 20_000
 class Lattice(NamedTuple):
     """log phi on a grid that reaches beyond the border."""
 
-    x0: float  # position of point (0, 0) [m]
-    y0: float
-    spacing: float  # h [m]
-    goal_x: float  # centre of the goal's disc [m]
-    goal_y: float
-    radius: float  # of the disc [m]
+    frame: Frame
     log_phi: Array  # (nx, ny) [nats]
 
 
-def solve(
-    clearance: Clearance,
-    domain: Domain,
-    *,
-    deviation: float,
-    loss: float,
-    wall: float,
-    spacing: float,
-) -> Lattice:
+def _deviation(problem: Problem, dt: float) -> float:
+    """Standard deviation of a step along each axis [m]."""
+    return float(problem.dynamics.B_c(np.zeros(2))[0, 0]) * math.sqrt(dt)
+
+
+def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
+    """The spacing [m] asked for, or a share of how far noise carries a step dt [s].
+
+    Raises:
+        OptionError: the grid would have too many points.
+    """
+    assert dt is not None
+    deviation = _deviation(problem, dt)
+    reason = f"noise carries a step {deviation:.2g} m"
+    return affordable(space.scene, deviation / PER_STEP if spacing is None else spacing, reason, ", a longer --dt")
+
+
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Lattice:
+    """The solution of a problem with steps of dt [s] on a grid of this spacing [m]."""
+    assert not callable(problem.q)
+    assert dt is not None
+    loss, wall = problem.q * dt / problem.temperature, problem.phi / problem.temperature
+    return solve(Domain.of(space), deviation=_deviation(problem, dt), loss=loss, wall=wall, spacing=spacing)
+
+
+def solve(domain: Domain, *, deviation: float, loss: float, wall: float, spacing: float) -> Lattice:
     """Solve the discrete-time problem.
 
     Args:
-        clearance: room at positions (k, 2), the border included [m].
-        domain: workspace and goal.
         deviation: b sqrt(dt) [m].
         loss: q dt/lambda [nats].
         wall: phi/lambda; may be infinite.
@@ -73,7 +85,7 @@ def solve(
     corner = domain.lower - margin * spacing
     count = np.ceil((domain.upper - corner) / spacing).astype(int) + 1 + margin
     size = TILE * -(-count // TILE)
-    into, at_goal = _weights(clearance, corner, size, spacing, domain.goal)
+    into, at_goal = _weights(domain, corner, size, spacing)
     known = at_goal + math.exp(-wall) * (1.0 - into - at_goal)
     phi, power = np.zeros(tuple(size)), np.full(tuple(size // TILE), -np.inf)
     before = np.full(tuple(size), -np.inf)
@@ -85,29 +97,29 @@ def solve(
             with np.errstate(invalid="ignore"):
                 change = float(np.nanmax(np.abs(now - before)[: count[0], : count[1]]))
             if change < 8 * SETTLED:
-                (x0, y0), (goal_x, goal_y) = corner.tolist(), domain.goal.center.tolist()
-                return Lattice(x0, y0, spacing, goal_x, goal_y, float(domain.goal.radius), now)
+                return Lattice(frame_at(corner, spacing, domain.goal), now)
             before = now
     raise OptionError(f"the solution has not settled after {ROUNDS} rounds; choose a longer dt")
 
 
-def _weights(clearance: Clearance, corner: Array, size: Array, spacing: float, goal: Goal) -> tuple[Array, Array]:
+def _weights(domain: Domain, corner: Array, size: Array, spacing: float) -> tuple[Array, Array]:
     """How much of its surroundings each point stands for: free space outside the goal, and the goal; 2 x (nx, ny)."""
     index = np.stack(np.meshgrid(*map(np.arange, size), indexing="ij"), axis=-1).reshape(-1, 2)
     points = corner + spacing * index
-    room = np.maximum(clearance(points), -1.0).reshape(size[0], size[1])
+    free_by = np.maximum(domain.clearance(points), -1.0).reshape(size[0], size[1])
     into, at_goal = np.zeros((size[0], size[1])), np.zeros((size[0], size[1]))
-    _integrate(room, corner / spacing, spacing, goal.center, goal.radius, into, at_goal)
+    _integrate(free_by, corner / spacing, spacing, domain.goal.center, domain.goal.radius, into, at_goal)
     return into, at_goal
 
 
 @kernel
-def _integrate(room, origin, spacing, goal, radius, into, at_goal):  # type: ignore[no-untyped-def]
+def _integrate(free_by, origin, spacing, goal, radius, into, at_goal):  # type: ignore[no-untyped-def]
     """Add up, cell by cell, what the cubic Lagrange polynomials of the points around it integrate to."""
-    nx, ny = room.shape
+    nx, ny = free_by.shape
     base = np.empty((PARTS, 4))
     for a in range(PARTS):
-        _cubic((a + 0.5) / PARTS, base[a])
+        for k in range(4):
+            base[a, k] = polynomial((a + 0.5) / PARTS, k - 1)
     one = np.empty(4)
     for k in range(4):
         one[k] = base[:, k].mean()
@@ -115,8 +127,8 @@ def _integrate(room, origin, spacing, goal, radius, into, at_goal):  # type: ign
     step = spacing / PARTS
     for i in range(1, nx - 2):
         for j in range(1, ny - 2):
-            low = min(min(room[i, j], room[i + 1, j]), min(room[i, j + 1], room[i + 1, j + 1]))
-            high = max(max(room[i, j], room[i + 1, j]), max(room[i, j + 1], room[i + 1, j + 1]))
+            low = min(min(free_by[i, j], free_by[i + 1, j]), min(free_by[i, j + 1], free_by[i + 1, j + 1]))
+            high = max(max(free_by[i, j], free_by[i + 1, j]), max(free_by[i, j + 1], free_by[i + 1, j + 1]))
             if high <= 0.0:
                 continue
             mx, my = (origin[0] + i + 0.5) * spacing - goal[0], (origin[1] + j + 0.5) * spacing - goal[1]
@@ -135,8 +147,8 @@ def _integrate(room, origin, spacing, goal, radius, into, at_goal):  # type: ign
                 u = (a + 0.5) / PARTS
                 for b in range(PARTS):
                     v = (b + 0.5) / PARTS
-                    c = (room[i, j] * (1 - u) + room[i + 1, j] * u) * (1 - v)
-                    c += (room[i, j + 1] * (1 - u) + room[i + 1, j + 1] * u) * v
+                    c = (free_by[i, j] * (1 - u) + free_by[i + 1, j] * u) * (1 - v)
+                    c += (free_by[i, j + 1] * (1 - u) + free_by[i + 1, j + 1] * u) * v
                     x, y = (origin[0] + i + u) * spacing - goal[0], (origin[1] + j + v) * spacing - goal[1]
                     open_share = min(max(0.5 + c / step, 0.0), 1.0)
                     goal_share = min(max(0.5 + (radius - math.sqrt(x * x + y * y)) / step, 0.0), 1.0)
@@ -149,45 +161,24 @@ def _integrate(room, origin, spacing, goal, radius, into, at_goal):  # type: ign
             at_goal[i - 1 : i + 3, j - 1 : j + 3] += inside
 
 
-@inlined
-def _cubic(t, out):  # type: ignore[no-untyped-def]
-    """Lagrange polynomials of the points -1, 0, 1, 2 at t."""
-    out[0] = -t * (t - 1.0) * (t - 2.0) / 6.0
-    out[1] = (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0
-    out[2] = -(t + 1.0) * t * (t - 2.0) / 2.0
-    out[3] = (t + 1.0) * t * (t - 1.0) / 6.0
-
-
-@inlined
-def _slope(t, out):  # type: ignore[no-untyped-def]
-    """Their derivatives."""
-    out[0] = -(3.0 * t * t - 6.0 * t + 2.0) / 6.0
-    out[1] = (3.0 * t * t - 4.0 * t - 1.0) / 2.0
-    out[2] = -(3.0 * t * t - 2.0 * t - 2.0) / 2.0
-    out[3] = (3.0 * t * t - 1.0) / 6.0
-
-
 @kernel
 def look(grid, x, slope):  # type: ignore[no-untyped-def]
     """log phi [nats] at x (2,), 0 in the goal; its gradient [1/m] goes to slope (2,)."""
     slope[0], slope[1] = 0.0, 0.0
-    if (x[0] - grid.goal_x) ** 2 + (x[1] - grid.goal_y) ** 2 <= grid.radius * grid.radius:
+    if in_goal(grid.frame, x):
         return 0.0
     nx, ny = grid.log_phi.shape
-    fx, fy = (x[0] - grid.x0) / grid.spacing, (x[1] - grid.y0) / grid.spacing
+    fx, fy = in_cells(grid.frame, x)
     i, j = min(max(int(fx), 1), nx - 3), min(max(int(fy), 1), ny - 3)
-    px, py, dx, dy = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    _cubic(fx - i, px)
-    _cubic(fy - j, py)
-    _slope(fx - i, dx)
-    _slope(fy - j, dy)
-    value = 0.0
-    for k in range(4):
-        for e in range(4):
-            entry = grid.log_phi[i - 1 + k, j - 1 + e]
-            value += px[k] * py[e] * entry
-            slope[0] += dx[k] * py[e] * entry / grid.spacing
-            slope[1] += px[k] * dy[e] * entry / grid.spacing
+    value, h = 0.0, grid.frame.spacing
+    for k in range(-1, 3):
+        px, dx = polynomial(fx - i, k), derivative(fx - i, k)
+        for e in range(-1, 3):
+            py, dy = polynomial(fy - j, e), derivative(fy - j, e)
+            entry = grid.log_phi[i + k, j + e]
+            value += px * py * entry
+            slope[0] += dx * py * entry / h
+            slope[1] += px * dy * entry / h
     if not math.isfinite(value):
         slope[0], slope[1] = 0.0, 0.0
         return -math.inf

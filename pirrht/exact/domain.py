@@ -1,22 +1,93 @@
-"""Where psi is solved for."""
+"""Where psi is solved for, and where the points of a grid lie."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Goal, Scene
+
+MOST = 1_000_000  # grid points in the plane that are solved for in about half a minute
+BAND = 0.03  # FCL itself is asked where the clearance field claims less than this [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Domain:
-    """The workspace and the disc on which psi is one; obstacles are told as a clearance."""
+    """The workspace, the disc on which psi is one, and the clearance that tells where the walls are."""
 
     lower: Array  # (2,) corner of the workspace [m]
     upper: Array  # (2,) the opposite one [m]
     goal: Goal
+    clearance: Callable[[Array], Array]  # of centres (k, 2), (k,) [m]; at most 0 where the robot may not be
 
     @classmethod
-    def of(cls, scene: Scene) -> Domain:
-        """That of a scene."""
-        return cls(lower=scene.lower.astype(float), upper=scene.upper.astype(float), goal=scene.goal)
+    def of(cls, space: FreeSpace) -> Domain:
+        """That of a scene; its clearance is the field's, border included, and FCL's close to obstacles."""
+
+        def at(points: Array) -> Array:
+            out = np.empty(len(points))
+            _sample(space.field, np.ascontiguousarray(points), out)
+            close = np.flatnonzero(out < BAND)
+            out[close] = space.collision.clearance(points[close])
+            return out
+
+        scene = space.scene
+        return cls(lower=scene.lower.astype(float), upper=scene.upper.astype(float), goal=scene.goal, clearance=at)
+
+
+class Frame(NamedTuple):
+    """Where the points of a grid lie, and the goal's disc."""
+
+    x0: float  # position of point (0, 0) [m]
+    y0: float
+    spacing: float  # h [m]
+    goal_x: float  # centre of the goal's disc [m]
+    goal_y: float
+    radius: float  # of the disc [m]
+
+
+def frame_at(corner: Array, spacing: float, goal: Goal) -> Frame:
+    """The frame of a grid whose point (0, 0) is at a corner (2,) [m], spacing in [m]."""
+    (x0, y0), (goal_x, goal_y) = corner.tolist(), goal.center.tolist()
+    return Frame(x0, y0, spacing, float(goal_x), float(goal_y), float(goal.radius))
+
+
+@inlined
+def in_goal(frame, x):  # type: ignore[no-untyped-def]
+    """Whether the position of x is in the goal's disc."""
+    return (x[0] - frame.goal_x) ** 2 + (x[1] - frame.goal_y) ** 2 <= frame.radius * frame.radius
+
+
+@inlined
+def in_cells(frame, x):  # type: ignore[no-untyped-def]
+    """The position of x in spacings from point (0, 0)."""
+    return (x[0] - frame.x0) / frame.spacing, (x[1] - frame.y0) / frame.spacing
+
+
+def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> float:
+    """A spacing [m] at which the workspace has at most MOST points.
+
+    Raises:
+        OptionError: it has more; says the reason for the spacing and what to choose instead.
+    """
+    size = (scene.upper - scene.lower) / spacing
+    if np.prod(size) > MOST:
+        raise OptionError(
+            f"{reason}, so the grid needs {size[0]:.0f} x {size[1]:.0f} points and can have {MOST:,}; "
+            f"choose more --noise{remedy} or a smaller workspace"
+        )
+    return spacing
+
+
+@kernel
+def _sample(field, points, out):  # type: ignore[no-untyped-def]
+    for k in range(len(points)):
+        out[k] = clearance(field, points[k, 0], points[k, 1])

@@ -10,86 +10,113 @@ directions, go on until v no longer changes.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Domain
-from pirrht.geometry.arena import Arena
-from pirrht.geometry.field import Field, clearance
+from pirrht.exact.domain import Frame, frame_at, in_cells, in_goal
+from pirrht.exact.lagrange import derivative, polynomial
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.field import clearance
+from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import GOAL, INSIDE, sweep_exit
+from pirrht.systems.unicycle import Unicycle
 
 BEYOND = 6.5  # smoothing is cut off so many deviations beyond a turn rate of FASTEST
 FASTEST = 4.0  # [rad/s]
 WORST = 10.0  # v is cut off at this many times q x (sum of the sides of the workspace) / V
 RAY = 2.0  # length of a ray in spacings
 ROUNDS = 500  # sweeps at most
+ACCURACY = 1e-4  # they end when v changes by less [cost]
+ACROSS = 2.0  # points across the deviation of a car after a second, at least
+COARSEST = 1.0 / 6.0  # default spacing is at most this share of the robot's radius
+FEWEST = 120  # headings
+MOST = 8_000_000  # grid points of positions and headings
 
 
 class Headings(NamedTuple):
     """v on a grid of positions and headings."""
 
-    x0: float  # position of point (0, 0) [m]
-    y0: float
-    spacing: float  # h [m]
-    goal_x: float  # centre of the goal's disc [m]
-    goal_y: float
-    radius: float  # of the disc [m]
+    frame: Frame
     temperature: float  # lambda [cost]
     value: Array  # (nx, ny, nt) v [cost]; headings 2 pi k / nt
 
 
-def solve(
-    field: Field,
-    domain: Domain,
-    *,
-    speed: float,
-    noise: float,
-    rate: float,
-    temperature: float,
-    phi: float,
-    spacing: float,
-    headings: int,
-    accuracy: float = 1e-4,
-) -> Headings:
-    """Solve for v.
+class Rays(NamedTuple):
+    """What becomes of the ray that leaves each grid point at each heading."""
 
-    Args:
-        field: clearance field of the scene.
-        domain: workspace and goal.
-        speed: V [m/s].
-        noise: b [rad/sqrt(s)].
-        rate: q [cost/s].
-        temperature: lambda [cost].
-        phi: final cost off the goal.
-        spacing: h [m]; rays are RAY spacings long.
-        headings: their number.
-        accuracy: sweeps end when v changes by less [cost].
+    fate: NDArray[np.int8]  # (nx, ny, nt) INSIDE or the Outcome; -1 at points in a wall
+    share: NDArray[np.float32]  # (nx, ny, nt) share of the ray until then
+    own_i: IntArray  # (nx, ny) the free point that speaks for a point in a wall
+    own_j: IntArray
+    cost: float  # q tau of a whole ray [cost]
+    temperature: float  # lambda [cost]
+    ceiling: float  # v is cut off there [cost]
+
+
+def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
+    """The spacing [m] asked for, or one at which the grid smears paths less than the noise does.
+
+    Raises:
+        OptionError: a step dt is asked for, the spacing is too coarse, or the grid would have too many points.
     """
-    tau = RAY * spacing / speed
-    lower, sides = domain.lower, domain.upper - domain.lower
-    nx, ny = np.ceil(sides / spacing - 1e-9).astype(int) + 1
-    ceiling = min(phi, WORST * rate * float(np.sum(sides)) / speed)
-    fate, share = np.zeros((nx, ny, headings), np.int8), np.ones((nx, ny, headings), np.float32)
-    centre, radius = (float(domain.goal.center[0]), float(domain.goal.center[1])), float(domain.goal.radius)
-    _trace(field, centre, radius, lower[0], lower[1], spacing, RAY * spacing, fate, share)
+    if dt is not None:
+        raise OptionError("no grid solves the discrete-time problem of a car; use the exit rule bridge")
+    d = problem.dynamics
+    assert isinstance(d, Unicycle)
+    sideways = d.b * d.V / math.sqrt(3.0)  # deviation from the straight line after a second
+    needed = sideways / ACROSS
+    h = min(needed, COARSEST * space.scene.robot_radius) if spacing is None else spacing
+    finest = min(h, needed)
+    size = [*(math.ceil(s / finest) + 1 for s in space.scene.upper - space.scene.lower), _directions(d, finest)]
+    if h > needed * (1.0 + 1e-9) or math.prod(size) > MOST:
+        raise OptionError(
+            f"noise b = {d.b:g} carries the car only {sideways:.2g} m sideways in a second, so the grid needs "
+            f"points {finest:.2g} m apart, {size[0]} x {size[1]} x {size[2]} points, and can have {MOST:,}; "
+            "choose more --noise or a smaller workspace"
+        )
+    return h
+
+
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Headings:
+    """Solve for v of a car in continuous time on a grid of this spacing [m].
+
+    Raises:
+        OptionError: the sweeps do not settle.
+    """
+    d = problem.dynamics
+    assert isinstance(d, Unicycle)
+    assert not callable(problem.q)
+    lower, upper = space.scene.lower.astype(float), space.scene.upper.astype(float)
+    nx, ny = np.ceil((upper - lower) / spacing - 1e-9).astype(int) + 1
+    shape = nx, ny, _directions(d, spacing)
+    tau = RAY * spacing / d.V
+    ceiling = min(problem.phi, WORST * problem.q * float(np.sum(upper - lower)) / d.V)
+    fate, share = np.zeros(shape, np.int8), np.ones(shape, np.float32)
+    at = frame_at(lower, spacing, space.scene.goal)
+    _trace(space.arena, at, RAY * spacing, fate, share)
     free = fate[:, :, 0] >= 0
     owner = distance_transform_edt(~free, return_distances=False, return_indices=True)
-    value = np.full((nx, ny, headings), ceiling)
-    whole, half = (_taps(noise * math.sqrt(s), tau, headings) for s in (tau, 0.5 * tau))
-    cost = rate * tau
+    rays = Rays(fate, share, owner[0], owner[1], problem.q * tau, problem.temperature, ceiling)
+    value = np.full(shape, ceiling)
+    whole, half = (_taps(d.b * math.sqrt(s), tau, shape[2]) for s in (tau, 0.5 * tau))
     for done in range(ROUNDS):
-        change = _sweep(value, value, fate, share, owner[0], owner[1], whole, cost, temperature, ceiling, done % 4)
-        if change < accuracy:
+        if _sweep(value, value, rays, whole, done % 4) < ACCURACY:
             out = np.empty_like(value)
-            _sweep(value, out, fate, share, owner[0], owner[1], half, cost, temperature, ceiling, 0)
+            _sweep(value, out, rays, half, 0)
             out[~free] = out[owner[0][~free], owner[1][~free]]
-            return Headings(float(lower[0]), float(lower[1]), spacing, *centre, radius, temperature, out)
+            return Headings(at, problem.temperature, out)
     raise OptionError(f"the solution has not settled after {ROUNDS} sweeps; choose a larger spacing")
+
+
+def _directions(d: Unicycle, spacing: float) -> int:
+    """Headings so close together that the noise of one ray spans one of them."""
+    return max(FEWEST, math.ceil(2.0 * math.pi / (d.b * math.sqrt(RAY * spacing / d.V))))
 
 
 def _taps(deviation: float, tau: float, headings: int) -> Array:
@@ -101,27 +128,22 @@ def _taps(deviation: float, tau: float, headings: int) -> Array:
     return weights
 
 
-ARENA: Any = Arena
-
-
 @kernel
-def _trace(field, goal, radius, x0, y0, h, length, fate, share):  # type: ignore[no-untyped-def]
+def _trace(arena, frame, length, fate, share):  # type: ignore[no-untyped-def]
     """How the ray from every point ends, and after which share of it; -1 for points in a wall."""
     nx, ny, nt = fate.shape
     for i in range(nx):
         for j in range(ny):
-            x, y = x0 + i * h, y0 + j * h
+            x, y = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
             for k in range(nt):
-                if _blocked(field, x, y):
+                if _blocked(arena.field, x, y):
                     fate[i, j, k] = -1
                     continue
                 th = 2.0 * math.pi * k / nt
-                if (x - goal[0]) ** 2 + (y - goal[1]) ** 2 <= radius * radius:
+                if in_goal(frame, (x, y)):
                     fate[i, j, k], share[i, j, k] = GOAL, 0.0
                     continue
-                end, s = sweep_exit(
-                    ARENA(field, goal, radius), x, y, x + length * math.cos(th), y + length * math.sin(th)
-                )
+                end, s = sweep_exit(arena, x, y, x + length * math.cos(th), y + length * math.sin(th))
                 fate[i, j, k], share[i, j, k] = end, s
 
 
@@ -131,8 +153,10 @@ def _blocked(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _sweep(value, out, fate, share, own_i, own_j, taps, cost, temperature, ceiling, order):  # type: ignore[no-untyped-def]
+def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
     """One round over all positions: rays, then smoothing over headings. The greatest change of v."""
+    fate, share, own_i, own_j = rays.fate, rays.share, rays.own_i, rays.own_j
+    cost, temperature, ceiling = rays.cost, rays.temperature, rays.ceiling
     nx, ny, nt = value.shape
     reach = taps.shape[0] // 2
     ray, weight = np.empty(nt), np.empty(nt + 2 * reach)
@@ -195,68 +219,45 @@ def _cubic(value, own_i, own_j, i, j, dx, dy, k):  # type: ignore[no-untyped-def
     u, v = i + dx - p, j + dy - q
     total, low, high = 0.0, math.inf, -math.inf
     for c in range(-1, 3):
-        wx = _lagrange(u, c)
+        wx = polynomial(u, c)
         row = 0.0
         for d in range(-1, 3):
             s, t = min(max(p + c, 0), nx - 1), min(max(q + d, 0), ny - 1)
             entry = value[own_i[s, t], own_j[s, t], k]
-            row += _lagrange(v, d) * entry
+            row += polynomial(v, d) * entry
             if (c == 0 or c == 1) and (d == 0 or d == 1):
                 low, high = min(low, entry), max(high, entry)
         total += wx * row
     return min(max(total, low), high)
 
 
-@inlined
-def _lagrange(t, c):  # type: ignore[no-untyped-def]
-    """Polynomial of point c of -1, 0, 1, 2 at t."""
-    if c == -1:
-        return -t * (t - 1.0) * (t - 2.0) / 6.0
-    if c == 0:
-        return (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0
-    if c == 1:
-        return -(t + 1.0) * t * (t - 2.0) / 2.0
-    return (t + 1.0) * t * (t - 1.0) / 6.0
-
-
-@inlined
-def _derived(t, c):  # type: ignore[no-untyped-def]
-    """Its derivative."""
-    if c == -1:
-        return -(3.0 * t * t - 6.0 * t + 2.0) / 6.0
-    if c == 0:
-        return (3.0 * t * t - 4.0 * t - 1.0) / 2.0
-    if c == 1:
-        return -(3.0 * t * t - 2.0 * t - 2.0) / 2.0
-    return (3.0 * t * t - 1.0) / 6.0
-
-
 @kernel
 def look(grid, x, slope):  # type: ignore[no-untyped-def]
     """log psi [nats] at x (3,), 0 in the goal; its gradient [1/m, 1/m, 1/rad] goes to slope (3,)."""
     slope[0], slope[1], slope[2] = 0.0, 0.0, 0.0
-    if (x[0] - grid.goal_x) ** 2 + (x[1] - grid.goal_y) ** 2 <= grid.radius * grid.radius:
+    if in_goal(grid.frame, x):
         return 0.0
     nx, ny, nt = grid.value.shape
-    fx, fy, ft = (x[0] - grid.x0) / grid.spacing, (x[1] - grid.y0) / grid.spacing, x[2] * nt / (2.0 * math.pi)
+    fx, fy = in_cells(grid.frame, x)
+    ft = x[2] * nt / (2.0 * math.pi)
     i, j, k = min(max(int(fx), 0), nx - 2), min(max(int(fy), 0), ny - 2), math.floor(ft)
     total, along_x, along_y, along_t = 0.0, 0.0, 0.0, 0.0
     for a in range(-1, 3):
-        px, dx = _lagrange(fx - i, a), _derived(fx - i, a)
+        px, dx = polynomial(fx - i, a), derivative(fx - i, a)
         s = min(max(i + a, 0), nx - 1)
         for b in range(-1, 3):
-            py, dy = _lagrange(fy - j, b), _derived(fy - j, b)
+            py, dy = polynomial(fy - j, b), derivative(fy - j, b)
             t = min(max(j + b, 0), ny - 1)
             value, turning = 0.0, 0.0
             for c in range(-1, 3):
                 entry = grid.value[s, t, (k + c) % nt]
-                value += _lagrange(ft - k, c) * entry
-                turning += _derived(ft - k, c) * entry
+                value += polynomial(ft - k, c) * entry
+                turning += derivative(ft - k, c) * entry
             total += px * py * value
             along_x += dx * py * value
             along_y += px * dy * value
             along_t += px * py * turning
     scale = -1.0 / grid.temperature
-    slope[0], slope[1] = scale * along_x / grid.spacing, scale * along_y / grid.spacing
+    slope[0], slope[1] = scale * along_x / grid.frame.spacing, scale * along_y / grid.frame.spacing
     slope[2] = scale * along_t * nt / (2.0 * math.pi)
     return scale * total

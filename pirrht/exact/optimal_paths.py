@@ -10,14 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.compiled.jit import as_jitable, inlined, kernel
 from pirrht.compiled.streams import normals, stream, uniform
-from pirrht.geometry.field import clearance
+from pirrht.exact.domain import in_goal
+from pirrht.geometry.arcs import turns_of_chord
+from pirrht.geometry.field import Field, clearance
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
+from pirrht.topology.cuts import straight_turns
 
 CANDIDATES = 64  # ends that one discrete step is chosen from
 LONGEST = 100_000  # steps of a path
@@ -25,23 +29,41 @@ CAREFUL = 0.15  # deviation of a step as a share of the clearance, in continuous
 SHORTEST = 1e-7  # ... but no step is shorter [s]
 
 
+class Process(NamedTuple):
+    """What is controlled, and how paths of it are drawn."""
+
+    field: Field
+    parameters: Array  # (k,) that the drift reads
+    gain: Array  # lambda R^-1 G_c', (m, m)
+    G: Array  # G_c, (m, m)
+    B: Array  # B_c, (m, m)
+    wall: float  # phi/lambda
+    step: float  # of a path [s]; in continuous time at most
+
+
 @cache
 def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
     """The compiled loop over paths for one kind of grid and dynamics.
 
-    Its arguments: grid, clearance field, markers (M, 2), parameters of the drift, gain, G, B (m, m each), phi/lambda,
-    the start (n,), step [s], seed; it fills the turns (S, M) around the markers and outcomes (S,).
+    Args:
+        look: compiled, (grid, x, slope) -> log psi.
+        drift: f of the dynamics.
+        discrete: paths of the discrete-time problem.
+
+    Returns:
+        a kernel: grid, `Process`, markers (M, 2), start (n,), seed; it fills turns (S, M) and outcomes (S,).
     """
     move = as_jitable(drift)
 
     @kernel
-    def continuous(grid, field, p, gain, G, B, wall, step, x, slope, f, state):  # type: ignore[no-untyped-def]
+    def continuous(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
+        field, gain, G, B, step = process.field, process.gain, process.G, process.B, process.step
         n, m = x.shape[0], G.shape[0]
         look(grid, x, slope)
         if n == m:
-            room = CAREFUL * clearance(field, x[0], x[1]) / B[0, 0]
-            step = max(min(step, room * room), SHORTEST)
-        move(x, p, f)
+            root = CAREFUL * clearance(field, x[0], x[1]) / B[0, 0]
+            step = max(min(step, root * root), SHORTEST)
+        move(x, process.parameters, f)
         rate = G @ (gain @ slope[n - m :])
         for i in range(n):
             x[i] += f[i] * step
@@ -54,7 +76,8 @@ def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
         return state, _end(grid, field, x)
 
     @kernel
-    def stepwise(grid, field, p, gain, G, B, wall, step, x, slope, f, state):  # type: ignore[no-untyped-def]
+    def stepwise(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
+        field, gain, G, B, step = process.field, process.gain, process.G, process.B, process.step
         look(grid, x, slope)
         ahead = G @ (gain @ slope) * step
         deviation = B[0, 0] * math.sqrt(step)
@@ -69,7 +92,7 @@ def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
                 square += z * z - ((ahead[i] + deviation * z) / deviation) ** 2
                 y[i] = ends[k, i]
             outcome = _end(grid, field, y)
-            log_psi = look(grid, y, slope) if outcome == INSIDE else (0.0 if outcome == GOAL else -wall)
+            log_psi = look(grid, y, slope) if outcome == INSIDE else (0.0 if outcome == GOAL else -process.wall)
             ends[k, 2] = log_psi + 0.5 * square
             top = max(top, ends[k, 2])
         for k in range(CANDIDATES):
@@ -86,7 +109,7 @@ def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
     advance = stepwise if discrete else continuous
 
     @kernel
-    def walk(grid, field, markers, p, gain, G, B, wall, x0, step, seed, turns, outcome):  # type: ignore[no-untyped-def]
+    def walk(grid, process, markers, x0, seed, turns, outcome):  # type: ignore[no-untyped-def]
         slope, f, x = np.zeros(x0.shape[0]), np.zeros(x0.shape[0]), np.zeros(x0.shape[0])
         for s in range(outcome.shape[0]):
             state = stream(seed, s)
@@ -94,13 +117,15 @@ def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
             outcome[s] = INSIDE
             for _ in range(LONGEST):
                 before_x, before_y = x[0], x[1]
-                state, outcome[s] = advance(grid, field, p, gain, G, B, wall, step, x, slope, f, state)
+                state, outcome[s] = advance(grid, process, x, slope, f, state)
                 for k in range(markers.shape[0]):
                     ax, ay = before_x - markers[k, 0], before_y - markers[k, 1]
                     bx, by = x[0] - markers[k, 0], x[1] - markers[k, 1]
-                    turns[s, k] += math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * math.pi)
+                    turns[s, k] += turns_of_chord(ax, ay, bx, by)
                 if outcome[s] != INSIDE:
-                    turns[s, :] += _to_center(grid, markers, x)
+                    for k in range(markers.shape[0]):
+                        mx, my = markers[k, 0], markers[k, 1]
+                        turns[s, k] += straight_turns(x[0], x[1], mx, my, grid.frame.goal_x, grid.frame.goal_y)
                     break
 
     return walk
@@ -111,16 +136,4 @@ def _end(grid, field, x):  # type: ignore[no-untyped-def]
     """Where a step has led to: a collision comes first."""
     if clearance(field, x[0], x[1]) <= 0.0:
         return COLLISION
-    inside = (x[0] - grid.goal_x) ** 2 + (x[1] - grid.goal_y) ** 2 <= grid.radius * grid.radius
-    return GOAL if inside else INSIDE
-
-
-@inlined
-def _to_center(grid, markers, x):  # type: ignore[no-untyped-def]
-    """Turns of the straight line from x to the centre of the goal."""
-    out = np.empty(markers.shape[0])
-    for k in range(markers.shape[0]):
-        ax, ay = x[0] - markers[k, 0], x[1] - markers[k, 1]
-        bx, by = grid.goal_x - markers[k, 0], grid.goal_y - markers[k, 1]
-        out[k] = math.atan2(ax * by - ay * bx, ax * bx + ay * by) / (2.0 * math.pi)
-    return out
+    return GOAL if in_goal(grid.frame, x) else INSIDE

@@ -16,20 +16,20 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
-from pirrht.arrays import Array, IntArray
+from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Domain
-from pirrht.geometry.scene import Goal
+from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_cells, in_goal
+from pirrht.freespace import FreeSpace
+from pirrht.problem import Problem
 
-Clearance = Callable[[Array], Array]  # centres (k, 2) -> room (k,) [m], at most 0 where the robot may not be
-
+FINEST = 1.0  # default spacing in decay lengths 1/k of psi ...
+COARSEST = 0.2  # ... but at most this share of the robot's radius
 ARMS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
 NEAR = 2.5  # a point of the plane is spoken for by a free grid point at most so many cells away
 SECANTS = 20  # steps of the search for the end of an arm at most
@@ -40,13 +40,8 @@ LEAST = 1e-5  # a control is never that of a place nearer to a wall [m]
 class Expansion(NamedTuple):
     """Near every free grid point psi = exp(shift) * (a sum of eight solutions of the equation)."""
 
-    x0: float  # position of grid point (0, 0) [m]
-    y0: float
-    spacing: float  # h [m]
+    frame: Frame
     wavenumber: float  # k [1/m]
-    goal_x: float  # centre of the goal's disc [m]
-    goal_y: float
-    radius: float  # of the disc [m]
     least: float  # a slope is never that of a place nearer to a wall [m]
     owner: IntArray  # (nx, ny) free point that speaks for a grid point; -1 where none is near
     place: IntArray  # (K, 2) grid indices of the free points
@@ -54,29 +49,48 @@ class Expansion(NamedTuple):
     shift: Array  # (K,) [nats]; -inf where psi is 0
 
 
-def solve(
-    clearance: Clearance,
-    domain: Domain,
-    *,
-    wavenumber: float,
-    wall: float,
-    spacing: float,
-) -> Expansion:
+def wavenumber_of(problem: Problem) -> float:
+    """k of `Laplace psi = k^2 psi` for a point in the plane [1/m]."""
+    assert not callable(problem.q)
+    b = float(problem.dynamics.B_c(np.zeros(2))[0, 0])
+    return math.sqrt(2.0 * problem.q / problem.temperature) / b
+
+
+def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
+    """The spacing [m] asked for, or one that keeps v to 0.5 % and u to 2 %.
+
+    Raises:
+        OptionError: the grid would have too many points.
+    """
+    length = 1.0 / wavenumber_of(problem)
+    default = min(FINEST * length, COARSEST * space.scene.robot_radius)
+    reason = f"psi falls by a factor e in {length:.2g} m"
+    return affordable(space.scene, default if spacing is None else spacing, reason)
+
+
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Expansion:
+    """The solution of a problem in continuous time on a grid of this spacing [m]."""
+    wall = problem.phi / problem.temperature
+    return solve(Domain.of(space), wavenumber=wavenumber_of(problem), wall=wall, spacing=spacing)
+
+
+def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> Expansion:
     """Solve `Laplace psi = k^2 psi` with psi = 1 on the rim of the goal and exp(-wall) at walls and border.
 
     Args:
-        clearance: room at positions (k, 2), the border included [m].
-        domain: workspace and goal.
         wavenumber: k [1/m].
         wall: phi/lambda; may be infinite.
         spacing: h [m].
+
+    Raises:
+        OptionError: the spacing is too coarse for the scene.
     """
     lower, goal = domain.lower, domain.goal
     nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1
     index = np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1).reshape(-1, 2)
     points = lower + spacing * index
-    room, rim = clearance(points), np.hypot(*(points - goal.center).T) - goal.radius
-    free = (room > CLOSE) & (rim > CLOSE)
+    free_by, rim = domain.clearance(points), np.hypot(*(points - goal.center).T) - goal.radius
+    free = (free_by > CLOSE) & (rim > CLOSE)
     number = np.where(free, np.cumsum(free) - 1, -1)
     place = index[free]
     target = place[:, None, :] + ARMS
@@ -85,18 +99,13 @@ def solve(
     log_end = np.zeros(flat.shape)
     cut = np.argwhere(neighbour < 0)
     tails, heads = points[free][cut[:, 0]], points[flat[neighbour < 0]]
-    length[neighbour < 0], at_goal = _ends_of_arms(clearance, tails, heads, room[free][cut[:, 0]], goal)
+    length[neighbour < 0], at_goal = _ends_of_arms(domain, tails, heads, free_by[free][cut[:, 0]])
     log_end[neighbour < 0] = np.where(at_goal, 0.0, -wall)
     s = _lengths(neighbour, length, log_end, wavenumber)
     coefficients = _fit(neighbour, length, log_end, s, wavenumber, spacing)
     return Expansion(
-        x0=float(lower[0]),
-        y0=float(lower[1]),
-        spacing=spacing,
+        frame=frame_at(lower, spacing, goal),
         wavenumber=wavenumber,
-        goal_x=float(goal.center[0]),
-        goal_y=float(goal.center[1]),
-        radius=float(goal.radius),
         least=LEAST,
         owner=_owners(number.reshape(nx, ny)),
         place=place,
@@ -105,10 +114,9 @@ def solve(
     )
 
 
-def _ends_of_arms(
-    clearance: Clearance, tails: Array, heads: Array, room: Array, goal: Goal
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Lengths (k,) [m] at which arms from free tails meet a wall or the goal's rim, and whether it is the rim."""
+def _ends_of_arms(domain: Domain, tails: Array, heads: Array, free_by: Array) -> tuple[Array, BoolArray]:
+    """Lengths (k,) [m] at which arms from tails (k, 2), free by (k,) [m], meet a wall or the goal's rim; if the rim."""
+    clearance, goal = domain.clearance, domain.goal
     span = heads - tails
     full = np.hypot(*span.T)
     unit = span / full[:, None]
@@ -117,7 +125,7 @@ def _ends_of_arms(
     inside = goal.radius**2 - (np.sum(to_goal**2, axis=1) - along**2)
     to_rim = np.where(inside > 0.0, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
     to_rim[(to_rim < 0.0) | (to_rim > full + CLOSE)] = np.inf
-    to_wall = _first_zero(lambda k, t: clearance(tails[k] + t[:, None] * unit[k]), room, clearance(heads), full)
+    to_wall = _first_zero(lambda k, t: clearance(tails[k] + t[:, None] * unit[k]), free_by, clearance(heads), full)
     return np.clip(np.minimum(to_rim, to_wall), CLOSE, full), to_rim <= to_wall
 
 
@@ -236,15 +244,15 @@ def _ladder(t):  # type: ignore[no-untyped-def]
 def look(grid, x, slope):  # type: ignore[no-untyped-def]
     """log psi [nats] at x (2,); its gradient [1/m] goes to slope (2,). Minus infinity far inside of a wall."""
     slope[0], slope[1] = 0.0, 0.0
-    if (x[0] - grid.goal_x) ** 2 + (x[1] - grid.goal_y) ** 2 <= grid.radius * grid.radius:
+    if in_goal(grid.frame, x):
         return 0.0
     nx, ny = grid.owner.shape
-    fx, fy = (x[0] - grid.x0) / grid.spacing, (x[1] - grid.y0) / grid.spacing
+    fx, fy = in_cells(grid.frame, x)
     o = grid.owner[min(max(int(fx + 0.5), 0), nx - 1), min(max(int(fy + 0.5), 0), ny - 1)]
     if o < 0 or grid.shift[o] == -math.inf:
         return -math.inf
     u, v = fx - grid.place[o, 0], fy - grid.place[o, 1]
-    h = grid.spacing
+    h = grid.frame.spacing
     c = grid.coefficients[o]
     kh = 0.25 * (grid.wavenumber * h) ** 2
     e0, e1, e2, e3, e4, e5 = _ladder(kh * (u * u + v * v))

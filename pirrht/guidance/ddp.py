@@ -8,10 +8,11 @@ price on clearances that noise would use up. The quadratic model of the cost-to-
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, with_slope
@@ -35,6 +36,21 @@ class Car(NamedTuple):
     price: float  # cost rate of the barrier at a clearance of 1 m [cost/s]
     spacing: float  # at most, of the points of a step whose clearance is priced [m]
     tolerance: float  # an expected gain below this ends the iterations [cost]
+
+
+class Course(NamedTuple):
+    """A trajectory of T steps and the feedback around it; kernels write into it."""
+
+    states: Array  # (T+1, 3) its first row is the start
+    control: Array  # (T,)
+    gains: Array  # (T, 3) K of u = control + K (x - states)
+    spread: Array  # (T,) standard deviation left to the noise by what comes later, as a share of the passive one
+    change: Array  # (T,) the best change of each control
+
+
+def empty_course(T: int) -> Course:
+    """A course of zeros; its noise is the passive one."""
+    return Course(np.zeros((T + 1, 3)), np.zeros(T), np.zeros((T, 3)), np.ones(T), np.zeros(T))
 
 
 @inlined
@@ -83,12 +99,15 @@ def _price(field, margin, least, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def roll(world, car, times, nominal, control, change, gains, length, step, states, applied):  # type: ignore[no-untyped-def]
-    """Drive from nominal[0] under u = control + step * change + K (x - nominal); past `length` towards the goal centre.
+def forward_pass(world, car, times, course, length, step, tried):  # type: ignore[no-untyped-def]
+    """Drive from the start under u = control + step * change + K (x - states); past `length` towards the goal centre.
 
+    States and controls go to `tried`, whose first state is the start.
     Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced.
     """
     (gx, gy), radius, field = world.arena.goal, world.arena.radius, world.arena.field
+    nominal, control, gains, _, change = course
+    states, applied, _, _, _ = tried
     x, y, theta = states[0, 0], states[0, 1], states[0, 2]
     cost, priced = 0.0, 0.0
     for i in range(times.shape[0] - 1):
@@ -147,9 +166,10 @@ def _arrival(world, car, x, y, theta):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def sweep_back(world, car, times, states, control, length, damping, change, gains, spread):  # type: ignore[no-untyped-def]
+def backward_pass(world, car, times, course, length, damping):  # type: ignore[no-untyped-def]
     """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost]."""
     field = world.arena.field
+    states, control, gains, spread, change = course
     v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
         world, car, states[length, 0], states[length, 1], states[length, 2]
     )
@@ -216,28 +236,30 @@ def is_free(world, states, length):  # type: ignore[no-untyped-def]
     return True
 
 
+COURSE: Any = Course
+
+
 @kernel
-def optimise(world, car, times, key, rounds, states, control, gains, spread, length):  # type: ignore[no-untyped-def]
+def optimise(world, car, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
     """Improve a trajectory of class `key` in place; once it is of its class, or touches nothing besides, it stays so.
 
     Args:
         times: (T+1,) ends of the steps [s].
         key: additive class key that the result must have.
         rounds: at most so many backward passes.
-        states: (T+1, 3) the trajectory followed, its first row the start; overwritten.
-        control: (T,) its controls; overwritten.
-        gains: (T, 3) feedback along it, used until the first backward pass; overwritten.
-        spread: (T,) standard deviation left to the noise by what comes later, as a share of the passive one; output.
+        course: the trajectory followed, its gains used until the first backward pass; overwritten.
         length: steps that it prescribes.
 
     Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced,
         backward passes, whether it is of its class and touches nothing.
     """
+    states, control = course.states, course.control
     T = control.shape[0]
-    change, other, tried = np.zeros(T), np.zeros((T + 1, 3)), np.zeros(T)
+    other, tried = np.zeros((T + 1, 3)), np.zeros(T)
+    trial = COURSE(other, tried, course.gains, course.spread, course.change)
     for j in range(3):
         other[0, j] = states[0, j]
-    steps, cost, priced = roll(world, car, times, states, control, change, gains, length, 0.0, other, tried)
+    steps, cost, priced = forward_pass(world, car, times, course, length, 0.0, trial)
     if steps < 0:
         return -1, np.inf, np.inf, 0, False
     for i in range(T):
@@ -249,12 +271,12 @@ def optimise(world, car, times, key, rounds, states, control, gains, spread, len
     damping, done, again = 0.0, 0, False
     for _ in range(rounds):
         done += 1
-        expected = sweep_back(world, car, times, states, control, steps, damping, change, gains, spread)
+        expected = backward_pass(world, car, times, course, steps, damping)
         if expected < car.tolerance:
             break
         better, step = False, 1.0
         for _ in range(HALVINGS):
-            n, c, p = roll(world, car, times, states, control, change, gains, steps, step, other, tried)
+            n, c, p = forward_pass(world, car, times, course, steps, step, trial)
             if n >= 0 and p < priced - 0.1 * step * expected:
                 same = class_of(world, other, n) == key
                 clear = same and is_free(world, other, n)
@@ -275,5 +297,5 @@ def optimise(world, car, times, key, rounds, states, control, gains, spread, len
                 if not again:
                     break
                 damping, again = 0.0, False  # what was too bold where the damping rose may not be so here
-    sweep_back(world, car, times, states, control, steps, 0.0, change, gains, spread)
+    backward_pass(world, car, times, course, steps, 0.0)
     return steps, cost, priced, done, sound

@@ -22,7 +22,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import Curves
 from pirrht.geometry.field import clearance
-from pirrht.guidance.ddp import Car, optimise
+from pirrht.guidance.ddp import Car, Course, empty_course, optimise
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import World
 from pirrht.steering.trajectory import Trajectory
@@ -117,7 +117,7 @@ class Guidance:
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation."""
-        self._from(x, np.arange(3.0), 0, (np.zeros((3, 3)), np.zeros(2), np.zeros((2, 3)), 1), WARM)
+        self._from(x, np.arange(3.0), 0, (empty_course(2), 1), WARM)
 
     def improve(
         self, x: Array, times: Array, key: int, trajectory: Trajectory, last: Guide | None = None, elapsed: float = 0.0
@@ -166,26 +166,24 @@ class Guidance:
         x: Array,
         times: Array,
         key: int,
-        start: tuple[Array, Array, Array, int],
+        start: tuple[Course, int],
         stages: Sequence[tuple[float, int]],
     ) -> Guide | None:
-        states, control, gains, length = start
-        states[0] = x
-        spread = np.ones(len(control))
+        course, length = start
+        course.states[0] = x
         cost = priced = np.inf
         sound = False
         for warmth, rounds in stages:
             if length < 1:
                 return None
-            length, cost, priced, _, sound = optimise(
-                self.world, self.cars[warmth], times, key, rounds, states, control, gains, spread, length
-            )
-        gains[max(length, 0) :] = 0.0
-        if length < 0 or not np.abs(gains).max() < WILD:
+            car = self.cars[warmth]
+            length, cost, priced, _, sound = optimise(self.world, car, times, key, rounds, course, length)
+        course.gains[max(length, 0) :] = 0.0
+        if length < 0 or not np.abs(course.gains).max() < WILD:
             return None
         return Guide(
-            times=times, states=states, control=control, gains=gains, spread=spread, length=length, cost=cost,
-            priced=priced, valid=bool(sound),
+            times=times, states=course.states, control=course.control, gains=course.gains, spread=course.spread,
+            length=length, cost=cost, priced=priced, valid=bool(sound),
         )  # fmt: skip
 
 
@@ -206,19 +204,19 @@ def wall_radius(problem: Problem) -> float:
     return max(2.0 * problem.scene.robot_radius, 0.2)
 
 
-def _along(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array, int]:
+def _along(trajectory: Trajectory, times: Array) -> tuple[Course, int]:
     """A tape that drives along a curve."""
     control = trajectory.tape(times)[:, 0]
     length = int(np.searchsorted(times, trajectory.durations.sum()))
-    T = len(control)
-    return np.zeros((T + 1, 3)), control, np.zeros((T, 3)), min(length, T)
+    return empty_course(len(control))._replace(control=control), min(length, len(control))
 
 
-def _shifted(last: Guide, times: Array, elapsed: float) -> tuple[Array, Array, Array, int]:
+def _shifted(last: Guide, times: Array, elapsed: float) -> tuple[Course, int]:
     """What is left of a guide after some time, on a new grid."""
     T = len(times) - 1
     then = times + elapsed
     states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
     at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.control) - 1)
     length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
-    return states, last.control[at], last.gains[at], min(length, T)
+    rest = empty_course(T)._replace(states=states, control=last.control[at], gains=last.gains[at])
+    return rest, min(length, T)

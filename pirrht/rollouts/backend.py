@@ -34,8 +34,10 @@ def kernels_for(problem: Problem) -> Kernels:
     q = as_jitable(problem.q) if callable(problem.q) else unit_rate
     if is_point(d) and not callable(problem.q):
         return Kernels(sample, control, trace, alone=ALONE)
-    one_path, room = any_path(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
-    return loops(one_path, room, d.m)
+    one_path, scratch_of = any_path(
+        as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position
+    )
+    return loops(one_path, scratch_of, d.m)
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:

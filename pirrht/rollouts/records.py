@@ -44,6 +44,21 @@ class Leads(NamedTuple):
     led: NDArray[np.int64]  # (H,) number of steps that the law covers, then towards the goal; 0: follow the tape
 
 
+class Origin(NamedTuple):
+    """Where the samples of a batch come from: with its number, all that a path depends on."""
+
+    x: Array  # (n,) state they start from
+    seed: np.uint64
+
+
+class Chosen(NamedTuple):
+    """Samples that are looked at again, and what they count in which group."""
+
+    number: NDArray[np.int64]  # (c,) from 0 to S
+    group: NDArray[np.int64]  # (c,)
+    weight: Array  # (c,)
+
+
 class Paths(NamedTuple):
     """What is kept of S sampled paths; kernels write into it."""
 
@@ -70,9 +85,9 @@ def empty_paths(S: int, H: int, m: int) -> Paths:
 
 
 class Kernels(NamedTuple):
-    """Compiled rollouts of one kind of dynamics."""
+    """Compiled rollouts of one kind of dynamics; all take (world, leads, origin) first."""
 
-    sample: Callable[..., None]  # fills Paths for a range of samples
-    control: Callable[..., None]  # weighted sum of the controls that samples carried
-    trace: Callable[..., None]  # states of chosen samples
+    sample: Callable[..., None]  # (.., start, stop, paths): fills Paths for a range of samples
+    control: Callable[..., None]  # (.., chosen, total, alive): adds the controls that chosen samples carried
+    trace: Callable[..., None]  # (.., number, states, steps): states of chosen samples
     alone: int = 64  # one thread is done with fewer samples than this before another one is awake

@@ -7,8 +7,8 @@ from numba import njit
 
 from pirrht.compiled.threads import mapped
 from pirrht.geometry.arena import Arena
-from pirrht.rollouts.point.exits import judge, look, single
-from pirrht.rollouts.point.stages import LANES, NX, SIGN, L, X, cross, draw, move, room, weigh
+from pirrht.rollouts.point.exits import judge, single, survey
+from pirrht.rollouts.point.stages import LANES, NX, SIGN, L, X, cross, draw, move, scratch_of, weigh
 
 STEPS = 60
 
@@ -33,7 +33,7 @@ def _steps(arena, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-d
             draw(random, bits, f, LANES)
             move(0, 0.1, B, f, a, LANES)
             cross(cuts, f, long, LANES)
-            look(around, f, short, LANES)
+            survey(around, f, short, LANES)
             judge(around, f, short, LANES)
             weigh(0, H, 0.1, f, a, ratio, LANES)
             f[X : X + 2 * L] = f[NX : NX + 2 * L]
@@ -51,5 +51,5 @@ def steps(arena: Arena, cuts: object, classes: int, samples: int, threads: int) 
 
 def _on(threads: int, samples: int, classes: int, work) -> int:  # type: ignore[no-untyped-def]
     blocks = max(1, round(samples / LANES / threads))
-    mapped(lambda _: work(blocks, room(classes)), range(threads), threads)
+    mapped(lambda _: work(blocks, scratch_of(classes)), range(threads), threads)
     return blocks * threads * LANES * STEPS

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 from benchmarks import plots
+from benchmarks.annulus import convergence
 from scipy.stats.qmc import Halton
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
 from pirrht.estimation.sampler import PathIntegral, Sampling
-from pirrht.exact.check import convergence
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
-from pirrht.compiled.streams import normals, stream, twin
+from pirrht.compiled.streams import antithetic, normals, stream
 from pirrht.geometry.arena import at
 from pirrht.rollouts.first_exit import GOAL as REACHED
 from pirrht.rollouts.first_exit import (
@@ -26,6 +27,16 @@ from pirrht.rollouts.gates import next_gate, towards
 from pirrht.rollouts.tracking import STEEP, homing, wrapped
 from pirrht.systems.dynamics import no_drift
 from pirrht.topology.cuts import key_of_step
+
+
+class Kept(NamedTuple):
+    """What is written of one path; arrays without rows are left alone."""
+
+    ratio: Array  # (H,) log dQ_g/dP under each reference
+    states: Array  # (T+1, n)
+    applied: Array  # (up to T, m) control carried up to the exit, as a mean over each step
+    led_by: Array  # (up to T, m) the lead's part of it
+    base: Array  # (m,) the lead's control at the start without the nearest wall
 
 
 @kernel
@@ -68,7 +79,7 @@ def any_path(
     varying_rate: bool,
     noisy_position: bool,
 ) -> tuple[Any, Any]:
-    """Kernels that simulate one path of any dynamics, and that make the scratch room for it."""
+    """Kernels that simulate one path of any dynamics, and that make its scratch."""
     varying, drifting = control_block is not None, drift is not no_drift
     gain_at: Any = control_block if varying else drift
     noise_at: Any = diffusion_block if varying else drift
@@ -87,7 +98,7 @@ def any_path(
         return xx, xy, yy
 
     @kernel
-    def room(leads):  # type: ignore[no-untyped-def]
+    def scratch_of(leads):  # type: ignore[no-untyped-def]
         """Scratch of `one_path`: x, moved, f, y, G, D, B, a, pushed, stage, column, carried."""
         H = leads.control.shape[0]
         x, moved, f, y = np.empty(n), np.empty(n), np.empty(n), np.empty(m)
@@ -96,15 +107,12 @@ def any_path(
 
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
-    def one_path(  # type: ignore[no-untyped-def]
-        world, leads, room, h, x0, seed, sample, ratio, states, applied, led_by, base
-    ):
-        """Simulate one sample; fill `ratio` (H,), `states` (T+1, n), `applied` and `led_by` (up to T, m) if not empty.
+    def one_path(world, leads, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
+        """Simulate one sample around reference h and write what of it is to be kept (`Kept`).
 
-        `applied` is the control carried up to the exit, as a mean over each step, `led_by` the guide's part of it;
-        `base` (m,) is the guide's control at the start without the nearest wall.
         Returns work, class key, outcome, steps taken, time until the exit in the last of them.
         """
+        ratio, states, applied, led_by, base = keep
         arena, p = at(world.arena, 0.0), world.parameters
         goal, radius = arena.goal, arena.radius
         cuts, times, drifts, controls = world.cuts, leads.times, leads.drift, leads.control
@@ -114,13 +122,13 @@ def any_path(
         law, led = leads.law, leads.led
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, world.inverse
-        x, moved, f, y, G, D, B, a, pushed, stage, column, carried = room
+        x, moved, f, y, G, D, B, a, pushed, stage, column, carried = scratch
         D[:, :], B[:, :], f[:], pushed[:], stage[:] = world.gain, world.diffusion, 0.0, 0.0, 0
-        x[:], moved[:] = x0, x0
+        x[:], moved[:] = origin.x, origin.x
         xx, xy, yy = covariance(B)
         steep = STEEP * D[0, 0]
-        first, sign = twin(sample, leads.first[h], leads.mirrored)
-        state, work, key = stream(seed, first), 0.0, np.int64(0)
+        first, sign = antithetic(sample, leads.first[h], leads.mirrored)
+        state, work, key = stream(origin.seed, first), 0.0, np.int64(0)
         before = distances(arena, x[0], x[1])
         for j in range(n if draw else 0):
             states[0, j] = x[j]
@@ -275,4 +283,4 @@ def any_path(
                 return work, key, exit, i + 1, until
         return work, key, 0, T, times[T] - times[T - 1]
 
-    return one_path, room
+    return one_path, scratch_of

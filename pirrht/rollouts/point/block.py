@@ -1,24 +1,24 @@
 """Sampled paths of a point, many abreast: dx = G u dt + B dw with BB' = b^2 I.
 
-A block of paths around one reference advances step by step in lockstep, stage by stage (`lanes`, `lanes_guides`,
-`lanes_exits`); what is rare, an exit or a wall close by, is done lane by lane. Paths that have ended leave the block.
-The paths are those of `rollout_any` up to rounding: the same numbers are drawn in the same order.
+A block of paths around one reference advances step by step in lockstep, stage by stage (`stages`, `leads`,
+`exits`); what is rare, an exit or a wall close by, is done lane by lane. Paths that have ended leave the block.
+The paths are those of `rollouts.general` up to rounding: the same numbers are drawn in the same order.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.compiled.streams import stream, twin
+from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
 from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
-from pirrht.rollouts.point.exits import SLOW, bridge, judge, look, single
-from pirrht.rollouts.point.leads import follow, lean
+from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey
+from pirrht.rollouts.point.leads import guide_control, wall_push
 from pirrht.rollouts.point.stages import (  # fmt: skip
     C0,
     C1,
@@ -54,13 +54,26 @@ from pirrht.rollouts.point.stages import (  # fmt: skip
     cross,
     draw,
     move,
-    room,
     row_of,
+    scratch_of,
     weigh,
 )
+from pirrht.rollouts.records import Origin
 from pirrht.systems.dynamics import Dynamics, no_drift
 
 RECORDED = 7  # of a step: where it leads, its noise y = a dt + dw, the guide a, its time until an exit
+
+
+class Run(NamedTuple):
+    """Samples of one block, all around one reference."""
+
+    h: int  # the reference
+    start: int  # numbers of the samples, or places in `chosen`
+    stop: int
+    chosen: NDArray[np.int64]  # numbers of samples; empty: all of them are meant
+
+
+RUN: Any = Run
 
 
 def is_point(d: Dynamics) -> bool:
@@ -72,7 +85,7 @@ def is_point(d: Dynamics) -> bool:
 
 
 @kernel
-def cut(arena, B, step, k, random, f):  # type: ignore[no-untyped-def]
+def resolve(arena, B, step, k, random, f):  # type: ignore[no-untyped-def]
     """Whether and where the step of a lane that may have ended on its way did: outcome and share of the step."""
     x, y, nx, ny = np.float64(f[X + k]), np.float64(f[Y + k]), np.float64(f[NX + k]), np.float64(f[NY + k])
     before = np.float64(f[C0 + k]), np.float64(f[E0 + k]), np.float64(f[G0 + k])
@@ -111,11 +124,17 @@ def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def
 
 
 @inlined
-def leave(  # type: ignore[no-untyped-def]
+def retire(  # type: ignore[no-untyped-def]
     rate, times, window, inverse, H, h, i, share, outcome, base, k, f, long, a, ratio,
     work, log_ratio, key, ended, steps, now, spans,
 ):  # fmt: skip
-    """Note down a path that ends after a share of step i."""
+    """Note down a path that ends after a share of step i.
+
+    It is inlined in the hottest loop, where a record of arrays would be counted for every path; so its parameters are,
+    one by one: q; ends of the steps, those averaged over, G_c^-1 B_c; number of references, the one followed; step,
+    share of it, outcome; the lead's control at the start; lane; the block's numbers, long integers, a and log dQ/dP
+    (`stages`); and the fields of `Paths`.
+    """
     k = lane(k)
     s, dt = long[SAMPLE + k], times[i + 1] - times[i]
     until = dt * share  # at a crossing nothing after it enters dQ/dP
@@ -130,7 +149,7 @@ def leave(  # type: ignore[no-untyped-def]
 
 
 @inlined
-def fill_up(k, last, H, leaning, random, f, short, long, a, ratio):  # type: ignore[no-untyped-def]
+def compact(k, last, H, leaning, random, f, short, long, a, ratio):  # type: ignore[no-untyped-def]
     """Move the last lane to where one has left."""
     k, last = lane(k), lane(last)
     f[Z0 + k], f[Z1 + k], f[NX + k], f[NY + k] = f[Z0 + last], f[Z1 + last], f[NX + last], f[NY + last]
@@ -156,11 +175,13 @@ def record(into, i, h, until, k, first, f, long, a):  # type: ignore[no-untyped-
 
 
 @kernel
-def block(world, leads, h, x0, seed, chosen, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
-    """Simulate samples of one block, all around reference h: those numbered start to stop, or those places of `chosen`.
+def block(world, leads, origin, run, paths, into, scratch):  # type: ignore[no-untyped-def]
+    """Simulate the samples of one run, at most LANES.
 
     If `into` (stop - start, T, RECORDED) is not empty, their steps are written there.
     """
+    h, start, stop, chosen = run
+    x0 = origin.x
     f, a, ratio, short, long, random, bits = scratch
     work, log_ratio, key, ended, steps, now, spans = paths
     cuts, B, D, around = world.cuts, world.diffusion, world.gain, single(at(world.arena, 0.0))
@@ -173,18 +194,18 @@ def block(world, leads, h, x0, seed, chosen, start, stop, paths, into, scratch):
     f[:], short[:], long[:], ratio[:], base = 0.0, 0, 0, 0.0, (0.0, 0.0)
     f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[HURRY:SUM0] = x0[0], x0[1], x0[0], x0[1], 1.0
     for k in range(n):
-        first, f[SIGN + k] = twin(chosen[start + k] if listed else start + k, leads.first[h], leads.mirrored)
-        random[k], long[SAMPLE + k] = stream(seed, first), start + k
-    look(around, f, short, LANES)
+        first, f[SIGN + k] = antithetic(chosen[start + k] if listed else start + k, leads.first[h], leads.mirrored)
+        random[k], long[SAMPLE + k] = stream(origin.seed, first), start + k
+    survey(around, f, short, LANES)
     f[C0:C1] = f[C1:PUSH0]
     for i in range(T):
         dt = times[i + 1] - times[i]
         step, full = variance * dt, (n + WIDE - 1) // WIDE * WIDE
         if reach > 0.0:
-            lean(around.field, reach, math.sqrt(step), decay, B, f, short, full)
+            wall_push(around.field, reach, math.sqrt(step), decay, B, f, short, full)
         for g in range(H):
             one, two = (drift[g, i, 0], drift[g, i, 1]) if i < active[g] else (0.0, 0.0)
-            follow(gates, count[g], decay, speed, g, one, two, D, f, short, a, full)
+            guide_control(gates, count[g], decay, speed, g, one, two, D, f, short, a, full)
         if i == 0:
             bare0, bare1 = a[2 * h * L] - f[PUSH0], a[2 * h * L + L] - f[PUSH1]
             base = inverse[0, 0] * bare0 + inverse[0, 1] * bare1, inverse[1, 0] * bare0 + inverse[1, 1] * bare1
@@ -193,7 +214,7 @@ def block(world, leads, h, x0, seed, chosen, start, stop, paths, into, scratch):
         cross(cuts, f, long, full)
         arena = at(world.arena, times[i + 1])
         around = single(arena)
-        look(around, f, short, full)
+        survey(around, f, short, full)
         flagged = bridge(step, random, f, short, full) if world.bridge else judge(around, f, short, full)
         for group in range(full - WIDE if flagged > 0 else -1, -1, -WIDE):
             some = 0
@@ -202,16 +223,16 @@ def block(world, leads, h, x0, seed, chosen, start, stop, paths, into, scratch):
             for k in range(min(group + WIDE, n) - 1 if some > 0 else -1, group - 1, -1):
                 outcome, share = short[FLAG + k], 1.0
                 if outcome == SLOW:
-                    outcome, share = cut(arena, B, step, k, random, f)
+                    outcome, share = resolve(arena, B, step, k, random, f)
                 if outcome != INSIDE:
                     if keep:
                         record(into, i, h, dt * share, k, start, f, long, a)
-                    leave(
+                    retire(
                         world.rate, times, window, inverse, H, h, i, share, outcome, base, k, f, long, a, ratio,
                         work, log_ratio, key, ended, steps, now, spans,
                     )  # fmt: skip
                     n -= 1
-                    fill_up(k, n, H, reach > 0.0, random, f, short, long, a, ratio)
+                    compact(k, n, H, reach > 0.0, random, f, short, long, a, ratio)
         if n == 0:
             return
         for k in range(n if keep else 0):
@@ -220,14 +241,14 @@ def block(world, leads, h, x0, seed, chosen, start, stop, paths, into, scratch):
         advance(h, dt, i < window, f, a, full)
     f[Z0:NX], a[:] = 0.0, 0.0
     for k in range(n):
-        leave(
+        retire(
             world.rate, times, window, inverse, H, h, T - 1, 1.0, INSIDE, base, k, f, long, a, ratio,
             work, log_ratio, key, ended, steps, now, spans,
         )  # fmt: skip
 
 
 @kernel
-def blocks(world, leads, x0, seed, start, stop, paths, scratch):  # type: ignore[no-untyped-def]
+def blocks(world, leads, origin, start, stop, paths, scratch):  # type: ignore[no-untyped-def]
     """Fill `paths` for a range of samples, block by block."""
     all_of_them, nowhere = np.empty(0, np.int64), np.empty((0, 0, RECORDED), np.float32)
     h, s = 0, start
@@ -235,10 +256,10 @@ def blocks(world, leads, x0, seed, start, stop, paths, scratch):  # type: ignore
         while s >= leads.first[h + 1]:
             h += 1
         end = min(min(stop, leads.first[h + 1]), s + LANES)
-        block(world, leads, h, x0, seed, all_of_them, s, end, paths, nowhere, scratch)
+        block(world, leads, origin, RUN(h, s, end, all_of_them), paths, nowhere, scratch)
         s = end
 
 
-def sample(world: Any, leads: Any, x0: Array, seed: np.uint64, start: int, stop: int, paths: Any) -> None:
+def sample(world: Any, leads: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples."""
-    blocks(world, leads, x0, seed, start, stop, paths, room(len(leads.control)))
+    blocks(world, leads, origin, start, stop, paths, scratch_of(len(leads.control)))

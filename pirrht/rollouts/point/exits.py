@@ -46,7 +46,7 @@ def corners(field, grid, f, short, row, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def place(field, f, short, n):  # type: ignore[no-untyped-def]
+def locate(field, f, short, n):  # type: ignore[no-untyped-def]
     """Cells that the steps lead to, and where in them."""
     n = min(n, LANES)
     for k in range(n):
@@ -55,11 +55,11 @@ def place(field, f, short, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def look(arena, f, short, n):  # type: ignore[no-untyped-def]
+def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
     """How far the ends of the steps are from obstacles, border and goal, as `distances` says; arena: `single`."""
     n = min(n, LANES)
     field, (gx, gy), radius = arena.field, arena.goal, arena.radius
-    place(field, f, short, n)
+    locate(field, f, short, n)
     corners(field, field.nearest, f, short, CORNER, n)
     for k in range(n):
         x, y = f[NX + k], f[NY + k]

@@ -33,10 +33,10 @@ from pirrht.rollouts.point.stages import (
 
 
 @inlined
-def lean(field, reach, widest, decay, B, f, short, n):  # type: ignore[no-untyped-def]
+def wall_push(field, reach, widest, decay, B, f, short, n):  # type: ignore[no-untyped-def]
     """The push B' grad log h away from the nearest walls, and how much faster samples are in a channel.
 
-    The lanes' cells and what is nearest at their corners are what `look` has left.
+    The lanes' cells and what is nearest at their corners are what `survey` has left.
     """
     n = min(n, LANES)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
@@ -57,7 +57,7 @@ def lean(field, reach, widest, decay, B, f, short, n):  # type: ignore[no-untype
 
 
 @inlined
-def follow(gates, count, decay, speed, g, one, two, D, f, short, a, n):  # type: ignore[no-untyped-def]
+def guide_control(gates, count, decay, speed, g, one, two, D, f, short, a, n):  # type: ignore[no-untyped-def]
     """a_g = B_c^-1 G_c u_g of one reference at the lanes' states: its tape (one, two), its gates, the push."""
     n = min(n, LANES)
     row, one, two = row_of(g, 2), np.float32(one), np.float32(two)
@@ -66,7 +66,7 @@ def follow(gates, count, decay, speed, g, one, two, D, f, short, a, n):  # type:
             a[row + k] = one + f[PUSH0 + k]
             a[row + L + k] = two + f[PUSH1 + k]
         return
-    head(gates, count - 1, np.float32(decay), g, f, short, n)
+    head_for(gates, count - 1, np.float32(decay), g, f, short, n)
     speed = np.float32(speed)
     d00, d01, d10, d11 = np.float32(D[0, 0]), np.float32(D[0, 1]), np.float32(D[1, 0]), np.float32(D[1, 1])
     for k in range(n):
@@ -77,7 +77,7 @@ def follow(gates, count, decay, speed, g, one, two, D, f, short, a, n):  # type:
 
 
 @inlined
-def head(gates, last, decay, g, f, short, n):  # type: ignore[no-untyped-def]
+def head_for(gates, last, decay, g, f, short, n):  # type: ignore[no-untyped-def]
     """Vectors from the lanes to where to head for on their next gates, as `next_gate` says, gate by gate."""
     n = min(n, LANES)
     stage, before = STAGE + row_of(g, 1), np.float32(PASSED)

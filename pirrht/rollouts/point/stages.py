@@ -42,7 +42,7 @@ def aligned(count: int, kind: type) -> Any:
     return raw[first : first + count]
 
 
-def room(H: int) -> tuple[Any, ...]:
+def scratch_of(H: int) -> tuple[Any, ...]:
     """Scratch of a block with H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
     numbers = (aligned(rows * L, np.float32) for rows in (ROWS, 2 * H, H))
     whole = aligned((2 + H) * L, np.int32), aligned(2 * L, np.int64)

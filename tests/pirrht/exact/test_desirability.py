@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 from batches import batch_of
+from benchmarks.annulus import annulus, convergence
 
 from pirrht import FreeSpace, Goal, Kind, Obstacle, PathIntegral, Problem, Sampling, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import PirrhtError
-from pirrht.exact.check import annulus, convergence
 from pirrht.exact.desirability import Desirability
 
 START = np.array([1.0, 2.5])

@@ -1,4 +1,4 @@
-"""Closed forms that the grid must reproduce, and how fast it does with finer spacing.
+"""Closed forms that the grid of a point must reproduce, and how fast it does with finer spacing.
 
 Around a goal of radius r0 in a round room of radius r1 whose wall costs phi, psi(r) = a I0(kr) + c K0(kr) with
 psi(r0) = 1 and psi(r1) = exp(-phi/lambda). The room is handed over as a clearance, since no solid is hollow.
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import ive, kve
 
 from pirrht.arrays import Array
-from pirrht.exact import planar as planar
+from pirrht.exact import planar
 from pirrht.exact.domain import Domain
 from pirrht.geometry.scene import Goal
 
@@ -49,16 +49,13 @@ def convergence(noise: float, spacings: Sequence[float], *, points: int = 1000, 
     log_psi, slope = annulus(r, k)
     exact = noise**2 * slope[:, None] * radial
     margin = OUTER + 0.05
-    room = Domain(lower=CENTER - margin, upper=CENTER + margin, goal=Goal(center=CENTER, radius=INNER))
+    room = Domain(
+        lower=CENTER - margin, upper=CENTER + margin, goal=Goal(center=CENTER, radius=INNER),
+        clearance=lambda p: OUTER - np.hypot(*(p - CENTER).T),
+    )  # fmt: skip
     rows: list[dict[str, Any]] = []
     for h in spacings:
-        grid = planar.solve(
-            lambda p: OUTER - np.hypot(*(p - CENTER).T),
-            room,
-            wavenumber=k,
-            wall=np.inf,
-            spacing=h,
-        )
+        grid = planar.solve(room, wavenumber=k, wall=np.inf, spacing=h)
         found, gradient = np.empty(points), np.empty((points, 2))
         for i, x in enumerate(CENTER + r[:, None] * radial):
             found[i] = planar.look(grid, x, gradient[i])

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pirrht.control.feedback import STALE, Memory
+from pirrht.control.feedback import STALE, ClassPool
 from pirrht.exact.desirability import Desirability
 from pirrht.problem import Problem
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -69,7 +69,7 @@ def test_a_law_of_two_classes_is_the_slope_of_the_sum_of_two_exponentials(proble
     """In free space psi = e^(k a.x) + e^(k b.x) solves the linear equation; u* is lambda R^-1 times its log slope."""
     stiff = 2.0 / problem.temperature
     a, b = np.array([0.6, 0.8]), np.array([1.0, 0.0])
-    law = Memory(problem).law(estimate([0, 0], one=(0.0, a), other=(-0.3, b)), {}, nothing, 0.0)
+    law = ClassPool(problem).law(estimate([0, 0], one=(0.0, a), other=(-0.3, b)), {}, nothing, 0.0)
     for x in ([0.1, 0.0], [-0.05, 0.2], [0.3, -0.2]):
         psi = np.exp([stiff * a @ x, stiff * b @ x - 0.3])
         np.testing.assert_allclose(law(np.array(x), 0.0), psi @ np.array([a, b]) / psi.sum(), rtol=1e-9)
@@ -78,9 +78,9 @@ def test_a_law_of_two_classes_is_the_slope_of_the_sum_of_two_exponentials(proble
 def test_a_plan_that_says_what_is_known_changes_nothing(problem):
     stiff = 2.0 / problem.temperature
     a, b, x = np.array([0.6, 0.8]), np.array([1.0, 0.0]), np.array([0.02, -0.03])
-    memory = Memory(problem)
-    memory.law(estimate([0, 0], one=(0.0, a), other=(-0.3, b)), {}, nothing, 0.0)
-    again = memory.law(estimate(x, one=(stiff * a @ x, a), other=(stiff * b @ x - 0.3, b)), {}, nothing, 0.01)
+    pool = ClassPool(problem)
+    pool.law(estimate([0, 0], one=(0.0, a), other=(-0.3, b)), {}, nothing, 0.0)
+    again = pool.law(estimate(x, one=(stiff * a @ x, a), other=(stiff * b @ x - 0.3, b)), {}, nothing, 0.01)
     psi = np.exp([stiff * a @ x, stiff * b @ x - 0.3])
     np.testing.assert_allclose(again(x, 0.0), psi @ np.array([a, b]) / psi.sum(), rtol=1e-9)
 
@@ -90,9 +90,9 @@ def test_plans_at_one_place_are_averaged(problem):
     rng = np.random.default_rng(4)
     laws = []
     for _ in range(400):
-        memory = Memory(problem)
+        pool = ClassPool(problem)
         for _ in range(5):
-            law = memory.law(estimate([0, 0], one=(0.0, rng.normal(size=2))), {}, nothing, 0.01)
+            law = pool.law(estimate([0, 0], one=(0.0, rng.normal(size=2))), {}, nothing, 0.01)
         laws.append(law(np.zeros(2), 0.0))
     weights = np.exp(-np.arange(5) / 3.0)
     expected = np.sqrt(np.sum(weights**2)) / np.sum(weights)
@@ -100,22 +100,20 @@ def test_plans_at_one_place_are_averaged(problem):
 
 
 def test_a_class_that_no_sample_is_of_any_more_is_forgotten(problem):
-    memory = Memory(problem)
-    memory.law(estimate([0, 0], one=(0.0, [1.0, 0.0]), other=(3.0, [0.0, 9.0])), {}, nothing, 0.0)
+    pool = ClassPool(problem)
+    pool.law(estimate([0, 0], one=(0.0, [1.0, 0.0]), other=(3.0, [0.0, 9.0])), {}, nothing, 0.0)
     x = np.zeros(2)
     for k in range(1, 12):
         x = x + np.array([0.0, 0.05])  # along the gradient that it claims: its desirability would grow without end
-        law = memory.law(estimate(x, one=(0.0, [1.0, 0.0])), {}, nothing, 0.01)
+        law = pool.law(estimate(x, one=(0.0, [1.0, 0.0])), {}, nothing, 0.01)
         assert ("other" in law.classes) == (0.01 * k <= STALE + 1e-9)
     np.testing.assert_allclose(law(x, 0.0), [1.0, 0.0], atol=1e-12)
 
 
 def test_a_new_reference_does_not_change_what_is_known_of_its_class(problem):
-    memory = Memory(problem)
-    first = memory.law(
-        estimate([0, 0], one=(0.0, [1.0, 0.5])), {"one": lambda x, s: np.array([1.0, 0.0])}, nothing, 0.0
-    )
+    pool = ClassPool(problem)
+    first = pool.law(estimate([0, 0], one=(0.0, [1.0, 0.5])), {"one": lambda x, s: np.array([1.0, 0.0])}, nothing, 0.0)
     faint = estimate([0, 0], one=(-50.0, [0.0, 0.0]))
-    second = memory.law(faint, {"one": lambda x, s: np.array([0.0, 1.0])}, nothing, 0.0)
+    second = pool.law(faint, {"one": lambda x, s: np.array([0.0, 1.0])}, nothing, 0.0)
     share = 1.0 / (1.0 + np.exp(2.0))  # earlier plans are bounded to e^2 times the last
     np.testing.assert_allclose(second(np.zeros(2), 0.0), (1.0 - share) * first(np.zeros(2), 0.0), rtol=1e-9)
