@@ -231,6 +231,7 @@ def test_a_disk_that_stays_full_ends_the_sweep_and_says_how_many_runs_wait(datas
     assert clock.time <= 1000.0 + module.PATIENCE + 2 * module.CHUNK_SECONDS + 2.0
 
 
+@pytest.mark.root
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root mounts file systems")
 def test_a_file_system_that_is_full_keeps_its_whole_files(tmp_path, clock):
     small = tmp_path / "small"

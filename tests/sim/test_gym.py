@@ -71,6 +71,7 @@ def test_a_seed_gives_the_noise_that_a_run_has(slit: Scenario, seed: int):
     np.testing.assert_array_equal(np.vstack(noise), np.sqrt(0.002) * again.standard_normal((50, 2)))
 
 
+@pytest.mark.slow
 def test_our_controller_drives_as_it_does_in_a_run(slit: Scenario, slit_tree: HomologyTree):
     scenario = slit.with_settings(noise=0.3, seed=2, samples=60, threads=1)
     tally = episode.Tally(0.01)

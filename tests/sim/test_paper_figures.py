@@ -54,6 +54,7 @@ def palette(ids):
     return [style.rgb(colors[name]) for name in ids]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", gallery.FIGURES)
 def test_every_figure_is_a_file_and_tells_each_piece_of_its_work(number, tmp_path):
     done, tick = ticks()
@@ -64,6 +65,7 @@ def test_every_figure_is_a_file_and_tells_each_piece_of_its_work(number, tmp_pat
     assert not plt.get_fignums()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format", style.FORMATS)
 def test_a_seed_means_a_file(format, tmp_path, tree):
     files = []
@@ -149,6 +151,7 @@ def script(*arguments, **options):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

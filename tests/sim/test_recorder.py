@@ -102,6 +102,7 @@ def test_a_closed_recording_is_whole(recorded):
     assert result.returncode == 0, result.stderr
 
 
+@pytest.mark.slow
 def test_two_runs_of_one_seed_differ_in_wall_time_only(recorded, tmp_path):
     again = tmp_path / "again.rrd"
     record(again)
@@ -148,6 +149,7 @@ def lost_when_killed(file: Path, pause: float, steps: int) -> float:
     return killed - taken[len(kept)] if len(kept) < len(taken) else 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("pause", "steps"), [(0.0, 150), (0.04, 40)])
 def test_a_killed_run_leaves_all_but_its_last_moments(tmp_path, pause, steps):
     lost = []

@@ -23,6 +23,7 @@ def test_functions_take_turns_and_first_calls_do_not_count():
     assert set(seconds) == {"a", "b"}
 
 
+@pytest.mark.slow
 def test_missing_peers_are_told_and_ours_is_timed_all_the_same(monkeypatch):
     monkeypatch.setattr(peers, "missing", lambda module: True)
     monkeypatch.setattr(rollouts, "NUMBERS", (600,))

@@ -58,6 +58,7 @@ def test_scenes_lists_every_built_in_scene(capsys):
         assert f"{name}.xml" in listed
 
 
+@pytest.mark.slow
 def test_plan_writes_the_classes_cheapest_first(figures):
     status, plan = figures("plan", "slit", "--vertices", "500")
     assert status == 0
@@ -85,6 +86,7 @@ def test_plan_prints_one_row_per_class(capsys):
     assert sorted(rows) == ["-1,0", "0,0", "0,1"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["mujoco", "sde"])
 def test_run_reports_a_drive_to_the_goal(figures, plant):
     status, run = figures("run", "slit", "--start", "4.9", "2.5", "--plant", plant, *SMALL)

@@ -25,6 +25,7 @@ distributed = pytest.importorskip("distributed")
 
 from sim.sweeps.cluster import Cluster  # noqa: E402
 
+pytestmark = [pytest.mark.cluster, pytest.mark.slow]
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
 
 

@@ -17,9 +17,11 @@ import pytest
 
 from sim import recording, viewer
 
-pytestmark = pytest.mark.skipif(
-    not Path("/proc/net/tcp").exists(), reason="reads sockets and signals as Linux has them"
-)
+pytestmark = [
+    pytest.mark.live,
+    pytest.mark.slow,
+    pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads sockets and signals as Linux has them"),
+]
 
 SHORT = ["slit", "--noise", "0.3", "--vertices", "80", "--samples", "60", "--seed", "1"]
 SERVED = re.compile(r"http://127\.0\.0\.1:(\d+)/\?url=rerun%2Bhttp%3A%2F%2F127\.0\.0\.1%3A(\d+)%2Fproxy")

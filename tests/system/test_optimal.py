@@ -17,6 +17,7 @@ def noisy(slit):
     return slit.with_settings(noise=0.3, method="optimal")
 
 
+@pytest.mark.slow
 def test_the_optimal_law_reaches_the_goal_in_nearly_all_runs_and_takes_the_detour(noisy):
     """24 drives of the equation itself, seeds 0 to 23: 23.5 (0.7) should arrive, 1.1 (1.0) of them through the slit."""
     truth = noisy.truth()

@@ -25,12 +25,14 @@ def run(code: str, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_the_first_snippet_drives_and_names_the_favourite_class(tmp_path):
     lines = run(PYTHON[0], tmp_path).splitlines()
     assert len(lines) > 100
     assert lines[-1].split()[-1] in ("-1,0", "0,1", "0,0")
 
 
+@pytest.mark.slow
 def test_a_system_of_ones_own_reaches_the_goal(tmp_path):
     (tmp_path / "boat.xml").write_text(SCENES["boat"])
     assert run(PYTHON[1], tmp_path).strip() == "GOAL"

@@ -88,6 +88,7 @@ def long_sweep(tmp_path_factory) -> tuple[list[str], list[dict]]:
     return words, rows(folder)
 
 
+@pytest.mark.slow
 def test_a_sweep_that_is_killed_again_and_again_ends_with_the_same_rows(long_sweep, tmp_path):
     words, expected = long_sweep
     folder, chance = tmp_path / "sweep", random.Random(3)
@@ -109,6 +110,7 @@ def _read(file: Path) -> list[dict]:
     return pq.read_table(file).to_pylist()
 
 
+@pytest.mark.slow
 def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sweep, tmp_path):
     words, expected = long_sweep
     with started(*words, "-o", str(tmp_path / "sweep"), program=("-c", INTERRUPTED)) as process:
@@ -126,6 +128,7 @@ def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sw
     assert rows(tmp_path / "sweep") == expected
 
 
+@pytest.mark.slow
 def test_ctrl_c_twice_and_sigterm_end_it_at_once_and_keep_what_was_finished(tmp_path):
     words = ["slit", "--methods", "passive", "--seeds", "0:50", "--jobs", "2", "--plant", "sde"]
     for number, signals in enumerate(([signal.SIGINT] * 2, [signal.SIGTERM])):
@@ -141,6 +144,7 @@ def test_ctrl_c_twice_and_sigterm_end_it_at_once_and_keep_what_was_finished(tmp_
         assert 0 < len(rows(folder)) < 50
 
 
+@pytest.mark.slow
 def test_equal_seeds_meet_equal_noise_in_the_dataset_as_in_memory(tmp_path):
     """Processes of their own, trees that travel and files change nothing."""
     words = ["sweep", "slit", "--methods", "pi-rrht,passive", "--noise", "0.1,0.3", "--seeds", "0:2", *QUICK]
@@ -155,6 +159,7 @@ def test_equal_seeds_meet_equal_noise_in_the_dataset_as_in_memory(tmp_path):
     assert len(results(direct)) == 8
 
 
+@pytest.mark.slow
 def test_a_larger_grid_adds_runs_and_repeats_none(tmp_path, capsys):
     words = ["sweep", "slit", "--methods", "passive", *QUICK, "-o", str(tmp_path / "sweep")]
     assert main([*words, "--noise", "0.1", "--seeds", "0:2"]) == 0
@@ -221,6 +226,7 @@ def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_meth
     assert len(sweep.checked(grid.jobs())) == 10
 
 
+@pytest.mark.slow
 def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again(tmp_path, capsys):
     wall = tmp_path / "wall.xml"
     wall.write_text(WALL)
@@ -295,6 +301,7 @@ def test_files_of_one_name_are_told_apart(tmp_path):
     assert sweep._labels(["slit", str(paths[0])]) == ["slit", "wall"]
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_set_back_and_forth_changes_nothing(long_sweep, tmp_path, monkeypatch):
     words, expected = long_sweep
     hands = random.Random(0)

@@ -159,6 +159,7 @@ def test_a_ground_plane_with_a_modest_size_is_the_workspace(run):
     np.testing.assert_allclose([*scene.lower, *scene.upper], [-2, -3, 10, 5])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not BARN.is_dir(), reason="the BARN worlds are not beside the repository")
 def test_all_barn_worlds_become_scenes(tmp_path):
     worlds = sorted(BARN.glob("*.world"))

@@ -47,6 +47,7 @@ def test_an_edit_two_folders_down_makes_another_digest(tmp_path):
     assert len({before, edited, digest_of(tmp_path)}) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["point", "car"])
 def test_a_plan_and_a_control_step_without_compiling_are_those_of_the_kernels(kind):
     def words(disabled: str) -> list[str]:

@@ -30,6 +30,7 @@ def exact_beyond(states):
     return -problem.temperature * np.log(k0(k * r) / k0(k * RADIUS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("horizon", [0.4])
 def test_with_the_exact_cost_to_go_value_and_control_are_exact_at_any_horizon(horizon: float):
     problem, space = annulus(B, RADIUS)
@@ -120,6 +121,7 @@ def test_there_are_at_least_as_many_samples_as_around_the_references(slit: Scena
     assert slit.with_settings(method="mppi", classes=2).mppi().path_integral.sampling.samples == 400
 
 
+@pytest.mark.slow
 def test_the_slit_is_no_straw_man(slit: Scenario):
     """Where the straight way is the right one MPPI takes it, as it did in 12 of 12 drives."""
     outcomes = []

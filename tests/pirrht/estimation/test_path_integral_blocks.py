@@ -98,6 +98,7 @@ def strip_value(problem: Problem, L: float, dynamics: Uneven, x: float) -> tuple
     return -temperature * np.log(psi), rise / psi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
 def test_functions_that_return_constants_take_the_same_paths_as_constants(guide):
     sampling = Sampling(dt=0.05, samples=300, guide=guide)

@@ -129,6 +129,7 @@ def test_many_states_give_what_each_gives(through_slit):
     assert grid.control(points) == pytest.approx(np.array([grid.control(x) for x in points]))
 
 
+@pytest.mark.slow
 def test_psi_far_below_the_smallest_number_is_no_trouble():
     grid = solved(scene(width=10.0), 0.11)
     log_psi = grid.log_psi(np.array([0.3, 2.0]))
@@ -136,6 +137,7 @@ def test_psi_far_below_the_smallest_number_is_no_trouble():
     assert grid.value(np.array([0.3, 2.0])) == pytest.approx(2.0 * 7.65, rel=0.01)
 
 
+@pytest.mark.slow
 def test_judged_at_the_ends_of_steps_the_slit_looks_safer(slit, through_slit):
     """Independent: 9.452 and a share of 0.46 through the slit, against 9.535 and 0.05 in continuous time."""
     grid = Desirability.of(slit.with_settings(noise=0.3).problem, slit.space, dt=0.1)
@@ -163,6 +165,7 @@ def test_the_discrete_solution_solves_its_own_equation():
         assert after.mean() == pytest.approx(1.0, abs=4.0 * after.std() / math.sqrt(len(draws)))
 
 
+@pytest.mark.slow
 def test_the_value_of_a_car_agrees_with_samples():
     """10^5 passive paths each, seed 0: standard errors of 0.2 %; the grid has 1 % of its own."""
     room = scene(post(1.8, 2.2, 0.3), post(2.6, 1.2, 0.25))

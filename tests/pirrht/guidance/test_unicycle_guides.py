@@ -186,6 +186,7 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one():
         assert abs(weight.mean() - 1.0) < 3.0 * error, (source, target)
 
 
+@pytest.mark.slow
 def test_both_ways_of_guiding_estimate_the_same_value():
     values = {}
     for guide_by, samples in (("feedback", 2000), ("open-loop", 60000)):

@@ -37,6 +37,7 @@ def both(scenario: Scenario, tree: HomologyTree, counts: list[int], **rules: str
     return block, drawn(source, tree, counts).paths
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.1, 0.3])
 @pytest.mark.parametrize(("guide", "exit"), RULES)
 def test_blocks_hold_the_paths_that_one_by_one_come_out(slit, slit_tree, guide, exit, noise):

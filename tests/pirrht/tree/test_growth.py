@@ -127,6 +127,7 @@ def test_what_cannot_grow_is_refused(capsys):
     assert "--method passive has no tree" in message
 
 
+@pytest.mark.slow
 def test_the_kernel_of_growth_is_found_on_disk_by_the_next_process(slit_tree):
     """A kernel is looked up by what its closure holds; compiling must not change that."""
     program = (

@@ -91,6 +91,7 @@ def assert_equal_references(one: HomologyTree, other: HomologyTree, x: Array) ->
 # -- round trip --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["slit", "clutter"])
 def test_what_was_saved_answers_and_grows_on_as_if_it_had_never_been_written(name: str, request):
     scenario = request.getfixturevalue(name)
