@@ -74,7 +74,7 @@ class Controller(Policy):
         shared = self.method.mixes and sampling.allocation == "contribution" and self.path_integral.guidance is None
         self.allocation = Allocation(sampling.samples) if shared else None
         self.pool = ClassPool(problem) if between == "classes" else None
-        self.begin(problem.scene.start[: problem.dynamics.n])
+        self.begin(problem.dynamics.state_of(problem.scene.start))
 
     def begin(self, x: Array) -> None:
         """Forget the drive so far; a new one starts at x (n,)."""

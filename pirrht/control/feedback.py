@@ -98,7 +98,9 @@ class ClassMixture:
     def _at(self, x: Array, s: float) -> tuple[Array, Array]:
         """log psi (C,) and control (C, m) of every class."""
         d, controls = self.problem.dynamics, self._controls(x, s)
-        moved = wrapped(x[-d.m :] - self.state[-d.m :] - s * self.drift, d.n)
+        carried = self.state.copy()
+        carried[-d.m :] += s * self.drift
+        moved = d.difference(x, carried)[-d.m :]
         mean = 0.5 * (self.before + controls)
         pull = mean @ self.stiff
         log_psi = self.known + pull @ (self.inverse @ moved)
@@ -173,11 +175,3 @@ def _pooled(old: ClassLaw, new: ClassLaw) -> ClassLaw:
     log_psi = float(np.logaddexp(min(old.log_psi, new.log_psi + BOUND), new.log_psi))
     share = float(np.exp(new.log_psi - log_psi))
     return ClassLaw(log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest, lead=new.lead)
-
-
-def wrapped(off: Array, n: int) -> Array:
-    """Differences of states whose third entry, or only one of a car, is an angle."""
-    if n == 3:
-        off = off.copy()
-        off[-1] = (off[-1] + np.pi) % (2.0 * np.pi) - np.pi
-    return off

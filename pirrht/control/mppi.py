@@ -63,7 +63,7 @@ class Mppi(Policy):
         self.problem, self.space, self.rng = problem, space, rng
         self.path_integral = PathIntegral(problem, space, sampling, beyond=beyond or straight_home(problem))
         self.times = self.path_integral.steps(horizon)
-        self.begin(problem.scene.start[: problem.dynamics.n])
+        self.begin(problem.dynamics.state_of(problem.scene.start))
 
     def begin(self, x: Array) -> None:
         """Forget the drive so far; a new one starts at x (n,), from a tape of zeros."""
@@ -105,7 +105,7 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
     drift, and turning is free.
     """
     d, goal, q = problem.dynamics, problem.scene.goal, problem.least_rate
-    x = problem.scene.start[: d.n]
+    x = d.state_of(problem.scene.start)
     if d.noisy_position:
         R, G = problem.control_cost(x), d.G_c(x)
         pace = float(np.trace(np.linalg.inv(G).T @ R @ np.linalg.inv(G))) / d.m  # u'Ru = pace |dx/dt|^2

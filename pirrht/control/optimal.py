@@ -34,7 +34,7 @@ class Optimal(Policy):
         self.desirability, self._sampling = desirability, sampling
         self.problem: Problem = desirability.problem
         self.space: FreeSpace = desirability.space
-        start = self.problem.scene.start[: self.problem.dynamics.n]
+        start = self.problem.dynamics.state_of(self.problem.scene.start)
         desirability.control(start)  # compiles, so that the first plan takes no longer than the others
         self.begin(start)
 

@@ -66,7 +66,7 @@ class PathIntegral:
     def warm_up(self) -> None:
         """Compile what sampling, weighing and tracing need, so that the first plan takes no longer than the others."""
         d = self.problem.dynamics
-        x = self.problem.scene.start[: d.n]
+        x = d.state_of(self.problem.scene.start)
         if self.guidance is not None:
             self.guidance.warm_up(x)
         times = np.arange(3.0)

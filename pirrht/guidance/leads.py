@@ -16,6 +16,7 @@ from pirrht.arrays import Array
 from pirrht.guidance.tracking import Guide
 from pirrht.rollouts.gates import Gates, heading
 from pirrht.rollouts.records import Leads
+from pirrht.systems.dynamics import Dynamics
 
 
 class Lead(ABC):
@@ -86,15 +87,14 @@ class Along(Lead):
     """The feedback around the guide of a car."""
 
     guide: Guide
-    gain: float  # B_c^-1 G_c
+    dynamics: Dynamics  # of constant G and B
 
     def __call__(self, x: Array, s: float) -> Array:
         """Control of the guide plus its gains times what the state is off."""
         guide = self.guide
         i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.control) - 1)
         share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
-        off = x - (1.0 - share) * guide.states[i] - share * guide.states[i + 1]
-        off[-1] = (off[-1] + np.pi) % (2.0 * np.pi) - np.pi
+        off = self.dynamics.difference(x - (1.0 - share) * guide.states[i], share * guide.states[i + 1])
         return np.array([guide.control[i] + guide.gains[i] @ off])
 
     def pack(self, leads: Leads, h: int) -> None:
@@ -103,7 +103,8 @@ class Along(Lead):
         leads.led[h] = guide.length
         law[:, 0], law[:, 1:4], law[:, 4:7] = guide.control, guide.gains, guide.states[:-1]
         law[:, 7], law[:, 8] = guide.spread, np.log(guide.spread)
-        law[:, :4] *= self.gain
+        B, G = self.dynamics.B_c(guide.states[0]), self.dynamics.G_c(guide.states[0])
+        law[:, :4] *= float(np.linalg.solve(B, G)[0, 0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -27,7 +27,7 @@ def batch_of(
 
     def lead(h: int) -> Lead:
         if guides is not None and (guide := guides[h]) is not None:
-            return Along(guide, float(integral.world.gain[0, 0]))
+            return Along(guide, integral.problem.dynamics)
         if corners is not None and integral.gated and len(corners[h]):
             return integral.towards(x, np.asarray(corners[h]))
         return Tape(times, np.asarray(tapes[h], dtype=float))
