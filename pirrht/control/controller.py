@@ -209,10 +209,8 @@ class Controller(Policy):
         if integral.guidance is None:
             return leads, [integral.sampling.samples] * len(leads)
         guides, counts = self._guided(integral.guidance, x, times, references)
-        gain = float(integral.world.gain[0, 0])
-        return [
-            lead if guide is None else Along(guide, gain) for lead, guide in zip(leads, guides, strict=True)
-        ], counts
+        d = self.problem.dynamics
+        return [lead if guide is None else Along(guide, d) for lead, guide in zip(leads, guides, strict=True)], counts
 
     def _guided(
         self, guidance: Guidance, x: Array, times: Array, references: list[Reference]
