@@ -1,7 +1,13 @@
 """PI-RRHT*: topology-guided path integral control (Ha and Choi, ICRA 2016).
 
-Read from the bottom up: scene, dynamics, problem; collision, components, freespace; homology, steering, tree;
-path_integral; controller. Names are imported when they are first used, so that importing the package is quick.
+A package per idea, each of which says what it is for; imports run downward only, so read from the bottom up:
+
+    errors outcome files arrays | compiled < geometry < topology < freespace | systems < problem
+    steering < shortening < tree | rollouts < guidance < estimation | exact
+    control
+
+The tree knows nothing of noise, the path integral nothing of topology; `control` is where they meet (Algorithm 4).
+Names are imported when they are first used, so that importing the package is quick.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A Dubins curve is a poor thing to sample around: it minimises time, turns at full lock and grazes the obstacles, while
 the problem also charges u'Ru/2 and the noise needs room. In `clutter` its cost exceeds the value by hundreds of
 lambda, and open loop the heading diffuses. A guide starts from the curve, or from what was left of the last guide of
-its class, and is improved on the rollouts' own steps (`riccati`); samples then follow u_ref + K (x - x_ref), and what
+its class, and is improved on the rollouts' own steps (`ddp`); samples then follow u_ref + K (x - x_ref), and what
 they deviate from the passive dynamics is weighed exactly.
 
 With little noise the price on clearance is a wall of its own, a few millimetres thin, along which descent creeps: from
