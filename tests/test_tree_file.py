@@ -16,8 +16,8 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.steering.straight_line import StraightLine
 from pirrht.tree import file as tree_file
-from pirrht.tree.graph import Graph
 from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.layout import Graph
 from sim import cli
 from sim.scenarios import Scenario, prepare
 
@@ -243,14 +243,6 @@ def test_objects_are_not_unpickled(slit: Scenario, saved: bytes):
     arrays = unpacked(saved) | {"tail": np.array([print, None], dtype=object)}
     with pytest.raises(OptionError, match="is no tree"):
         tree_file.load(repacked(arrays), slit.space, StraightLine())
-
-
-def test_a_tree_with_a_predicate_is_not_saved(slit: Scenario):
-    import numba
-
-    tree = HomologyTree(slit.space, StraightLine(), allowed=numba.njit(lambda H: True), rng=np.random.default_rng(0))
-    with pytest.raises(OptionError, match="predicate"):
-        tree_file.save(tree, BytesIO())
 
 
 # -- command line ------------------------------------------------------------------------------------------------

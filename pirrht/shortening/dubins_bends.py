@@ -104,13 +104,13 @@ def _move(task, way, kappa, ell, legs, i, to, new_kappa, new_ell):  # type: igno
     rest = math.hypot(ahead[0] - to[0], ahead[1] - to[1]) - (task.reach if last else 0.0)
     if math.hypot(to[0] - a[0], to[1] - a[1]) + rest >= limit:  # no curves are shorter than straight lines
         return False
-    first = shortest(a[0], a[1], a[2], to[0], to[1], to[2], task.radius, new_kappa[0], new_ell[0])
+    first = shortest(a, to, task.radius, new_kappa[0], new_ell[0])
     if first + rest >= limit:
         return False
     if last:
         second = _last_leg(task, to, new_kappa[1], new_ell[1])
     else:
-        second = shortest(to[0], to[1], to[2], b[0], b[1], b[2], task.radius, new_kappa[1], new_ell[1])
+        second = shortest(to, b, task.radius, new_kappa[1], new_ell[1])
     if first + second >= limit or not _outside(task, a, new_kappa[0], new_ell[0]):
         return False
     if not last and not _outside(task, to, new_kappa[1], new_ell[1]):

@@ -72,9 +72,7 @@ def _estimate(task, at, active, n, j, best, total):  # type: ignore[no-untyped-d
                 total[2 * i] = best[i] + approach(task, at[i], 1.0, kappa, ell)
                 total[2 * i + 1] = best[i] + approach(task, at[i], -1.0, kappa, ell)
         elif math.hypot(at[j, 0] - at[i, 0], at[j, 1] - at[i, 1]) < room:
-            total[2 * i] = best[i] + length_between(
-                at[i, 0], at[i, 1], at[i, 2], at[j, 0], at[j, 1], at[j, 2], task.radius, room
-            )
+            total[2 * i] = best[i] + length_between(at[i], at[j], task.radius, room)
 
 
 @kernel
@@ -93,7 +91,7 @@ def _link(task, at, n, j, swept, best, total, kappa, ell):  # type: ignore[no-un
             approach(task, at[i], 1.0 - 2.0 * (c % 2), kappa, ell)
             outside = True
         else:
-            shortest(at[i, 0], at[i, 1], at[i, 2], at[j, 0], at[j, 1], at[j, 2], task.radius, kappa, ell)
+            shortest(at[i], at[j], task.radius, kappa, ell)
             outside = entry_of_curve(at[i], kappa, ell, task.goal[0], task.goal[1], task.reach) == np.inf
         if outside:
             key = key_of_leg(task, at[i], kappa, ell, j == n, to[0], to[1])

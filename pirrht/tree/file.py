@@ -25,9 +25,9 @@ from pirrht.files import replaced
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Obstacle
 from pirrht.steering.steering import Steering
-from pirrht.tree import graph as g
-from pirrht.tree.graph import Graph
+from pirrht.tree import layout as g
 from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.layout import Graph
 
 FORMAT = 1
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, RuntimeError)
@@ -42,10 +42,8 @@ def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
         file: a path, which is replaced once the content is complete, or a binary stream.
 
     Raises:
-        OptionError: the file cannot be written, or the tree has a predicate of its own.
+        OptionError: the file cannot be written.
     """
-    if tree.limited_by_predicate:
-        raise OptionError("a tree with a predicate `allowed` cannot be saved, since a function is no data; use `limit`")
     about = {
         "format": FORMAT,
         "version": pirrht.__version__,

@@ -1,32 +1,97 @@
-"""Where the parts of a graph lie in memory, for searches that must neither count references nor wait for it.
+"""The graph's arrays, and where they lie in memory for searches that must neither count references nor wait for it.
 
 What a search needs of an edge, or of a vertex and its first nodes, lies together in a record: it asks for them at
-random, and whatever lies apart is fetched apart.
+random, and whatever lies apart is fetched apart. The dtypes say where in a record a field lies; kernels read there.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_int32, load_int64
 from pirrht.compiled.jit import inlined
 
 ROOT = -1
+PAIRS = 16  # room for so many (marker, turn) pairs of a class, to begin with
+LINE = 64  # bytes that a processor fetches at once
 
 
-class Places(NamedTuple):
-    """Where a graph's arrays lie that long searches read and write, until it is given more room; addresses."""
+class Graph(NamedTuple):
+    """Plain arrays with room to grow; the first `size` entries count. Kernels change them in place."""
+
+    size: NDArray[np.int64]  # (5,) vertices, edges, queue entries, vertices to refill, pairs of edges
+    pruned: NDArray[np.int64]  # (1,) classes refused or dropped because K cheaper ones were known
+    straight: Array  # (V, M) H of the straight line to the goal point [turns]
+    first_out: NDArray[np.int32]  # (V,) first edge that leaves a vertex, -1 if none
+    first_in: NDArray[np.int32]  # (V,) first edge that enters it
+    tail: NDArray[np.int32]  # (E,) vertices an edge leads from and to
+    head: NDArray[np.int32]
+    next_out: NDArray[np.int32]  # (E,) next edge with the same tail, and with the same head
+    next_in: NDArray[np.int32]
+    edge_cost: Array  # (E,)
+    edge_first: NDArray[np.int64]  # (E+1,) first pair of each edge: whole turns that prepending it adds
+    edge_marker: NDArray[np.int32]  # (P,)
+    edge_turn: NDArray[np.int16]  # (P,)
+    edge_key: NDArray[np.int64]  # (E,) those turns as an additive key
+    nodes: NDArray[np.int32]  # (V,) number of nodes at a vertex
+    cost: Array  # (V, K)
+    key: NDArray[np.int64]  # (V, K) additive key of the class
+    pairs: NDArray[np.int32]  # (V, K) number of pairs of the class itself
+    marker: NDArray[np.int32]  # (V, K, C)
+    turn: NDArray[np.int16]  # (V, K, C)
+    parent: NDArray[np.int32]  # (V, K) edge to the parent, ROOT at a root
+    queue_cost: Array  # (Q,) binary heap of nodes to propagate
+    queue_vertex: NDArray[np.int32]
+    queue_key: NDArray[np.int64]
+    refill: NDArray[np.int32]  # (V,) vertices that lost nodes and must ask their successors again
+    waiting: NDArray[np.bool_]  # (V,) whether a vertex is in that list
+
+
+VERTEX = np.dtype([("nodes", "i4"), ("first_out", "i4"), ("first_in", "i4"), ("spare", "i4")])  # its nodes after
+EDGE = np.dtype(
+    [("next_in", "i4"), ("tail", "i4"), ("edge_cost", "f8"), ("edge_key", "i8"), ("next_out", "i4"), ("head", "i4")]
+)
+NODE = np.dtype([("cost", "f8"), ("key", "i8"), ("parent", "i4"), ("pairs", "i4")])
+
+
+def _index(record: np.dtype[np.void], *names: str) -> tuple[int, ...]:
+    """Where fields of a record lie, counted in fields of their own size."""
+    fields = record.fields
+    assert fields is not None
+    return tuple(fields[name][1] // fields[name][0].itemsize for name in names)
+
+
+COUNT, FIRST_OUT, FIRST_IN = _index(VERTEX, "nodes", "first_out", "first_in")
+NEXT_IN, TAIL, NEXT_OUT, HEAD = _index(EDGE, "next_in", "tail", "next_out", "head")
+EDGE_COST, EDGE_KEY = _index(EDGE, "edge_cost", "edge_key")
+COST, KEY, PARENT, NODE_PAIR_COUNT = _index(NODE, "cost", "key", "parent", "pairs")
+VERTEX_BYTES, EDGE_BYTES, NODE_BYTES = VERTEX.itemsize, EDGE.itemsize, NODE.itemsize
+VERTEX_COUNT, EDGE_COUNT, QUEUE_COUNT, REFILL_COUNT, PAIR_COUNT = range(5)  # places in `size`
+
+# Arrays that grow together.
+EDGES = ("edge_first", *(EDGE.names or ()))
+EDGE_PAIRS = ("edge_marker", "edge_turn")
+VERTICES = ("straight", "refill", "waiting")
+NODES = (*(NODE.names or ()), "marker", "turn")
+NODE_PAIRS = ("marker", "turn")
+QUEUE = ("queue_cost", "queue_vertex", "queue_key")
+
+
+class Addresses(NamedTuple):
+    """Where a graph's arrays lie that kernels read and write, and how much room there is in them."""
 
     size: int
     pruned: int
     straight: int
-    edges: int  # EDGE records
+    nodes: int  # records of a vertex and its nodes
+    next_in: int  # EDGE records
     edge_first: int
     edge_marker: int
     edge_turn: int
-    vertices: int  # records of a vertex and its nodes
     marker: int
     turn: int
     queue_cost: int
@@ -38,51 +103,106 @@ class Places(NamedTuple):
     stride: int  # bytes from one vertex to the next
     K: int  # nodes that there is room for at each
     C: int  # pairs that there is room for in each of these
-    queue: int  # entries that there is room for in the queue
+    queue_room: int
+    edge_room: int
+    pair_room: int
 
 
-EDGE = np.dtype(
-    [("next_in", "i4"), ("tail", "i4"), ("edge_cost", "f8"), ("edge_key", "i8"), ("next_out", "i4"), ("head", "i4")]
-)
-NEXT_IN, TAIL, NEXT_OUT, HEAD = 0, 1, 6, 7  # places in an edge, in units of 4 bytes
-EDGE_COST, EDGE_KEY = 1, 2  # and of 8
-VERTEX_COUNT, EDGE_COUNT, QUEUE_COUNT, REFILL_COUNT, PAIR_COUNT = range(5)  # places in `size`
-NODE = np.dtype([("cost", "f8"), ("key", "i8"), ("parent", "i4"), ("pairs", "i4")])
-COST, KEY, PARENT, NODE_PAIR_COUNT = 0, 1, 4, 5  # places in a node
-COUNT, FIRST_OUT, FIRST_IN = 0, 1, 2  # and in a vertex, whose nodes come after
-HEADER = 16  # bytes
-LINE = 64  # bytes that a processor fetches at once
+class Places(Addresses):
+    """The same together with the graph that they point into."""
+
+    graph: Graph
+
+    @classmethod
+    def of(cls, graph: Graph) -> Places:
+        """The places of a graph until it is given more room."""
+        parts = [getattr(graph, name) for name in cls._fields if name in Graph._fields]
+        M, stride, (_, K, C) = graph.straight.shape[1], graph.nodes.strides[0], graph.marker.shape
+        room = len(graph.queue_cost), len(graph.tail), len(graph.edge_marker)
+        places = cls._make([*(part.ctypes.data for part in parts), M, stride, K, C, *room])
+        places.graph = graph
+        return places
 
 
-@inlined
-def places(graph):  # type: ignore[no-untyped-def]
-    """The addresses of a graph's arrays; the graph must outlive them."""
-    return Places(
-        graph.size.ctypes.data, graph.pruned.ctypes.data, graph.straight.ctypes.data, graph.next_in.ctypes.data,
-        graph.edge_first.ctypes.data, graph.edge_marker.ctypes.data, graph.edge_turn.ctypes.data,
-        graph.nodes.ctypes.data, graph.marker.ctypes.data, graph.turn.ctypes.data, graph.queue_cost.ctypes.data,
-        graph.queue_vertex.ctypes.data, graph.queue_key.ctypes.data, graph.refill.ctypes.data,
-        graph.waiting.ctypes.data, graph.straight.shape[1], graph.nodes.strides[0], graph.cost.shape[1],
-        graph.marker.shape[2], graph.queue_cost.shape[0],
-    )  # fmt: skip
+def _records(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Zeros that begin where a line does."""
+    raw = np.zeros(count * dtype.itemsize + LINE, np.uint8)
+    begin = -raw.ctypes.data % LINE
+    return raw[begin : begin + count * dtype.itemsize].view(dtype)
+
+
+def _edge_room(count: int) -> dict[str, NDArray[Any]]:
+    """The arrays that lie together in the records of so many edges."""
+    edge = _records(count, EDGE)
+    edge["next_in"] = edge["next_out"] = -1
+    return {name: edge[name] for name in EDGE.names or ()}
+
+
+def _vertex_room(count: int, nodes: int) -> dict[str, NDArray[Any]]:
+    """The arrays that lie together in the records of so many vertices."""
+    vertex = _records(count, np.dtype([*VERTEX.descr, ("node", NODE, (nodes,))]))
+    vertex["first_out"] = vertex["first_in"] = -1
+    vertex["node"]["parent"] = ROOT
+    room = {name: vertex[name] for name in ("nodes", "first_out", "first_in")}
+    return room | {name: vertex["node"][name] for name in NODE.names or ()}
+
+
+def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
+    """Room for so many vertices, edges and nodes per vertex."""
+    C = min(M, PAIRS)
+    return Graph(
+        size=np.zeros(5, np.int64),
+        pruned=np.zeros(1, np.int64),
+        straight=np.zeros((vertices, M)),
+        edge_first=np.zeros(edges + 1, np.int64),
+        edge_marker=np.zeros(edges, np.int32),
+        edge_turn=np.zeros(edges, np.int16),
+        marker=np.zeros((vertices, nodes, C), np.int32),
+        turn=np.zeros((vertices, nodes, C), np.int16),
+        queue_cost=np.zeros(1024),
+        queue_vertex=np.zeros(1024, np.int32),
+        queue_key=np.zeros(1024, np.int64),
+        refill=np.zeros(vertices, np.int32),
+        waiting=np.zeros(vertices, np.bool_),
+        **_edge_room(edges),
+        **_vertex_room(vertices, nodes),
+    )
+
+
+def doubled(graph: Graph, names: tuple[str, ...], axis: int = 0) -> Graph:
+    """The graph with twice the room along one axis of the named arrays; what is in them stays."""
+    V, K = graph.cost.shape
+    bigger: dict[str, NDArray[Any]] = {}
+    if "tail" in names:
+        bigger |= _edge_room(2 * len(graph.tail))
+    if "cost" in names:
+        bigger |= _vertex_room(2 * V if axis == 0 else V, 2 * K if axis == 1 else K)
+    for name in set(names) - set(bigger):
+        shape = list(getattr(graph, name).shape)
+        shape[axis] *= 2
+        bigger[name] = np.zeros(shape, getattr(graph, name).dtype)
+    for name, new in bigger.items():
+        old = getattr(graph, name)
+        new[tuple(slice(0, length) for length in old.shape)] = old
+    return graph._replace(**bigger)
 
 
 @inlined
 def edge_at(at, e):  # type: ignore[no-untyped-def]
     """Address of an edge."""
-    return at.edges + 32 * e
+    return at.next_in + EDGE_BYTES * e
 
 
 @inlined
 def vertex_at(at, v):  # type: ignore[no-untyped-def]
     """Address of a vertex."""
-    return at.vertices + at.stride * v
+    return at.nodes + at.stride * v
 
 
 @inlined
 def node_at(vertex, slot):  # type: ignore[no-untyped-def]
     """Address of a node of the vertex at an address."""
-    return vertex + HEADER + 24 * slot
+    return vertex + VERTEX_BYTES + NODE_BYTES * slot
 
 
 @inlined
