@@ -49,17 +49,17 @@ def _record(curves: Curves) -> Arcs:
 
 @kernel
 def _entry(arcs, i, around):  # type: ignore[no-untyped-def]
-    start, length, goal, reach = arcs.start[i], arcs.length[i], around.goal, around.reach
+    start, length = arcs.start[i], arcs.length[i]
     whole = 0.0
     for p in range(length.shape[0]):
         whole += length[p]
-    if math.hypot(start[0] - goal[0], start[1] - goal[1]) > 1.001 * (reach + whole):
+    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (around.reach + whole):
         return np.inf
-    return entry_of_curve(start, arcs.curvature[i], length, goal[0], goal[1], reach)
+    return entry_of_curve(start, arcs.curvature[i], length, around.goal_x, around.goal_y, around.reach)
 
 
 @kernel
-def _cut_off(arcs, i, s):  # type: ignore[no-untyped-def]
+def _end_at(arcs, i, s):  # type: ignore[no-untyped-def]
     length, whole, left = arcs.length[i], 0.0, 0.0
     for p in range(length.shape[0]):
         whole += length[p]
@@ -111,7 +111,7 @@ def _arc_free(pose: tuple[float, float, float], kappa: float, total: float, coll
 
 
 def _until_goal(path: Curves, around: Surroundings) -> Curves:
-    s = entry_of_curve(path.start[-1], path.curvature[-1], path.length[-1], *around.goal, around.reach)
+    s = entry_of_curve(path.start[-1], path.curvature[-1], path.length[-1], around.goal_x, around.goal_y, around.reach)
     length = path.length.copy()
     cut(path.length[-1], s, length[-1])
     share = length.sum(axis=1) / np.maximum(path.length.sum(axis=1), 1e-300)
@@ -133,4 +133,4 @@ def _trajectory(steering: ArcSteering, path: Curves) -> Trajectory:
     )
 
 
-ARCS = Motion(Kernels(_entry, _cut_off, _certify, _pairs, _most), _record, _ask, _until_goal, _trajectory)
+ARCS = Motion(Kernels(_entry, _end_at, _certify, _pairs, _most), _record, _ask, _until_goal, _trajectory)

@@ -23,15 +23,17 @@ class Surroundings(NamedTuple):
     cuts: Cuts
     markers: Array  # (M, 2) [m]
     weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker
-    goal: Array  # (2,) goal point [m]
+    goal_x: float  # goal point [m]
+    goal_y: float
     reach: float  # radius of the goal's disc [m]
+    radius: float  # least turning radius of what is shortened [m]
 
     @classmethod
-    def of(cls, space: FreeSpace) -> Surroundings:
+    def of(cls, space: FreeSpace, radius: float = 0.0) -> Surroundings:
         """Those of an examined scene."""
         goal, homology = space.scene.goal, space.homology
-        weights = homology.hash_weights
-        return cls(space.field, homology.cuts, homology.markers, weights, goal.center, float(goal.radius))
+        numbers = (float(v) for v in (*goal.center, goal.radius, radius))
+        return cls(space.field, homology.cuts, homology.markers, homology.hash_weights, *numbers)
 
 
 class Motions(Protocol):
@@ -54,10 +56,10 @@ class Motions(Protocol):
 
 
 class Kernels(NamedTuple):
-    """What compiled code asks of motion i of a record of motions, which nothing else looks into."""
+    """What compiled code asks of motion i of a record, which nothing else looks into."""
 
     entry: Callable[..., float]  # (motions, i, around): how far it goes until it first enters the goal's disc, or inf
-    cut_off: Callable[..., float]  # (motions, i, s): end it there, in place; what it now costs
+    end_at: Callable[..., float]  # (motions, i, s): end it there, in place; what it now costs
     certify: Callable[..., int]  # (motions, i, around): FREE, BLOCKED or UNSURE by the clearance field
     # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
     # its head, or of the straight line from its end to the goal point; the number of pairs. A marker may recur.

@@ -78,11 +78,11 @@ class Inspector:
 @cache
 def judge_with(kernels: Kernels) -> Callable[..., tuple[Edges, int]]:
     """The kernel that judges one kind of motions."""
-    entry, cut_off, certify, pairs, most = kernels
+    entry, end_at, certify, pairs, most = kernels
 
     @kernel
     def judge(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
-        """What `Inspector.inspect` finds without asking FCL, and how many motions are unsure; cuts them at the goal."""
+        """What `Inspector.inspect` finds without asking FCL, and how many motions are unsure; ends them at the goal."""
         k, M = into_goal.shape[0], around.cuts.M
         room = most(motions) * M  # pairs that one motion can have
         marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
@@ -95,7 +95,7 @@ def judge_with(kernels: Kernels) -> Callable[..., tuple[Edges, int]]:
             if s < np.inf and not into_goal[i]:
                 status[i] = BLOCKED
                 continue
-            cost[i] = cut_off(motions, i, s)
+            cost[i] = end_at(motions, i, s)
             status[i] = certify(motions, i, around)
             if status[i] == BLOCKED:
                 continue

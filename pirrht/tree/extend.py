@@ -97,7 +97,8 @@ def grow_with(compiled: Compiled, motion: Kernels) -> Callable[..., tuple[int, i
     @kernel
     def grow(at, vertices, draws, i, around, numbers, rules):  # type: ignore[no-untyped-def]
         """Make vertices of the draws from i on: how many have been dealt with, and DONE, ASK or what must grow."""
-        straight, markers, goal = np.empty(at.M), around.markers, around.goal
+        straight, markers = np.empty(at.M), around.markers
+        gx, gy = around.goal_x, around.goal_y
         while i < draws.shape[0]:
             x, v = draws[i], load_int64(at.size, VERTEX_COUNT)
             status = certify_point(around.field, x[0], x[1])
@@ -107,14 +108,14 @@ def grow_with(compiled: Compiled, motion: Kernels) -> Callable[..., tuple[int, i
             if (
                 status != FREE
                 or v >= vertices.states.shape[0]
-                or math.hypot(x[0] - goal[0], x[1] - goal[1]) <= 1.001 * around.reach
+                or math.hypot(x[0] - gx, x[1] - gy) <= 1.001 * around.reach
             ):
                 return i, ASK
             out, unsure = proposed(vertices, v, x, around, numbers, True)
             if unsure > 0:
                 return i, ASK
             for k in range(at.M):
-                straight[k] = straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], goal[0], goal[1])
+                straight[k] = straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], gx, gy)
             if not reaches(at, straight, out, rules):
                 i += 1
                 continue
