@@ -16,8 +16,8 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.steering.straight_line import StraightLine
 from pirrht.tree import file as tree_file
+from pirrht.tree.graph import Graph
 from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.layout import Graph
 from sim import cli
 from sim.scenarios import Scenario, prepare
 

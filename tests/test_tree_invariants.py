@@ -14,9 +14,8 @@ from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.turns import Turns
-from pirrht.tree.graph import class_at
+from pirrht.tree.graph import ROOT, Graph, class_at
 from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.layout import ROOT, Graph
 
 Class = tuple[int, ...]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,24 +13,9 @@ from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import Curves, along, cut, entry_of_curve
 from pirrht.geometry.certify import certify_curve
 from pirrht.geometry.collision import Collision
-from pirrht.steering.motion import Kernels, Motion, Surroundings
+from pirrht.steering.motion import Motion, MotionKernels, Surroundings
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.turns import pairs_of_curve
-
-
-class ArcSteering(Protocol):
-    """What a steering method along arcs has besides `Steering`."""
-
-    @property
-    def cost_per_meter(self) -> float:
-        """Steering cost of one meter."""
-
-    @property
-    def speed(self) -> float:
-        """Speed along the curves [m/s]."""
-
-    def controls(self, heading: Array, curvature: Array) -> Array:
-        """Controls (l, m) that drive pieces starting at headings (l,) [rad] with curvatures (l,) [1/m]."""
 
 
 class Arcs(NamedTuple):
@@ -118,7 +103,7 @@ def _until_goal(path: Curves, around: Surroundings) -> Curves:
     return replace(path, length=length, cost=path.cost * share)
 
 
-def _trajectory(steering: ArcSteering, path: Curves) -> Trajectory:
+def _trajectory(steering: Any, path: Curves) -> Trajectory:
     """Piecewise constant controls along a path whose rows are consecutive curves."""
     pieces = path.curvature.shape[1]
     heading = path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
@@ -133,4 +118,4 @@ def _trajectory(steering: ArcSteering, path: Curves) -> Trajectory:
     )
 
 
-ARCS = Motion(Kernels(_entry, _end_at, _certify, _pairs, _most), _record, _ask, _until_goal, _trajectory)
+ARCS = Motion(MotionKernels(_entry, _end_at, _certify, _pairs, _most), _record, _ask, _until_goal, _trajectory)

@@ -63,12 +63,7 @@ class Dubins(Steering):
     @property
     def compiled(self) -> Compiled:
         """Dubins curves as kernels."""
-        return Compiled(_nearest, _connect)
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """Turning radius [m], cost per meter."""
-        return (self.radius, self.cost_per_meter)
+        return Compiled(_nearest, _connect, (self.radius, self.cost_per_meter))
 
     @property
     def cost_per_meter(self) -> float:
@@ -91,7 +86,7 @@ class Dubins(Steering):
     def connect(self, tails: Array, heads: Array) -> Curves:
         """The shortest curves of three pieces each."""
         tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
-        arcs = _connect(tails, heads, self.numbers)
+        arcs = _connect(tails, heads, self.compiled.numbers)
         return Curves(**arcs._asdict(), tails=tails)
 
     def controls(self, heading: Array, curvature: Array) -> Array:

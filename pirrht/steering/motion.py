@@ -55,7 +55,7 @@ class Motions(Protocol):
         """Each as a polyline (l, 2) [m], whose points lie at most `spacing` m apart where it turns."""
 
 
-class Kernels(NamedTuple):
+class MotionKernels(NamedTuple):
     """What compiled code asks of motion i of a record, which nothing else looks into."""
 
     entry: Callable[..., float]  # (motions, i, around): how far it goes until it first enters the goal's disc, or inf
@@ -70,7 +70,7 @@ class Kernels(NamedTuple):
 class Motion(NamedTuple):
     """A kind of motions: what the tree needs in order to judge `Motions` of it, and to make references of them."""
 
-    kernels: Kernels
+    kernels: MotionKernels
     record: Callable[[Any], Any]  # Motions as the record of arrays that the kernels take, which they may change
     ask: Callable[[Any, int, Collision], bool]  # FCL's own word on motion i of a record
     until_goal: Callable[[Any, Surroundings], Any]  # a path (consecutive motions) that ends where it enters the disc

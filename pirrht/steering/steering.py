@@ -20,16 +20,15 @@ class Compiled(NamedTuple):
     """A steering method as kernels, for growth that need not come back to Python."""
 
     nearest: Callable[..., None]  # (states, x, numbers, forward, chosen, work): what `Steering.nearest` does
-    connect: Callable[
-        ..., Any
-    ]  # (tails, heads, numbers): the optimal motions as the record that `motion`'s kernels take
+    connect: Callable[..., Any]  # (tails, heads, numbers): optimal motions, in the record that their kernels take
+    numbers: tuple[float, ...]  # what both read
 
 
 class Steering(ABC):
     """Optimal motions of the deterministic system without obstacles, and what they cost.
 
-    One along arcs also has `speed` [m/s], `cost_per_meter` and `controls` (`along_arcs.ArcSteering`). Another names its
-    kind of motion.
+    One along arcs at one speed also has `speed` [m/s], `cost_per_meter` and `controls(heading, curvature)`, the (l, m)
+    that drive pieces starting at headings (l,) [rad] with curvatures (l,) [1/m]. Another names its kind of motion.
     """
 
     n: int  # states of a vertex; the first two are the position [m]
@@ -56,7 +55,7 @@ class Steering(ABC):
         """Indices of the `count` states that cost least to reach from x (forward) or to come from."""
         if (compiled := self.compiled) is not None:
             chosen = np.empty(min(count, len(states)), dtype=np.int64)
-            compiled.nearest(states, x, self.numbers, forward, chosen, np.empty(len(chosen)))
+            compiled.nearest(states, x, compiled.numbers, forward, chosen, np.empty(len(chosen)))
             return chosen
         cost = self.distance(x, states) if forward else self.distance(states, x)
         if count >= len(states):
@@ -68,11 +67,6 @@ class Steering(ABC):
     def compiled(self) -> Compiled | None:
         """The same methods for kernels, with which a tree grows faster; None if there are none."""
         return None
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """What these kernels read."""
-        return ()
 
     def trajectory(self, path: Any) -> Trajectory:
         """The controls along a path of consecutive motions."""

@@ -72,12 +72,7 @@ class StraightLine(Steering):
     @property
     def compiled(self) -> Compiled:
         """Straight lines as kernels."""
-        return Compiled(_nearest, _connect)
-
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """Cost per meter."""
-        return (self.cost_per_meter,)
+        return Compiled(_nearest, _connect, (self.cost_per_meter,))
 
     @property
     def cost_per_meter(self) -> float:
@@ -98,7 +93,7 @@ class StraightLine(Steering):
     def connect(self, tails: Array, heads: Array) -> Curves:
         """One straight piece each."""
         tails, heads = (np.ascontiguousarray(np.atleast_2d(states), dtype=float) for states in (tails, heads))
-        arcs = _connect(tails, heads, self.numbers)
+        arcs = _connect(tails, heads, self.compiled.numbers)
         return Curves(**arcs._asdict(), tails=tails)
 
     def controls(self, heading: Array, curvature: Array) -> Array:

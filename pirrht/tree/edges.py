@@ -15,7 +15,7 @@ from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_point
 from pirrht.steering.along_arcs import ARCS
-from pirrht.steering.motion import Kernels, Motion, Motions, Surroundings
+from pirrht.steering.motion import Motion, MotionKernels, Motions, Surroundings
 from pirrht.topology.turns import Turns, summed
 
 
@@ -76,7 +76,7 @@ class Inspector:
 
 
 @cache
-def judge_with(kernels: Kernels) -> Callable[..., tuple[Edges, int]]:
+def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
     """The kernel that judges one kind of motions."""
     entry, end_at, certify, pairs, most = kernels
 

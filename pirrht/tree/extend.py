@@ -5,22 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.addresses import load_int64, store_float64, store_int32, store_int64
+from pirrht.compiled.addresses import load_int32, load_int64, store_float64, store_int16, store_int32, store_int64
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import BLOCKED, FREE, certify_point
-from pirrht.steering.motion import Kernels
-from pirrht.steering.steering import Compiled
+from pirrht.steering.motion import MotionKernels
 from pirrht.topology.cuts import straight_turns
+from pirrht.tree import graph as g
 from pirrht.tree.edges import judge_with
-from pirrht.tree.graph import add_edge, ask_again
-from pirrht.tree.layout import COUNT, EDGE_COUNT, PAIR_COUNT, VERTEX_COUNT, vertex_at
-from pirrht.tree.search import reaches, settle
+from pirrht.tree.search import ask_again, reaches, settle
 from pirrht.tree.status import ASK, DONE
 
 
@@ -38,10 +36,38 @@ def near_count(size, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyped-def]
+    """Append a directed edge and link it into both of its lists.
+
+    It costs what edge i of `edges` does and has `sign` times its turns; `weights` (M,) make the additive key.
+    """
+    e, used, key = load_int64(at.size, g.EDGE_COUNT), load_int64(at.size, g.PAIR_COUNT), np.int64(0)
+    turns = edges.turns
+    for j in range(turns.first[i], turns.first[i + 1]):
+        marker, turn = turns.marker[j], sign * turns.turn[j]
+        store_int32(at.edge_marker, used, marker)
+        store_int16(at.edge_turn, used, turn)
+        key += turn * weights[marker]
+        used += 1
+    edge, first_out, first_in = g.edge_at(at, e), g.vertex_at(at, tail), g.vertex_at(at, head)
+    store_int32(edge, g.TAIL, tail)
+    store_int32(edge, g.HEAD, head)
+    store_float64(edge, g.EDGE_COST, edges.cost[i])
+    store_int64(edge, g.EDGE_KEY, key)
+    store_int32(edge, g.NEXT_OUT, load_int32(first_out, g.FIRST_OUT))
+    store_int32(edge, g.NEXT_IN, load_int32(first_in, g.FIRST_IN))
+    store_int32(first_out, g.FIRST_OUT, e)
+    store_int32(first_in, g.FIRST_IN, e)
+    store_int64(at.edge_first, e + 1, used)
+    store_int64(at.size, g.EDGE_COUNT, e + 1)
+    store_int64(at.size, g.PAIR_COUNT, used)
+
+
+@inlined
 def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
     """Whether two batches of edges may not fit."""
     edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
-    used, paired = load_int64(at.size, EDGE_COUNT), load_int64(at.size, PAIR_COUNT)
+    used, paired = load_int64(at.size, g.EDGE_COUNT), load_int64(at.size, g.PAIR_COUNT)
     return used + edges > at.edge_room or paired + pairs > at.pair_room
 
 
@@ -52,31 +78,32 @@ def insert(at, vertices, straight, out, back, around, rules):  # type: ignore[no
     `straight` (M,) is the H of the straight line from it; `out` and `back` are edges to and from vertices near it, and
     with `rules.mirrored` the same but for a root. There must be room. Costs settle later.
     """
-    v = load_int64(at.size, VERTEX_COUNT)
+    v = load_int64(at.size, g.VERTEX_COUNT)
     root, sign = vertices.in_goal[v], 1
     for k in range(at.M):
         store_float64(at.straight, v * at.M + k, straight[k])
-    store_int64(at.size, VERTEX_COUNT, v + 1)
+    store_int64(at.size, g.VERTEX_COUNT, v + 1)
     if root:
-        store_int32(vertex_at(at, v), COUNT, 1)
+        store_int32(g.vertex_at(at, v), g.COUNT, 1)
     else:
         for i in range(out.near.shape[0]):
             if out.status[i] == FREE:
-                add_edge(at, v, out.near[i], out, i, 1, around.weights)
+                _add_edge(at, v, out.near[i], out, i, 1, around.weights)
         ask_again(at, v)
         sign = -1 if rules.mirrored else 1
     for i in range(back.near.shape[0]):
         u = back.near[i]
         if back.status[i] == FREE and u != v and not vertices.in_goal[u]:
-            add_edge(at, u, v, back, i, sign, around.weights)
+            _add_edge(at, u, v, back, i, sign, around.weights)
             if root:
                 ask_again(at, u)
 
 
 @cache
-def grow_with(compiled: Compiled, motion: Kernels) -> Callable[..., tuple[int, int]]:
-    """The kernel that turns draws into vertices by one steering method."""
-    nearest, connect = compiled
+def grow_with(
+    nearest: Callable[..., None], connect: Callable[..., Any], motion: MotionKernels
+) -> Callable[..., tuple[int, int]]:
+    """The kernel that turns draws into vertices by one steering method (`steering.Compiled`) and kind of motion."""
     judge = judge_with(motion)
 
     @inlined
@@ -100,7 +127,7 @@ def grow_with(compiled: Compiled, motion: Kernels) -> Callable[..., tuple[int, i
         straight, markers = np.empty(at.M), around.markers
         gx, gy = around.goal_x, around.goal_y
         while i < draws.shape[0]:
-            x, v = draws[i], load_int64(at.size, VERTEX_COUNT)
+            x, v = draws[i], load_int64(at.size, g.VERTEX_COUNT)
             status = certify_point(around.field, x[0], x[1])
             if status == BLOCKED:
                 i += 1

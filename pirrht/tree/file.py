@@ -25,9 +25,9 @@ from pirrht.files import replaced
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Obstacle
 from pirrht.steering.steering import Steering
-from pirrht.tree import layout as g
+from pirrht.tree import graph as g
+from pirrht.tree.graph import Graph
 from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.layout import Graph
 
 FORMAT = 1
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, RuntimeError)

@@ -16,29 +16,17 @@ from pirrht.shortening.shorten import polish
 from pirrht.steering.steering import Steering
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.homology import class_id, integers
+from pirrht.tree import graph as g
 from pirrht.tree.edges import NO_EDGES, Edges, Inspector
 from pirrht.tree.extend import Vertices, grow_with, insert, near_count
-from pirrht.tree.graph import class_at, find
-from pirrht.tree.layout import (
-    EDGE_PAIRS,
-    EDGES,
-    NODE_PAIRS,
-    NODES,
-    QUEUE,
-    ROOT,
-    VERTICES,
-    Graph,
-    Places,
-    doubled,
-    empty_graph,
-)
 from pirrht.tree.search import Best, SearchRules, best_classes, reaches, relax
 from pirrht.tree.status import ASK, DONE, NODES_FULL, PAIRS_FULL, QUEUE_FULL
 
 GOAL_SHARE = 0.02  # share of the draws that go to the goal's disc, which uniform draws would rarely hit
 DRAWS_PER_VERTEX = 50
 AT_ONCE = 256  # draws that are made and dealt with together
-MORE = {NODES_FULL: (NODES, 1), QUEUE_FULL: (QUEUE, 0), PAIRS_FULL: (NODE_PAIRS, 2)}  # arrays to double, and their axis
+# Arrays to double, and the axis, by what is full.
+MORE = {NODES_FULL: (g.NODES, 1), QUEUE_FULL: (g.QUEUE, 0), PAIRS_FULL: (g.NODE_PAIRS, 2)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,24 +88,23 @@ class HomologyTree:
         self.space, self.steering, self.rng = space, steering, rng
         self.rules = SearchRules(float(limit), int(classes), bool(steering.symmetric))
         self.inspector = Inspector(space=space, motion=steering.motion)
-        compiled = steering.compiled
-        self._growing = None if compiled is None else grow_with(compiled, steering.motion.kernels)
+        self._compiled = steering.compiled
         self.states = np.zeros((256, steering.n))
         self.in_goal = np.zeros(256, dtype=np.bool_)
-        self.graph = empty_graph(256, 8192, max(1, classes) if classes else 8, space.homology.M)
+        self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, space.homology.M)
         self.draws = 0
         for x in steering.roots(space.scene.goal.center):
             self._write(x, root=True)
             self._insert(self._straight(x), NO_EDGES, NO_EDGES)
 
     @property
-    def graph(self) -> Graph:
+    def graph(self) -> g.Graph:
         """The graph and its nodes; another one, with more room, whenever they are full."""
         return self._places.graph
 
     @graph.setter
-    def graph(self, graph: Graph) -> None:
-        self._places = Places.of(graph)
+    def graph(self, graph: g.Graph) -> None:
+        self._places = g.Places.of(graph)
 
     @property
     def limit(self) -> float:
@@ -154,7 +141,7 @@ class HomologyTree:
         i = 0
         while i < len(draws):
             before = i
-            i, status = self._compiled(draws, i)
+            i, status = self._grown(draws, i)
             self.draws += i - before
             if status == ASK:
                 if i < len(draws):
@@ -163,16 +150,17 @@ class HomologyTree:
             elif status != DONE:
                 self._relax()
 
-    def _compiled(self, draws: Array, i: int) -> tuple[int, int]:
+    def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """The draws from i on in compiled code: how many have been dealt with, and what comes next."""
-        if self._growing is None:
+        if self._compiled is None:
             return i, ASK
-        around, numbers = self.inspector.around, self.steering.numbers
-        return self._growing(self._places, self._vertices, draws, i, around, numbers, self.rules)
+        around, numbers = self.inspector.around, self._compiled.numbers
+        grow = grow_with(*self._compiled[:2], self.steering.motion.kernels)
+        return grow(self._places, self._vertices, draws, i, around, numbers, self.rules)
 
     def reserve(self, vertices: int) -> None:
         """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
-        self._compiled(self.states[:0], 0)
+        self._grown(self.states[:0], 0)
         more = 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
         while len(self.states) < vertices:
             self._double_vertices()
@@ -222,12 +210,12 @@ class HomologyTree:
         """Vertices from a node to its root, first to last."""
         gr = self.graph
         key, path = gr.key[vertex, slot], [vertex]
-        while gr.parent[vertex, slot] != ROOT:
+        while gr.parent[vertex, slot] != g.ROOT:
             e = gr.parent[vertex, slot]
             with np.errstate(over="ignore"):
                 key = key - gr.edge_key[e]
             vertex = int(gr.head[e])
-            slot = find(self._places, vertex, key)
+            slot = g.find(self._places, vertex, key)
             path.append(vertex)
         return path
 
@@ -259,19 +247,19 @@ class HomologyTree:
         insert(self._places, self._vertices, straight, out, back, self.inspector.around, self.rules)
 
     def _double_vertices(self) -> None:
-        self.graph = doubled(self.graph, VERTICES + NODES)
+        self.graph = g.doubled(self.graph, g.VERTICES + g.NODES)
         self.states = np.vstack([self.states, np.zeros_like(self.states)])
         self.in_goal = np.concatenate([self.in_goal, np.zeros_like(self.in_goal)])
 
     def _make_room(self, edges: int, pairs: int) -> None:
         while self.graph.size[1] + edges > len(self.graph.tail):
-            self.graph = doubled(self.graph, EDGES)
+            self.graph = g.doubled(self.graph, g.EDGES)
         while self.graph.size[4] + pairs > len(self.graph.edge_marker):
-            self.graph = doubled(self.graph, EDGE_PAIRS)
+            self.graph = g.doubled(self.graph, g.EDGE_PAIRS)
 
     def _relax(self) -> None:
         while (status := relax(self._places, self.rules)) != DONE:
-            self.graph = doubled(self.graph, *MORE[status])
+            self.graph = g.doubled(self.graph, *MORE[status])
 
     # -- asking ------------------------------------------------------------------------------------------------
 
@@ -305,7 +293,7 @@ class HomologyTree:
         path = self.inspector.until_goal(self.steering.connect(states[:-1], states[1:]))
         if polished:
             path = polish(path, self.steering, self.space)
-        winding = integers(class_at(self.graph, head, slot) + edges.turns.dense(edge, self.space.homology.M))
+        winding = integers(g.class_at(self.graph, head, slot) + edges.turns.dense(edge, self.space.homology.M))
         return Reference(
             winding=winding,
             signature=self.space.homology.signature(x, winding),

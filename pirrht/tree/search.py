@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.compiled.addresses import (
     load_float64,
+    load_int8,
     load_int16,
     load_int32,
     load_int64,
@@ -25,29 +26,7 @@ from pirrht.compiled.addresses import (
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import FREE
 from pirrht.topology.turns import key_of_pairs, summed
-from pirrht.tree.graph import evict
-from pirrht.tree.layout import (
-    COST,
-    COUNT,
-    EDGE_COST,
-    EDGE_KEY,
-    FIRST_IN,
-    FIRST_OUT,
-    HEAD,
-    KEY,
-    NEXT_IN,
-    NEXT_OUT,
-    NODE_PAIR_COUNT,
-    PARENT,
-    QUEUE_COUNT,
-    REFILL_COUNT,
-    TAIL,
-    edge_at,
-    is_root,
-    node_at,
-    slot_of,
-    vertex_at,
-)
+from pirrht.tree import graph as g
 from pirrht.tree.queue import pop, push
 from pirrht.tree.status import DONE, NEW, NODES_FULL, PAIRS_FULL, QUEUE_FULL
 
@@ -87,6 +66,50 @@ class Best(NamedTuple):
 
 
 @inlined
+def ask_again(at, v):  # type: ignore[no-untyped-def]
+    """Note that a vertex must ask its successors for their nodes."""
+    if load_int8(at.waiting, v) == 0:
+        count = load_int64(at.size, g.REFILL_COUNT)
+        store_int8(at.waiting, v, 1)
+        store_int32(at.refill, count, v)
+        store_int64(at.size, g.REFILL_COUNT, count + 1)
+
+
+@kernel
+def _remove(at, v, slot):  # type: ignore[no-untyped-def]
+    vertex = g.vertex_at(at, v)
+    last = load_int32(vertex, g.COUNT) - 1
+    node, end = g.node_at(vertex, slot), g.node_at(vertex, last)
+    for i in range(g.NODE_BYTES // 8):
+        store_int64(node, i, load_int64(end, i))
+    to, start = (v * at.K + slot) * at.C, (v * at.K + last) * at.C
+    for k in range(load_int32(end, g.NODE_PAIR_COUNT)):
+        store_int32(at.marker, to + k, load_int32(at.marker, start + k))
+        store_int16(at.turn, to + k, load_int16(at.turn, start + k))
+    store_int32(vertex, g.COUNT, last)
+
+
+@kernel
+def _evict(at, v, slot):  # type: ignore[no-untyped-def]
+    """Drop a node and every node that descends from it; their vertices will ask their successors again."""
+    stack = [(np.int64(v), load_int64(g.node_at(g.vertex_at(at, v), slot), g.KEY))]
+    _remove(at, v, slot)
+    while len(stack) > 0:
+        v, key = stack.pop()
+        e = load_int32(g.vertex_at(at, v), g.FIRST_IN)
+        while e >= 0:
+            edge = g.edge_at(at, e)
+            u = np.int64(load_int32(edge, g.TAIL))
+            vertex = g.vertex_at(at, u)
+            child = g.slot_of(vertex, key + load_int64(edge, g.EDGE_KEY))
+            if child >= 0 and load_int32(g.node_at(vertex, child), g.PARENT) == e:
+                stack.append((u, load_int64(g.node_at(vertex, child), g.KEY)))
+                _remove(at, u, child)
+                ask_again(at, u)
+            e = load_int32(edge, g.NEXT_IN)
+
+
+@inlined
 def _exceeds(at, v, offer, limit):  # type: ignore[no-untyped-def]
     """Whether a class breaks the limit around some marker that it turns around at v.
 
@@ -94,7 +117,7 @@ def _exceeds(at, v, offer, limit):  # type: ignore[no-untyped-def]
     """
     straight, begin = at.straight + 8 * at.M * v, (offer.source * at.K + offer.slot) * at.C
     first, end = load_int64(at.edge_first, offer.edge), load_int64(at.edge_first, offer.edge + 1)
-    count = load_int32(node_at(vertex_at(at, offer.source), offer.slot), NODE_PAIR_COUNT)
+    count = load_int32(g.node_at(g.vertex_at(at, offer.source), offer.slot), g.NODE_PAIR_COUNT)
     for i in range(begin, begin + count):
         marker, total = load_int32(at.marker, i), np.int64(load_int16(at.turn, i))
         for j in range(first, end):
@@ -114,7 +137,8 @@ def _exceeds(at, v, offer, limit):  # type: ignore[no-untyped-def]
 @kernel
 def _joined(at, source, slot, edge_marker, edge_turn, first, end):  # type: ignore[no-untyped-def]
     """Pairs of node `slot` of vertex `source` and those of an edge, from `first` to `end` at two addresses, summed."""
-    count, begin = load_int32(node_at(vertex_at(at, source), slot), NODE_PAIR_COUNT), (source * at.K + slot) * at.C
+    begin = (source * at.K + slot) * at.C
+    count = load_int32(g.node_at(g.vertex_at(at, source), slot), g.NODE_PAIR_COUNT)
     most = count + end - first
     marker, turn = np.empty(most, np.int32), np.empty(most, np.int16)
     total = np.zeros(at.M, np.int16)
@@ -153,31 +177,31 @@ def _insert(at, v, offer, rules):  # type: ignore[no-untyped-def]
     )  # fmt: skip
     if not _admits(at.straight + 8 * at.M * v, at.M, marker, turn, many, rules.limit):
         return DONE
-    vertex, K = vertex_at(at, v), rules.classes
-    count = load_int32(vertex, COUNT)
+    vertex, K = g.vertex_at(at, v), rules.classes
+    count = load_int32(vertex, g.COUNT)
     full, worst = K > 0 and count >= K, 0
     for i in range(1, count if full else 0):
-        if load_float64(node_at(vertex, i), COST) > load_float64(node_at(vertex, worst), COST):
+        if load_float64(g.node_at(vertex, i), g.COST) > load_float64(g.node_at(vertex, worst), g.COST):
             worst = i
-    if full and offer.cost >= load_float64(node_at(vertex, worst), COST) - TIE:
+    if full and offer.cost >= load_float64(g.node_at(vertex, worst), g.COST) - TIE:
         store_int64(at.pruned, 0, load_int64(at.pruned, 0) + 1)
         return DONE
     if many > at.C:
         return PAIRS_FULL
     if full:
         store_int64(at.pruned, 0, load_int64(at.pruned, 0) + 1)
-        evict(at, v, worst)
-        count = load_int32(vertex, COUNT)
-    node = node_at(vertex, count)
-    store_float64(node, COST, offer.cost)
-    store_int64(node, KEY, offer.key)
-    store_int32(node, PARENT, e)
-    store_int32(node, NODE_PAIR_COUNT, many)
+        _evict(at, v, worst)
+        count = load_int32(vertex, g.COUNT)
+    node = g.node_at(vertex, count)
+    store_float64(node, g.COST, offer.cost)
+    store_int64(node, g.KEY, offer.key)
+    store_int32(node, g.PARENT, e)
+    store_int32(node, g.NODE_PAIR_COUNT, many)
     begin = (v * at.K + count) * at.C
     for k in range(many):
         store_int32(at.marker, begin + k, marker[k])
         store_int16(at.turn, begin + k, turn[k])
-    store_int32(vertex, COUNT, count + 1)
+    store_int32(vertex, g.COUNT, count + 1)
     return NEW
 
 
@@ -187,18 +211,18 @@ def _append(at, v, offer, rules):  # type: ignore[no-untyped-def]
 
     What must grow first, or DONE, also if the node is dominated, blocked or pruned.
     """
-    vertex = vertex_at(at, v)
-    if rules.classes == 0 and load_int32(vertex, COUNT) >= at.K:
+    vertex = g.vertex_at(at, v)
+    if rules.classes == 0 and load_int32(vertex, g.COUNT) >= at.K:
         return NODES_FULL
-    if load_int64(at.size, QUEUE_COUNT) + 1 >= at.queue_room:
+    if load_int64(at.size, g.QUEUE_COUNT) + 1 >= at.queue_room:
         return QUEUE_FULL
-    known = slot_of(vertex, offer.key)
+    known = g.slot_of(vertex, offer.key)
     if known >= 0:
-        node = node_at(vertex, known)
-        if offer.cost >= load_float64(node, COST) - TIE:
+        node = g.node_at(vertex, known)
+        if offer.cost >= load_float64(node, g.COST) - TIE:
             return DONE
-        store_float64(node, COST, offer.cost)
-        store_int32(node, PARENT, offer.edge)
+        store_float64(node, g.COST, offer.cost)
+        store_int32(node, g.PARENT, offer.edge)
     else:
         if rules.limit >= 0.5 and _exceeds(at, v, offer, rules.limit):
             return DONE
@@ -212,71 +236,71 @@ def _append(at, v, offer, rules):  # type: ignore[no-untyped-def]
 @kernel
 def _fill(at, v, rules):  # type: ignore[no-untyped-def]
     """ChooseParent: offer a vertex the nodes of all its successors; what must grow first, or DONE."""
-    vertex = vertex_at(at, v)
-    if is_root(vertex):
+    vertex = g.vertex_at(at, v)
+    if g.is_root(vertex):
         return DONE
     evicted = -1
-    while evicted != load_int64(at.size, REFILL_COUNT):  # an eviction moves nodes about: look until none happens
-        evicted = load_int64(at.size, REFILL_COUNT)
-        e = load_int32(vertex, FIRST_OUT)
+    while evicted != load_int64(at.size, g.REFILL_COUNT):  # an eviction moves nodes about: look until none happens
+        evicted = load_int64(at.size, g.REFILL_COUNT)
+        e = load_int32(vertex, g.FIRST_OUT)
         while e >= 0:
-            edge = edge_at(at, e)
-            h = load_int32(edge, HEAD)
-            head, slot = vertex_at(at, h), 0
-            while slot < load_int32(head, COUNT):
-                node = node_at(head, slot)
-                key = load_int64(node, KEY) + load_int64(edge, EDGE_KEY)
-                cost = load_float64(node, COST) + load_float64(edge, EDGE_COST)
+            edge = g.edge_at(at, e)
+            h = load_int32(edge, g.HEAD)
+            head, slot = g.vertex_at(at, h), 0
+            while slot < load_int32(head, g.COUNT):
+                node = g.node_at(head, slot)
+                key = load_int64(node, g.KEY) + load_int64(edge, g.EDGE_KEY)
+                cost = load_float64(node, g.COST) + load_float64(edge, g.EDGE_COST)
                 status = _append(at, v, Offer(cost, key, h, slot, e), rules)
                 if status != DONE:
                     return status
                 slot += 1
-            e = load_int32(edge, NEXT_OUT)
+            e = load_int32(edge, g.NEXT_OUT)
     return DONE
 
 
 @inlined
 def _expand(at, cost, v, key, rules):  # type: ignore[no-untyped-def]
     """Offer a node to all predecessors of its vertex; what must grow first, or DONE."""
-    vertex = vertex_at(at, v)
-    e = load_int32(vertex, FIRST_IN)
+    vertex = g.vertex_at(at, v)
+    e = load_int32(vertex, g.FIRST_IN)
     while e >= 0:
-        edge = edge_at(at, e)
-        u = load_int32(edge, TAIL)
-        if not is_root(vertex_at(at, u)):
-            new_key, new_cost = key + load_int64(edge, EDGE_KEY), cost + load_float64(edge, EDGE_COST)
-            slot = slot_of(vertex, key)  # an eviction may have moved it
+        edge = g.edge_at(at, e)
+        u = load_int32(edge, g.TAIL)
+        if not g.is_root(g.vertex_at(at, u)):
+            new_key, new_cost = key + load_int64(edge, g.EDGE_KEY), cost + load_float64(edge, g.EDGE_COST)
+            slot = g.slot_of(vertex, key)  # an eviction may have moved it
             status = _append(at, u, Offer(new_cost, new_key, v, slot, e), rules)
             if status != DONE:
                 return status
-        e = load_int32(edge, NEXT_IN)
+        e = load_int32(edge, g.NEXT_IN)
     return DONE
 
 
 @inlined
 def settle(at, rules):  # type: ignore[no-untyped-def]
     """Rewire, lines 9-17: uniform-cost search until nothing improves; says what must grow if room runs out."""
-    while load_int64(at.size, QUEUE_COUNT) > 0 or load_int64(at.size, REFILL_COUNT) > 0:
+    while load_int64(at.size, g.QUEUE_COUNT) > 0 or load_int64(at.size, g.REFILL_COUNT) > 0:
         pruned = load_int64(at.pruned, 0)
-        while load_int64(at.size, REFILL_COUNT) > 0:
-            last = load_int64(at.size, REFILL_COUNT) - 1
+        while load_int64(at.size, g.REFILL_COUNT) > 0:
+            last = load_int64(at.size, g.REFILL_COUNT) - 1
             v = load_int32(at.refill, last)
             status = _fill(at, v, rules)
             if status == PAIRS_FULL:
                 store_int64(at.pruned, 0, pruned)  # what was refused will be refused, and counted, again
             if status != DONE:
                 return status
-            last = load_int64(at.size, REFILL_COUNT) - 1
+            last = load_int64(at.size, g.REFILL_COUNT) - 1
             if load_int32(at.refill, last) == v:
-                store_int64(at.size, REFILL_COUNT, last)
+                store_int64(at.size, g.REFILL_COUNT, last)
                 store_int8(at.waiting, v, 0)
             pruned = load_int64(at.pruned, 0)
-        if load_int64(at.size, QUEUE_COUNT) == 0:
+        if load_int64(at.size, g.QUEUE_COUNT) == 0:
             break
         cost, v, key = pop(at)
-        vertex = vertex_at(at, v)
-        slot = slot_of(vertex, key)
-        if slot < 0 or load_float64(node_at(vertex, slot), COST) != cost:
+        vertex = g.vertex_at(at, v)
+        slot = g.slot_of(vertex, key)
+        if slot < 0 or load_float64(g.node_at(vertex, slot), g.COST) != cost:
             continue
         status = _expand(at, cost, v, key, rules)
         if status != DONE:
@@ -303,10 +327,10 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
             continue
         h, first, end = near[i], turns.first[i], turns.first[i + 1]
         edge_key = key_of_pairs(turns.marker, turns.turn, first, end, weights)
-        vertex = vertex_at(at, h)
-        for slot in range(load_int32(vertex, COUNT)):
-            node = node_at(vertex, slot)
-            cost, key = edges.cost[i] + load_float64(node, COST), load_int64(node, KEY) + edge_key
+        vertex = g.vertex_at(at, h)
+        for slot in range(load_int32(vertex, g.COUNT)):
+            node = g.node_at(vertex, slot)
+            cost, key = edges.cost[i] + load_float64(node, g.COST), load_int64(node, g.KEY) + edge_key
             row = -1
             for j in range(count):
                 if best.key[j] == key:
@@ -340,7 +364,7 @@ def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
         if edges.status[i] != FREE:
             continue
         first, end = turns.first[i], turns.first[i + 1]
-        for slot in range(load_int32(vertex_at(at, near[i]), COUNT)):
+        for slot in range(load_int32(g.vertex_at(at, near[i]), g.COUNT)):
             marker, turn, many = _joined(at, near[i], slot, pair_marker, pair_turn, first, end)
             if _admits(straight.ctypes.data, at.M, marker, turn, many, rules.limit):
                 return True
