@@ -89,6 +89,7 @@ class HomologyTree:
         self.rules = SearchRules(float(limit), int(classes), bool(steering.symmetric))
         self.inspector = Inspector(space=space, motion=steering.motion)
         self._compiled = steering.compiled
+        self._grow_kernel = self._compiled and grow_with(*self._compiled[:2], steering.motion.kernels)
         self.states = np.zeros((256, steering.n))
         self.in_goal = np.zeros(256, dtype=np.bool_)
         self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, space.homology.M)
@@ -152,11 +153,10 @@ class HomologyTree:
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """The draws from i on in compiled code: how many have been dealt with, and what comes next."""
-        if self._compiled is None:
+        if self._compiled is None or self._grow_kernel is None:
             return i, ASK
         around, numbers = self.inspector.around, self._compiled.numbers
-        grow = grow_with(*self._compiled[:2], self.steering.motion.kernels)
-        return grow(self._places, self._vertices, draws, i, around, numbers, self.rules)
+        return self._grow_kernel(self._places, self._vertices, draws, i, around, numbers, self.rules)
 
     def reserve(self, vertices: int) -> None:
         """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
