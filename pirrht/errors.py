@@ -29,7 +29,7 @@ class NoReference(PirrhtError):
         state: Sequence[float],
         *,
         vertices: int,
-        limit: float | None,
+        limit: float,
         blocked: Sequence[float] | None = None,
     ) -> None:
         self.state = tuple(float(s) for s in state)
@@ -37,8 +37,7 @@ class NoReference(PirrhtError):
         self.limit = limit
         self.blocked = None if blocked is None else tuple(float(h) for h in blocked)
         where = ", ".join(f"{s:.3g}" for s in self.state)
-        allowed = "the allowed set" if limit is None else f"|1 - H_i| <= {limit:g}"
-        text = f"no allowed class reaches the goal from ({where}): {vertices} vertices, {allowed}"
+        text = f"no allowed class reaches the goal from ({where}): {vertices} vertices, |1 - H_i| <= {limit:g}"
         if self.blocked is not None:
             text += f"; the nearest blocked signature is ({', '.join(f'{h:.3g}' for h in self.blocked)})"
         super().__init__(text + ". Try more --vertices, a larger --limit or a smaller --radius.")

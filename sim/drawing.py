@@ -15,9 +15,8 @@ from pirrht.estimation.sampler import OTHER, Estimate, PathIntegral
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
-from pirrht.tree.graph import edge_turns_around, node_turns_around
+from pirrht.tree.graph import ROOT, edge_turns_around, node_turns_around
 from pirrht.tree.homology_tree import HomologyTree, Reference
-from pirrht.tree.layout import ROOT
 from sim.colors import Color
 
 Floats = NDArray[np.float32]

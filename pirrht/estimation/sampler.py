@@ -27,7 +27,7 @@ from pirrht.guidance.tracking import Guidance
 from pirrht.guidance.walls import Push, best_speed, decay, reach, window
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollouts.backend import Kernels, Leads, World, empty_paths, kernels_for
+from pirrht.rollouts.backend import Kernels, Leads, Setup, empty_paths, kernels_for
 from pirrht.rollouts.first_exit import survivors_slope
 from pirrht.rollouts.gates import Gates
 from pirrht.rollouts.records import Origin
@@ -57,10 +57,10 @@ class PathIntegral:
         self.problem, self.space, self.sampling, self.beyond = problem, space, sampling, beyond
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
-        self.world = _world(problem, space, sampling.exit == "bridge")
+        self.setup = _setup(problem, space, sampling.exit == "bridge")
         steered = sampling.guide == "feedback" and Guidance.suits(problem)
-        self.guidance = Guidance(problem, self.world) if steered else None
-        self.replay = Replay(self.kernels, self.world)
+        self.guidance = Guidance(problem, self.setup) if steered else None
+        self.replay = Replay(self.kernels, self.setup)
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
     def warm_up(self) -> None:
@@ -119,7 +119,7 @@ class PathIntegral:
         origin = Origin(np.ascontiguousarray(batch.state, dtype=float), np.uint64(seed))
 
         def work(part: tuple[int, int]) -> None:
-            self.kernels.sample(self.world, leads, origin, part[0], part[1], paths)
+            self.kernels.sample(self.setup, leads, origin, part[0], part[1], paths)
             log_weight[slice(*part)] = log_weights(self.problem, self.sampling.weights, paths, first, part)
 
         _in_parallel(work, S, self.threads if self.kernels.alone < S else 1)
@@ -177,7 +177,7 @@ class PathIntegral:
             gates=Gates(np.zeros(H, dtype=np.int64), place, decay(self.problem, x)),
             speed=best_speed(self.problem, x),
             reach=reach(self.problem, x) if gated else 0.0,
-            window=window(self.problem, self.world.arena, x, times, longest) if gated else 1,
+            window=window(self.problem, self.setup.arena, x, times, longest) if gated else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T, 9)),
             led=np.zeros(H, np.int64),
@@ -186,15 +186,15 @@ class PathIntegral:
             proposal.lead.pack(leads, h)
         busy = np.any(leads.control != 0.0, axis=2)
         leads.active[:] = np.where(busy.any(axis=1), T - np.argmax(busy[:, ::-1], axis=1), 0)
-        leads.drift[:] = leads.control @ self.world.gain.T
+        leads.drift[:] = leads.control @ self.setup.gain.T
         return leads
 
 
-def _world(problem: Problem, space: FreeSpace, bridge: bool) -> World:
+def _setup(problem: Problem, space: FreeSpace, bridge: bool) -> Setup:
     d = problem.dynamics
     x = np.zeros(d.n)
     constant = d.constant
-    return World(
+    return Setup(
         arena=space.arena,
         cuts=space.homology.cuts,
         parameters=np.asarray(d.parameters, dtype=float),

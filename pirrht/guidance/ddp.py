@@ -99,13 +99,13 @@ def _price(field, margin, least, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def forward_pass(world, car, times, course, length, step, tried):  # type: ignore[no-untyped-def]
+def forward_pass(setup, car, times, course, length, step, tried):  # type: ignore[no-untyped-def]
     """Drive from the start under u = control + step * change + K (x - states); past `length` towards the goal centre.
 
     States and controls go to `tried`, whose first state is the start.
     Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced.
     """
-    (gx, gy), radius, field = world.arena.goal, world.arena.radius, world.arena.field
+    (gx, gy), radius, field = setup.arena.goal, setup.arena.radius, setup.arena.field
     nominal, control, gains, _, change = course
     states, applied, _, _, _ = tried
     x, y, theta = states[0, 0], states[0, 1], states[0, 2]
@@ -140,9 +140,9 @@ def forward_pass(world, car, times, course, length, step, tried):  # type: ignor
 
 
 @kernel
-def _arrival(world, car, x, y, theta):  # type: ignore[no-untyped-def]
+def _arrival(setup, car, x, y, theta):  # type: ignore[no-untyped-def]
     """Cost q s / V of the way s to the goal's rim straight ahead: gradient (3) and Hessian (6) in x, y, theta."""
-    (gx, gy), radius = world.arena.goal, world.arena.radius
+    (gx, gy), radius = setup.arena.goal, setup.arena.radius
     tx, ty = math.cos(theta), math.sin(theta)
     along = (gx - x) * tx + (gy - y) * ty
     off = max(radius * radius - (gx - x) ** 2 - (gy - y) ** 2 + along * along, 1e-4 * radius * radius)
@@ -166,12 +166,12 @@ def _arrival(world, car, x, y, theta):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def backward_pass(world, car, times, course, length, damping):  # type: ignore[no-untyped-def]
+def backward_pass(setup, car, times, course, length, damping):  # type: ignore[no-untyped-def]
     """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost]."""
-    field = world.arena.field
+    field = setup.arena.field
     states, control, gains, spread, change = course
     v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
-        world, car, states[length, 0], states[length, 1], states[length, 2]
+        setup, car, states[length, 0], states[length, 1], states[length, 2]
     )
     expected = 0.0
     for i in range(length - 1, -1, -1):
@@ -218,19 +218,19 @@ def backward_pass(world, car, times, course, length, damping):  # type: ignore[n
 
 
 @kernel
-def class_of(world, states, length):  # type: ignore[no-untyped-def]
+def class_of(setup, states, length):  # type: ignore[no-untyped-def]
     """Additive class key of the first `length` steps, counted at the cuts as the rollouts do."""
     key = np.int64(0)
     for i in range(length):
-        key += key_of_segment(world.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
+        key += key_of_segment(setup.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
     return key
 
 
 @kernel
-def is_free(world, states, length):  # type: ignore[no-untyped-def]
+def is_free(setup, states, length):  # type: ignore[no-untyped-def]
     """Whether the first `length` steps touch nothing."""
     for i in range(length):
-        outcome, _ = sweep_exit(world.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
+        outcome, _ = sweep_exit(setup.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
         if outcome == COLLISION:
             return False
     return True
@@ -240,7 +240,7 @@ COURSE: Any = Course
 
 
 @kernel
-def optimise(world, car, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
+def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
     """Improve a trajectory of class `key` in place; once it is of its class, or touches nothing besides, it stays so.
 
     Args:
@@ -259,27 +259,27 @@ def optimise(world, car, times, key, rounds, course, length):  # type: ignore[no
     trial = COURSE(other, tried, course.gains, course.spread, course.change)
     for j in range(3):
         other[0, j] = states[0, j]
-    steps, cost, priced = forward_pass(world, car, times, course, length, 0.0, trial)
+    steps, cost, priced = forward_pass(setup, car, times, course, length, 0.0, trial)
     if steps < 0:
         return -1, np.inf, np.inf, 0, False
     for i in range(T):
         control[i] = tried[i]
         for j in range(3):
             states[i + 1, j] = other[i + 1, j]
-    right = class_of(world, states, steps) == key
-    sound = right and is_free(world, states, steps)
+    right = class_of(setup, states, steps) == key
+    sound = right and is_free(setup, states, steps)
     damping, done, again = 0.0, 0, False
     for _ in range(rounds):
         done += 1
-        expected = backward_pass(world, car, times, course, steps, damping)
+        expected = backward_pass(setup, car, times, course, steps, damping)
         if expected < car.tolerance:
             break
         better, step = False, 1.0
         for _ in range(HALVINGS):
-            n, c, p = forward_pass(world, car, times, course, steps, step, trial)
+            n, c, p = forward_pass(setup, car, times, course, steps, step, trial)
             if n >= 0 and p < priced - 0.1 * step * expected:
-                same = class_of(world, other, n) == key
-                clear = same and is_free(world, other, n)
+                same = class_of(setup, other, n) == key
+                clear = same and is_free(setup, other, n)
                 if clear or (not sound and (same or not right)):
                     better, right, sound, steps, cost, priced = True, same, clear, n, c, p
                     break
@@ -297,5 +297,5 @@ def optimise(world, car, times, key, rounds, course, length):  # type: ignore[no
                 if not again:
                     break
                 damping, again = 0.0, False  # what was too bold where the damping rose may not be so here
-    backward_pass(world, car, times, course, steps, 0.0)
+    backward_pass(setup, car, times, course, steps, 0.0)
     return steps, cost, priced, done, sound

@@ -24,7 +24,7 @@ from pirrht.geometry.arcs import Curves
 from pirrht.geometry.field import clearance
 from pirrht.guidance.ddp import Car, Course, empty_course, optimise
 from pirrht.problem import Problem
-from pirrht.rollouts.backend import World
+from pirrht.rollouts.backend import Setup
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.unicycle import Unicycle
 
@@ -86,9 +86,9 @@ class Guide:
 class Guidance:
     """Makes guides for the references of one problem."""
 
-    def __init__(self, problem: Problem, world: World) -> None:
+    def __init__(self, problem: Problem, setup: Setup) -> None:
         assert self.suits(problem)
-        self.problem, self.world = problem, world
+        self.problem, self.setup = problem, setup
         self.cars = {warmth: self._car(warmth) for warmth, _ in COLD}
         self.car = self.cars[1.0]
 
@@ -146,7 +146,7 @@ class Guidance:
 
     def free(self, x: Array) -> bool:
         """Whether the clearance field leaves room at x (3,); if not, no guide from there is valid."""
-        return bool(clearance(self.world.arena.field, x[0], x[1]) > 0.0)
+        return bool(clearance(self.setup.arena.field, x[0], x[1]) > 0.0)
 
     def counts(self, guides: Sequence[Guide | None], samples: int) -> list[int]:
         """Samples around each reference: N, or FEW where a class can hardly carry any weight.
@@ -177,7 +177,7 @@ class Guidance:
             if length < 1:
                 return None
             car = self.cars[warmth]
-            length, cost, priced, _, sound = optimise(self.world, car, times, key, rounds, course, length)
+            length, cost, priced, _, sound = optimise(self.setup, car, times, key, rounds, course, length)
         course.gains[max(length, 0) :] = 0.0
         if length < 0 or not np.abs(course.gains).max() < WILD:
             return None

@@ -18,11 +18,11 @@ from pirrht.rollouts.general.loops import loops
 from pirrht.rollouts.general.path import any_path
 from pirrht.rollouts.point.block import is_point, sample
 from pirrht.rollouts.point.replay import control, trace
-from pirrht.rollouts.records import Kernels, Leads, Paths, World, empty_paths
+from pirrht.rollouts.records import Kernels, Leads, Paths, Setup, empty_paths
 
 ALONE = 2400  # samples of a point, many abreast
 
-__all__ = ["Kernels", "Leads", "Paths", "World", "empty_paths", "kernels_for"]
+__all__ = ["Kernels", "Leads", "Paths", "Setup", "empty_paths", "kernels_for"]
 
 
 def kernels_for(problem: Problem) -> Kernels:

@@ -14,7 +14,7 @@ from pirrht.rollouts.gates import Gates
 from pirrht.topology.cuts import Cuts
 
 
-class World(NamedTuple):
+class Setup(NamedTuple):
     """What a rollout needs to know of scene and problem."""
 
     arena: Arena
@@ -85,7 +85,7 @@ def empty_paths(S: int, H: int, m: int) -> Paths:
 
 
 class Kernels(NamedTuple):
-    """Compiled rollouts of one kind of dynamics; all take (world, leads, origin) first."""
+    """Compiled rollouts of one kind of dynamics; all take (setup, leads, origin) first."""
 
     sample: Callable[..., None]  # (.., start, stop, paths): fills Paths for a range of samples
     control: Callable[..., None]  # (.., chosen, total, alive): adds the controls that chosen samples carried

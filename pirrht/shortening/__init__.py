@@ -1,1 +1,9 @@
-"""."""
+"""References pulled taut inside their homology class (after Algorithm 5; the paper leaves them as the tree has them).
+
+`shorten` chooses by steering method and does straight lines: shortcuts between corners, and corners blunted as far as
+obstacles allow. For Dubins curves `dubins_shortcut` replaces stretches by the best chain of curves between stations,
+`dubins_bends` moves the joints where the chain bends, `dubins_legs` is what both are made of.
+
+No path gets longer, every new piece is certified by the clearance field, and its turns around the markers are those of
+what it replaces. A steering method without an entry keeps its paths. It imports steering and what lies below.
+"""

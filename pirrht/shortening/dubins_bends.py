@@ -1,7 +1,7 @@
-"""Moving the places where a Dubins path bends, sideways and in heading, until no move shortens it.
+"""Moving the joints where a Dubins path bends, sideways and in heading, until no move shortens it.
 
-A taut path is straight between the obstacles it bends around, so its arcs are cut in the middle and the legs
-between these places are Dubins curves again: few numbers describe the path, a pattern search settles them.
+A taut path is straight between the obstacles it bends around, so its arcs are divided in the middle and the legs
+between these joints are Dubins curves again: few numbers describe the path, a pattern search finds them.
 """
 
 from __future__ import annotations
@@ -14,119 +14,120 @@ from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import along, entry_of_curve
 from pirrht.geometry.certify import LEAST_STEP, surely_free
 from pirrht.geometry.field import clearance
-from pirrht.shortening.dubins_legs import append, approach, key_of_leg
+from pirrht.shortening.dubins_legs import Pieces, append, approach, key_of_leg
 from pirrht.steering.dubins import shortest
 
 LEVELS = 5  # step sizes, each half of the one before
-SWEEPS = 2  # passes over the path with one step size
+PASSES = 2  # over the path with one step size
 FIRST_STEP = 0.25  # [turning radii], [rad]
 GAIN = 1e-6  # a move must save this share of its two legs
 
 
 @kernel
-def settle(task, pose, curvature, length, count):  # type: ignore[no-untyped-def]
-    """Settle `count` pieces, in place; number of pieces. There is room for 3 (count + 1)."""
-    way, kappa, ell = np.empty((count + 1, 3)), np.zeros((count + 1, 3)), np.zeros((count + 1, 3))
-    legs = _legs(pose, curvature, length, count, way, kappa, ell)
-    to, trial, stale = np.empty(3), np.empty((2, 2, 3)), np.empty(legs + 1, np.bool_)
+def tighten(around, pieces, count):  # type: ignore[no-untyped-def]
+    """Move the joints of `count` pieces, in place; number of pieces. There is room for 3 (count + 1)."""
+    legs = Pieces(np.empty((count + 1, 3)), np.zeros((count + 1, 3)), np.zeros((count + 1, 3)))
+    last = _legs(pieces, count, legs) - 1
+    trial, stale = Pieces(np.empty((1, 3)), np.empty((2, 3)), np.empty((2, 3))), np.empty(last + 2, np.bool_)
     for level in range(LEVELS):
         stale[:] = True  # where a move may succeed, since a neighbour was moved after the last try with this step
-        for _ in range(SWEEPS):
-            for i in range(1, legs):
+        for _ in range(PASSES):
+            for i in range(1, last + 1):
                 if stale[i]:
                     stale[i] = False
-                    if _moves(task, way, kappa, ell, legs, i, FIRST_STEP * 0.5**level, to, trial):
+                    if _moves(around, legs, last, i, FIRST_STEP * 0.5**level, trial):
                         stale[i - 1 : i + 2] = True
     count = 0
-    for i in range(legs):
-        count = append(pose, curvature, length, count, way[i], kappa[i], ell[i])
+    for i in range(last + 1):
+        count = append(pieces, count, legs.pose[i], legs.curvature[i], legs.length[i])
     return count
 
 
 @kernel
-def _moves(task, way, kappa, ell, legs, i, step, to, trial):  # type: ignore[no-untyped-def]
-    """Try the eight moves of way i by one step sideways and in heading; whether one succeeded."""
-    moved = False
+def _moves(around, legs, last, i, step, trial):  # type: ignore[no-untyped-def]
+    """Try the eight moves of joint i by one step sideways and in heading; whether one succeeded."""
+    moved, joint, to = False, legs.pose[i], trial.pose[0]
     for move in range(9):
         if move == 4:
             continue
         side, turn = (move // 3 - 1) * step, (move % 3 - 1) * step
-        to[0] = way[i, 0] - side * task.radius * math.sin(way[i, 2])
-        to[1] = way[i, 1] + side * task.radius * math.cos(way[i, 2])
-        to[2] = way[i, 2] + turn
-        moved = _move(task, way, kappa, ell, legs, i, to, trial[0], trial[1]) or moved
+        to[0] = joint[0] - side * around.radius * math.sin(joint[2])
+        to[1] = joint[1] + side * around.radius * math.cos(joint[2])
+        to[2] = joint[2] + turn
+        moved = _move(around, legs, last, i, trial) or moved
     return moved
 
 
 @kernel
-def _legs(pose, curvature, length, count, way, kappa, ell):  # type: ignore[no-untyped-def]
-    """Cut every arc but the first piece in the middle; number of legs, of which leg i begins at way[i]."""
-    legs, used = 0, 0
+def _legs(pieces, count, legs):  # type: ignore[no-untyped-def]
+    """Divide every arc but the first piece in the middle; number of legs, each of which begins at a joint."""
+    made, used, pose = 0, 0, pieces.pose
     for k in range(3):
-        way[0, k] = pose[0, k]
+        legs.pose[0, k] = pose[0, k]
     for p in range(count):
-        half = 0.5 * length[p] if p > 0 and curvature[p] != 0.0 else length[p]
-        kappa[legs, used], ell[legs, used] = curvature[p], half
+        kappa, half = pieces.curvature[p], pieces.length[p]
+        if p > 0 and kappa != 0.0:
+            half *= 0.5
+        legs.curvature[made, used], legs.length[made, used] = kappa, half
         used += 1
-        if half < length[p]:
-            legs, used = legs + 1, 1
-            x, y, theta = along(pose[p, 0], pose[p, 1], pose[p, 2], curvature[p], half)
-            way[legs, 0], way[legs, 1], way[legs, 2] = x, y, theta
-            kappa[legs, 0], ell[legs, 0] = curvature[p], length[p] - half
-    return legs + 1
+        if half < pieces.length[p]:
+            made, used = made + 1, 1
+            x, y, theta = along(pose[p, 0], pose[p, 1], pose[p, 2], kappa, half)
+            legs.pose[made, 0], legs.pose[made, 1], legs.pose[made, 2] = x, y, theta
+            legs.curvature[made, 0], legs.length[made, 0] = kappa, pieces.length[p] - half
+    return made + 1
 
 
 @kernel
-def _last_leg(task, start, kappa, ell):  # type: ignore[no-untyped-def]
+def _last_leg(around, start, kappa, ell):  # type: ignore[no-untyped-def]
     """Write the shortest leg into the disc; its length."""
-    left = approach(task, start, 1.0, kappa, ell)
-    right = approach(task, start, -1.0, kappa, ell)
-    return right if right < left else approach(task, start, 1.0, kappa, ell)
+    left = approach(around, start, 1.0, kappa, ell)
+    right = approach(around, start, -1.0, kappa, ell)
+    return right if right < left else approach(around, start, 1.0, kappa, ell)
 
 
 @kernel
-def _outside(task, start, kappa, ell):  # type: ignore[no-untyped-def]
+def _outside(around, start, kappa, ell):  # type: ignore[no-untyped-def]
     """Whether a leg keeps out of the goal's disc, as all but the last must."""
-    return entry_of_curve(start, kappa, ell, task.goal[0], task.goal[1], task.reach) == np.inf
+    return entry_of_curve(start, kappa, ell, around.goal_x, around.goal_y, around.reach) == np.inf
 
 
 @kernel
-def _move(task, way, kappa, ell, legs, i, to, new_kappa, new_ell):  # type: ignore[no-untyped-def]
-    """Move way i to a pose if both legs become admissible and shorter together; whether it did."""
-    if clearance(task.field, to[0], to[1]) < LEAST_STEP:
+def _move(around, legs, last, i, trial):  # type: ignore[no-untyped-def]
+    """Move joint i to the trial's pose if both legs become admissible and shorter together; whether it did."""
+    joints, kappa, ell = legs.pose, legs.curvature, legs.length
+    to, new_kappa, new_ell = trial.pose[0], trial.curvature, trial.length
+    if clearance(around.field, to[0], to[1]) < LEAST_STEP:
         return False
-    a, last = way[i - 1], i + 1 == legs
+    a, b, ends = joints[i - 1], joints[min(i + 1, last)], i == last
     limit = 0.0
     for k in range(3):
         limit += (1.0 - GAIN) * (ell[i - 1, k] + ell[i, k])
-    b = way[i if last else i + 1]
-    ahead = (task.goal[0], task.goal[1]) if last else (b[0], b[1])
-    rest = math.hypot(ahead[0] - to[0], ahead[1] - to[1]) - (task.reach if last else 0.0)
+    ahead = (around.goal_x, around.goal_y) if ends else (b[0], b[1])
+    rest = math.hypot(ahead[0] - to[0], ahead[1] - to[1]) - (around.reach if ends else 0.0)
     if math.hypot(to[0] - a[0], to[1] - a[1]) + rest >= limit:  # no curves are shorter than straight lines
         return False
-    first = shortest(a[0], a[1], a[2], to[0], to[1], to[2], task.radius, new_kappa[0], new_ell[0])
+    first = shortest(a, to, around.radius, new_kappa[0], new_ell[0])
     if first + rest >= limit:
         return False
-    if last:
-        second = _last_leg(task, to, new_kappa[1], new_ell[1])
+    if ends:
+        second = _last_leg(around, to, new_kappa[1], new_ell[1])
     else:
-        second = shortest(to[0], to[1], to[2], b[0], b[1], b[2], task.radius, new_kappa[1], new_ell[1])
-    if first + second >= limit or not _outside(task, a, new_kappa[0], new_ell[0]):
+        second = shortest(to, b, around.radius, new_kappa[1], new_ell[1])
+    if first + second >= limit or not _outside(around, a, new_kappa[0], new_ell[0]):
         return False
-    if not last and not _outside(task, to, new_kappa[1], new_ell[1]):
+    if not ends and not _outside(around, to, new_kappa[1], new_ell[1]):
         return False
-    old = key_of_leg(task, a, kappa[i - 1], ell[i - 1], False, way[i, 0], way[i, 1])
-    old += key_of_leg(task, way[i], kappa[i], ell[i], last, b[0], b[1])
-    new = key_of_leg(task, a, new_kappa[0], new_ell[0], False, to[0], to[1])
-    new += key_of_leg(task, to, new_kappa[1], new_ell[1], last, b[0], b[1])
-    if new != old:
+    old = key_of_leg(around, a, kappa[i - 1], ell[i - 1], False, joints[i, 0], joints[i, 1])
+    old += key_of_leg(around, joints[i], kappa[i], ell[i], ends, b[0], b[1])
+    new = key_of_leg(around, a, new_kappa[0], new_ell[0], False, to[0], to[1])
+    new += key_of_leg(around, to, new_kappa[1], new_ell[1], ends, b[0], b[1])
+    if new != old or not surely_free(around.field, a, new_kappa[0], new_ell[0]):
         return False
-    if not (
-        surely_free(task.field, a, new_kappa[0], new_ell[0]) and surely_free(task.field, to, new_kappa[1], new_ell[1])
-    ):
+    if not surely_free(around.field, to, new_kappa[1], new_ell[1]):
         return False
     for k in range(3):
-        way[i, k] = to[k]
+        joints[i, k] = to[k]
         for side in range(2):
             kappa[i - 1 + side, k], ell[i - 1 + side, k] = new_kappa[side, k], new_ell[side, k]
     return True

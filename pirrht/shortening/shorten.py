@@ -14,13 +14,14 @@ from pirrht.geometry.arcs import Curves, entry_of_piece
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.shortening.dubins_shortcut import shortcut
 from pirrht.steering.dubins import Dubins
+from pirrht.steering.motion import Surroundings
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.cuts import key_of_segment
 
 ROUNDS = 12
 GAIN = 1e-5  # a round that shortens the path by less than this share is the last
-FLAT = 0.02  # corners that turn less than this [rad] are not cut any more
+FLAT = 0.02  # corners that turn less than this [rad] stay
 HALVINGS = 6
 
 
@@ -53,19 +54,9 @@ def _(steering: Dubins, path: Curves, space: FreeSpace) -> Curves:
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:
     """A polyline (k, 2) that ends in the goal's disc, pulled taut inside its class, (l, 2)."""
-    goal = space.scene.goal
-    room = np.empty((max(64, 8 * len(points)), 2))
-    count = _taut(
-        space.field,
-        space.homology.cuts,
-        goal.center,
-        goal.radius,
-        np.ascontiguousarray(points),
-        room,
-    )
-    short = room[:count].copy()
-    before, after = _length(points), _length(short)
-    return short if after <= before else points
+    out = np.empty((max(64, 8 * len(points)), 2))
+    short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), out)].copy()
+    return short if _length(short) <= _length(points) else points
 
 
 def _end(path: Curves) -> Array:
@@ -79,33 +70,45 @@ def _length(points: Array) -> float:
 
 
 @kernel
-def _contractible(points, i, j, cuts):  # type: ignore[no-untyped-def]
+def _contractible(around, points, i, j):  # type: ignore[no-untyped-def]
     """Whether the loop points[i..j] and straight back encircles no marker."""
-    key = key_of_segment(cuts, points[j, 0], points[j, 1], points[i, 0], points[i, 1])
+    key = key_of_segment(around.cuts, points[j, 0], points[j, 1], points[i, 0], points[i, 1])
     for a in range(i, j):
-        key += key_of_segment(cuts, points[a, 0], points[a, 1], points[a + 1, 0], points[a + 1, 1])
+        key += key_of_segment(around.cuts, points[a, 0], points[a, 1], points[a + 1, 0], points[a + 1, 1])
     return key == 0
 
 
 @kernel
-def _clear(field, goal, radius, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Whether the segment ab is certainly free up to where it enters the goal's disc."""
+def _entry(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Length of a segment, and where it enters the goal's disc; infinity if it does not."""
     length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
-    s = entry_of_piece(ax, ay, math.atan2(by - ay, bx - ax), 0.0, length, goal[0], goal[1], radius)
-    if s < length:
-        bx, by = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
-    return certify_segment(field, ax, ay, bx, by) == FREE
+    heading = math.atan2(by - ay, bx - ax)
+    return length, entry_of_piece(ax, ay, heading, 0.0, length, around.goal_x, around.goal_y, around.reach)
 
 
 @kernel
-def _shortcut(field, cuts, goal, radius, points, count):  # type: ignore[no-untyped-def]
+def _clear(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Whether the segment ab is certainly free up to where it enters the goal's disc."""
+    length, s = _entry(around, ax, ay, bx, by)
+    if s < length:
+        bx, by = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
+    return certify_segment(around.field, ax, ay, bx, by) == FREE
+
+
+@kernel
+def _replaceable(around, points, i, j):  # type: ignore[no-untyped-def]
+    """Whether a free straight piece of the same class leads from points[i] to points[j]."""
+    free = _clear(around, points[i, 0], points[i, 1], points[j, 0], points[j, 1])
+    return free and _contractible(around, points, i, j)
+
+
+@kernel
+def _shortcut(around, points, count):  # type: ignore[no-untyped-def]
     """Leave out every run of corners that a free straight piece of the same class can replace."""
     i = 0
     while i < count - 2:
         for j in range(count - 1, i + 1, -1):
-            if _clear(field, goal, radius, points[i, 0], points[i, 1], points[j, 0], points[j, 1]) and _contractible(
-                points, i, j, cuts
-            ):
+            if _replaceable(around, points, i, j):
                 for k in range(j, count):
                     points[i + 1 + k - j, 0] = points[k, 0]
                     points[i + 1 + k - j, 1] = points[k, 1]
@@ -116,10 +119,10 @@ def _shortcut(field, cuts, goal, radius, points, count):  # type: ignore[no-unty
 
 
 @kernel
-def _cut_share(field, cuts, goal, radius, corner):  # type: ignore[no-untyped-def]
-    """Largest share of both legs by which a corner can be cut; corner is (before, corner, after), (3, 2).
+def _blunted(around, corner):  # type: ignore[no-untyped-def]
+    """Largest share of both legs by which a corner can be blunted; corner is (before, corner, after), (3, 2).
 
-    Rows 0 and 2 are replaced by the ends of that cut.
+    Rows 0 and 2 are replaced by the ends of the piece that does so.
     """
     x, y = corner[1, 0], corner[1, 1]
     ax, ay, bx, by = corner[0, 0] - x, corner[0, 1] - y, corner[2, 0] - x, corner[2, 1] - y
@@ -128,8 +131,7 @@ def _cut_share(field, cuts, goal, radius, corner):  # type: ignore[no-untyped-de
         t = 0.5 * (low + high)
         corner[0, 0], corner[0, 1] = x + t * ax, y + t * ay
         corner[2, 0], corner[2, 1] = x + t * bx, y + t * by
-        clear = _clear(field, goal, radius, corner[0, 0], corner[0, 1], corner[2, 0], corner[2, 1])
-        if clear and _contractible(corner, 0, 2, cuts):
+        if _replaceable(around, corner, 0, 2):
             low = t
         else:
             high = t
@@ -139,8 +141,8 @@ def _cut_share(field, cuts, goal, radius, corner):  # type: ignore[no-untyped-de
 
 
 @kernel
-def _round_corners(field, cuts, goal, radius, points, count, out):  # type: ignore[no-untyped-def]
-    """Cut every corner as far as the obstacles allow; number of points written to out."""
+def _blunt_corners(around, points, count, out):  # type: ignore[no-untyped-def]
+    """Blunt every corner as far as the obstacles allow; number of points written to out."""
     out[0, 0], out[0, 1] = points[0, 0], points[0, 1]
     n = 1
     corner = np.empty((3, 2))
@@ -151,7 +153,7 @@ def _round_corners(field, cuts, goal, radius, points, count, out):  # type: igno
         bx, by = corner[2, 0] - corner[1, 0], corner[2, 1] - corner[1, 1]
         t = 0.0
         if abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by)) > FLAT and n + 2 + count - i < out.shape[0]:
-            t = _cut_share(field, cuts, goal, radius, corner)
+            t = _blunted(around, corner)
         if t > 0.0:
             for c in range(2):
                 out[n, c], out[n + 1, c] = corner[0, c], corner[2, c]
@@ -164,31 +166,30 @@ def _round_corners(field, cuts, goal, radius, points, count, out):  # type: igno
 
 
 @kernel
-def _taut(field, cuts, goal, radius, points, out):  # type: ignore[no-untyped-def]
-    """Shortcut and cut corners in turn until nothing is gained; number of points written to out."""
+def _taut(around, points, out):  # type: ignore[no-untyped-def]
+    """Shortcut and blunt corners in turn until nothing is gained; number of points written to out."""
     count = points.shape[0]
     work = np.empty((out.shape[0], 2))
     for i in range(count):
         out[i, 0], out[i, 1] = points[i, 0], points[i, 1]
-    out[count, 0], out[count, 1] = goal[0], goal[1]
+    out[count, 0], out[count, 1] = around.goal_x, around.goal_y
     count += 1
     before = np.inf
     for _ in range(ROUNDS):
-        count = _shortcut(field, cuts, goal, radius, out, count)
+        count = _shortcut(around, out, count)
         length = 0.0
         for i in range(count - 1):
             length += math.sqrt((out[i + 1, 0] - out[i, 0]) ** 2 + (out[i + 1, 1] - out[i, 1]) ** 2)
         if before - length < GAIN * length:
             break
         before = length
-        count = _round_corners(field, cuts, goal, radius, out, count, work)
+        count = _blunt_corners(around, out, count, work)
         for i in range(count):
             out[i, 0], out[i, 1] = work[i, 0], work[i, 1]
     for i in range(count - 1):
-        dx, dy = out[i + 1, 0] - out[i, 0], out[i + 1, 1] - out[i, 1]
-        length = math.sqrt(dx * dx + dy * dy)
-        s = entry_of_piece(out[i, 0], out[i, 1], math.atan2(dy, dx), 0.0, length, goal[0], goal[1], radius)
+        ax, ay, bx, by = out[i, 0], out[i, 1], out[i + 1, 0], out[i + 1, 1]
+        length, s = _entry(around, ax, ay, bx, by)
         if s <= length:
-            out[i + 1, 0], out[i + 1, 1] = out[i, 0] + dx * s / length, out[i, 1] + dy * s / length
+            out[i + 1, 0], out[i + 1, 1] = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
             return i + 2
     return count

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
@@ -18,6 +18,7 @@ from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
+from pirrht.steering.along_arcs import Arcs
 from pirrht.steering.steering import Compiled, Steering
 from pirrht.systems.unicycle import Unicycle
 
@@ -62,7 +63,7 @@ class Dubins(Steering):
     @property
     def compiled(self) -> Compiled:
         """Dubins curves as kernels."""
-        return Compiled(_nearest, _connect, 3)
+        return Compiled(_nearest, _connect, (self.radius, self.cost_per_meter))
 
     @property
     def cost_per_meter(self) -> float:
@@ -85,10 +86,8 @@ class Dubins(Steering):
     def connect(self, tails: Array, heads: Array) -> Curves:
         """The shortest curves of three pieces each."""
         tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
-        start, curvature, length = (np.empty((len(tails), 3)) for _ in range(3))
-        _connect(tails, heads, self.radius, start, curvature, length)
-        cost = length.sum(axis=1) * self.cost_per_meter
-        return Curves(start=start, curvature=curvature, length=length, cost=cost, tails=tails, heads=heads)
+        arcs = _connect(tails, heads, self.compiled.numbers)
+        return Curves(**arcs._asdict(), tails=tails)
 
     def controls(self, heading: Array, curvature: Array) -> Array:
         """u = curvature V rho, (l, 1), at most 1 in magnitude."""
@@ -104,12 +103,6 @@ class Dubins(Steering):
         headings = np.arange(ROOTS) * (TWO_PI / ROOTS) - np.pi
         return np.column_stack([np.broadcast_to(goal, (ROOTS, 2)), headings])
 
-    def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
-        """Indices of the `count` states that cost least to reach from x (forward) or to come from."""
-        chosen = np.empty(min(count, len(states)), dtype=np.int64)
-        _nearest(states, x, self.radius, forward, chosen, np.empty(len(chosen)))
-        return chosen
-
 
 def _rows(states: Array) -> Array:
     return np.ascontiguousarray(states, dtype=float).reshape(-1, 3)
@@ -122,14 +115,23 @@ def _turn(angle):  # type: ignore[no-untyped-def]
     return 0.0 if angle > TWO_PI - EPS else angle
 
 
+class _Ends(NamedTuple):
+    """Two states in turning radii: (dx, dy) leads from one to the other, a and b are their headings."""
+
+    dx: float
+    dy: float
+    a: float
+    b: float
+
+
 @kernel
-def _same_turns(s, dx, dy, a, b, across, ahead, limit):  # type: ignore[no-untyped-def]
+def _same_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
     """Words whose first and last arc turn to one side s, 1 left or -1 right: (length, whether CCC, t, p, q).
 
-    All in turning radii: (dx, dy) leads to the head, a and b are the headings, across = sin b - sin a and
-    ahead = cos b - cos a; t, p, q are the pieces. Words certainly longer than `limit` may be left out.
+    All in turning radii: across = sin b - sin a and ahead = cos b - cos a; t, p, q are the pieces. Words certainly
+    longer than `limit` may be left out.
     """
-    vx, vy = dx - s * across, dy + s * ahead
+    vx, vy, a, b = ends.dx - s * across, ends.dy + s * ahead, ends.a, ends.b
     d = math.sqrt(vx * vx + vy * vy)
     if d > limit and (d >= 4.0 or limit < np.pi):
         return np.inf, False, 0.0, 0.0, 0.0
@@ -149,46 +151,52 @@ def _same_turns(s, dx, dy, a, b, across, ahead, limit):  # type: ignore[no-untyp
 
 
 @kernel
-def _opposite_turns(s, dx, dy, a, b, across, ahead, limit):  # type: ignore[no-untyped-def]
+def _opposite_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
     """The word that begins turning to side s, goes straight and ends turning to the other: (length, t, p, q).
 
     Arguments as above, but across = sin b + sin a and ahead = cos b + cos a.
     """
-    vx, vy = dx + s * across, dy - s * ahead
+    vx, vy = ends.dx + s * across, ends.dy - s * ahead
     square = vx * vx + vy * vy - 4.0
     if square < -EPS or square > limit * limit:
         return np.inf, 0.0, 0.0, 0.0
     p = math.sqrt(max(0.0, square))
     psi = math.atan2(vy, vx) + s * math.atan2(2.0, p)
-    t, q = _turn(s * (psi - a)), _turn(s * (psi - b))
+    t, q = _turn(s * (psi - ends.a)), _turn(s * (psi - ends.b))
     return t + p + q, t, p, q
 
 
+@inlined
+def _ends(tail, head, radius):  # type: ignore[no-untyped-def]
+    """Two states (3,), and the sines and cosines of their headings."""
+    ends = _Ends((head[0] - tail[0]) / radius, (head[1] - tail[1]) / radius, tail[2], head[2])
+    return ends, math.sin(tail[2]), math.cos(tail[2]), math.sin(head[2]), math.cos(head[2])
+
+
 @kernel
-def length_between(x0, y0, a, x1, y1, b, radius, limit):  # type: ignore[no-untyped-def]
-    """Length of the shortest curve between two states [m]; infinity if that is not below `limit` [m]."""
-    dx, dy, most = (x1 - x0) / radius, (y1 - y0) / radius, limit / radius
-    sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
-    best = min(most, _same_turns(1.0, dx, dy, a, b, sb - sa, cb - ca, most)[0])
-    best = min(best, _same_turns(-1.0, dx, dy, a, b, sb - sa, cb - ca, best)[0])
-    best = min(best, _opposite_turns(1.0, dx, dy, a, b, sb + sa, cb + ca, best)[0])
-    best = min(best, _opposite_turns(-1.0, dx, dy, a, b, sb + sa, cb + ca, best)[0])
+def length_between(tail, head, radius, limit):  # type: ignore[no-untyped-def]
+    """Length of the shortest curve between two states (3,) [m]; infinity if that is not below `limit` [m]."""
+    most = limit / radius
+    ends, sa, ca, sb, cb = _ends(tail, head, radius)
+    best = min(most, _same_turns(1.0, ends, sb - sa, cb - ca, most)[0])
+    best = min(best, _same_turns(-1.0, ends, sb - sa, cb - ca, best)[0])
+    best = min(best, _opposite_turns(1.0, ends, sb + sa, cb + ca, best)[0])
+    best = min(best, _opposite_turns(-1.0, ends, sb + sa, cb + ca, best)[0])
     return best * radius if best < most else np.inf
 
 
 @kernel
-def shortest(x0, y0, a, x1, y1, b, radius, curvature, length):  # type: ignore[no-untyped-def]
-    """Write the three pieces (3,) of the shortest curve between two states; returns its length [m]."""
-    dx, dy = (x1 - x0) / radius, (y1 - y0) / radius
-    sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
+def shortest(tail, head, radius, curvature, length):  # type: ignore[no-untyped-def]
+    """Write the three pieces (3,) of the shortest curve between two states (3,); returns its length [m]."""
+    ends, sa, ca, sb, cb = _ends(tail, head, radius)
     best = np.inf
     for s in (1.0, -1.0):
-        total, arcs, t, p, q = _same_turns(s, dx, dy, a, b, sb - sa, cb - ca, best)
+        total, arcs, t, p, q = _same_turns(s, ends, sb - sa, cb - ca, best)
         if total < best:
             best = total
             length[0], length[1], length[2] = t, p, q
             curvature[0], curvature[1], curvature[2] = s, -s if arcs else 0.0, s
-        total, t, p, q = _opposite_turns(s, dx, dy, a, b, sb + sa, cb + ca, best)
+        total, t, p, q = _opposite_turns(s, ends, sb + sa, cb + ca, best)
         if total < best:
             best = total
             length[0], length[1], length[2] = t, p, q
@@ -202,36 +210,32 @@ def shortest(x0, y0, a, x1, y1, b, radius, curvature, length):  # type: ignore[n
 @kernel
 def _lengths(tails, heads, radius, out):  # type: ignore[no-untyped-def]
     for i in range(out.shape[0]):
-        out[i] = length_between(
-            tails[i, 0], tails[i, 1], tails[i, 2], heads[i, 0], heads[i, 1], heads[i, 2], radius, np.inf
-        )
+        out[i] = length_between(tails[i], heads[i], radius, np.inf)
 
 
 @kernel
-def _connect(tails, heads, radius, start, curvature, length):  # type: ignore[no-untyped-def]
-    for i in range(tails.shape[0]):
-        for k in range(3):
-            start[i, k] = tails[i, k]
-        shortest(
-            tails[i, 0], tails[i, 1], tails[i, 2], heads[i, 0], heads[i, 1], heads[i, 2], radius,
-            curvature[i], length[i],
-        )  # fmt: skip
+def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
+    """Three pieces each; the numbers are the turning radius and the cost per meter."""
+    k, radius = tails.shape[0], numbers[0]
+    start, curvature, length, cost = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3)), np.empty(k)
+    for i in range(k):
+        start[i] = tails[i]
+        shortest(tails[i], heads[i], radius, curvature[i], length[i])
+        cost[i] = numbers[1] * length[i].sum()
+    return Arcs(start, curvature, length, cost, heads)
 
 
 @kernel
-def _nearest(states, x, radius, forward, chosen, length):  # type: ignore[no-untyped-def]
+def _nearest(states, x, numbers, forward, chosen, length):  # type: ignore[no-untyped-def]
     """Fill `chosen` with the nearest states, nearest first; of equally near ones the earlier comes first."""
-    count = chosen.shape[0]
+    count, radius = chosen.shape[0], numbers[0]
     found = 0
     for i in range(states.shape[0]):
         gap = math.sqrt((states[i, 0] - x[0]) ** 2 + (states[i, 1] - x[1]) ** 2)
         limit = length[count - 1] if found == count else np.inf
         if gap - 4.0 * EPS * radius > limit:
             continue
-        if forward:
-            d = length_between(x[0], x[1], x[2], states[i, 0], states[i, 1], states[i, 2], radius, limit)
-        else:
-            d = length_between(states[i, 0], states[i, 1], states[i, 2], x[0], x[1], x[2], radius, limit)
+        d = length_between(x, states[i], radius, limit) if forward else length_between(states[i], x, radius, limit)
         if found < count:
             found += 1
         elif d >= limit:

@@ -1,45 +1,47 @@
-"""Obstacle-blind optimal connections between two states (the paper's TPBVP) and the paths made of them."""
+"""Obstacle-blind optimal connections between two states (the paper's TPBVP)."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import Curves
 from pirrht.geometry.scene import Scene
+from pirrht.steering.along_arcs import ARCS
+from pirrht.steering.motion import Motion, Motions
 from pirrht.steering.trajectory import Trajectory
 
 
 class Compiled(NamedTuple):
     """A steering method as kernels, for growth that need not come back to Python."""
 
-    nearest: Callable[..., None]  # (states, x, radius, forward, chosen, work): what `Steering.nearest` does
-    connect: Callable[..., None]  # (tails, heads, radius, start, curvature, length): pieces of the optimal curves
-    pieces: int  # P
+    nearest: Callable[..., None]  # (states, x, numbers, forward, chosen, work): what `Steering.nearest` does
+    connect: Callable[..., Any]  # (tails, heads, numbers): optimal motions, in the record that their kernels take
+    numbers: tuple[float, ...]  # what both read
 
 
 class Steering(ABC):
-    """Optimal curves of the deterministic system without obstacles, and what they cost."""
+    """Optimal motions of the deterministic system without obstacles, and what they cost.
 
-    n: int  # states of a vertex
-    symmetric: bool = False  # whether every curve may be driven the other way round at the same cost
+    One along arcs at one speed also has `speed` [m/s], `cost_per_meter` and `controls(heading, curvature)`, the (l, m)
+    that drive pieces starting at headings (l,) [rad] with curvatures (l,) [1/m]. Another names its kind of motion.
+    """
+
+    n: int  # states of a vertex; the first two are the position [m]
+    symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
+    motion: Motion = ARCS  # what `connect` makes
 
     @abstractmethod
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost of the obstacle-blind optimum from tails to heads, (..., n) x 2 -> (...,). Need not be symmetric."""
 
     @abstractmethod
-    def connect(self, tails: Array, heads: Array) -> Curves:
-        """The optimal curves from tails (k, n) to heads (k, n)."""
-
-    @abstractmethod
-    def controls(self, heading: Array, curvature: Array) -> Array:
-        """Controls (l, m) that drive pieces starting at headings (l,) [rad] with curvatures (l,) [1/m]."""
+    def connect(self, tails: Array, heads: Array) -> Motions:
+        """The optimal motions from tails (k, n) to heads (k, n): along arcs, `Curves`."""
 
     @abstractmethod
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
@@ -51,6 +53,10 @@ class Steering(ABC):
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Indices of the `count` states that cost least to reach from x (forward) or to come from."""
+        if (compiled := self.compiled) is not None:
+            chosen = np.empty(min(count, len(states)), dtype=np.int64)
+            compiled.nearest(states, x, compiled.numbers, forward, chosen, np.empty(len(chosen)))
+            return chosen
         cost = self.distance(x, states) if forward else self.distance(states, x)
         if count >= len(states):
             return np.argsort(cost, kind="stable")
@@ -62,31 +68,6 @@ class Steering(ABC):
         """The same methods for kernels, with which a tree grows faster; None if there are none."""
         return None
 
-    @property
-    def radius(self) -> float:
-        """That of the tightest turn [m]; 0 where there is none."""
-        return 0.0
-
-    @property
-    @abstractmethod
-    def cost_per_meter(self) -> float:
-        """Steering cost of one meter of curve."""
-
-    @property
-    @abstractmethod
-    def speed(self) -> float:
-        """Speed along the curves [m/s]."""
-
-    def trajectory(self, path: Curves) -> Trajectory:
-        """The controls along a path whose rows are consecutive curves."""
-        pieces = path.curvature.shape[1]
-        heading = path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
-        length, keep = path.length.ravel(), path.length.ravel() > 0
-        total = float(length.sum())
-        return Trajectory(
-            controls=self.controls(heading.reshape(-1, pieces).ravel()[keep], path.curvature.ravel()[keep]),
-            durations=length[keep] / self.speed,
-            path=path,
-            cost=total * self.cost_per_meter,
-            length=total,
-        )
+    def trajectory(self, path: Any) -> Trajectory:
+        """The controls along a path of consecutive motions."""
+        return self.motion.trajectory(self, path)

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
@@ -14,20 +13,25 @@ from pirrht.errors import OptionError
 from pirrht.geometry.arcs import Curves
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
+from pirrht.steering.along_arcs import Arcs
 from pirrht.steering.steering import Compiled, Steering
 
 
 @kernel
-def _connect(tails, heads, radius, start, curvature, length):  # type: ignore[no-untyped-def]
-    """Write one straight piece each."""
-    for i in range(tails.shape[0]):
+def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
+    """One straight piece each; the number is the cost per meter."""
+    k = tails.shape[0]
+    start, curvature, length, cost = np.empty((k, 3)), np.zeros((k, 1)), np.empty((k, 1)), np.empty(k)
+    for i in range(k):
         dx, dy = heads[i, 0] - tails[i, 0], heads[i, 1] - tails[i, 1]
         start[i, 0], start[i, 1], start[i, 2] = tails[i, 0], tails[i, 1], math.atan2(dy, dx)
-        curvature[i, 0], length[i, 0] = 0.0, math.hypot(dx, dy)
+        length[i, 0] = math.hypot(dx, dy)
+        cost[i] = length[i, 0] * numbers[0]
+    return Arcs(start, curvature, length, cost, heads)
 
 
 @kernel
-def _nearest(states, x, radius, forward, chosen, square):  # type: ignore[no-untyped-def]
+def _nearest(states, x, numbers, forward, chosen, square):  # type: ignore[no-untyped-def]
     """Fill `chosen` with the nearest states, nearest first; of equally near ones the earlier comes first."""
     count = chosen.shape[0]
     found, limit = 0, np.inf
@@ -68,7 +72,7 @@ class StraightLine(Steering):
     @property
     def compiled(self) -> Compiled:
         """Straight lines as kernels."""
-        return Compiled(_nearest, _connect, 1)
+        return Compiled(_nearest, _connect, (self.cost_per_meter,))
 
     @property
     def cost_per_meter(self) -> float:
@@ -89,16 +93,8 @@ class StraightLine(Steering):
     def connect(self, tails: Array, heads: Array) -> Curves:
         """One straight piece each."""
         tails, heads = (np.ascontiguousarray(np.atleast_2d(states), dtype=float) for states in (tails, heads))
-        start, curvature, length = np.empty((len(tails), 3)), np.empty((len(tails), 1)), np.empty((len(tails), 1))
-        _connect(tails, heads, self.radius, start, curvature, length)
-        cost = length[:, 0] * self.cost_per_meter
-        return Curves(start=start, curvature=curvature, length=length, cost=cost, tails=tails, heads=heads)
-
-    def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
-        """Indices of the `count` nearest states; both directions cost the same."""
-        chosen = np.empty(min(count, len(states)), dtype=np.int64)
-        _nearest(states, x, self.radius, forward, chosen, np.empty(len(chosen)))
-        return chosen
+        arcs = _connect(tails, heads, self.compiled.numbers)
+        return Curves(**arcs._asdict(), tails=tails)
 
     def controls(self, heading: Array, curvature: Array) -> Array:
         """Velocity along the heading; straight lines have no curvature."""

@@ -1,9 +1,11 @@
-"""Which proposed curves are edges: whether they are free, end in the goal, change the class."""
+"""Which proposed motions are edges: whether they are free, end in the goal, change the class."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,122 +13,99 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import Curves, along, entry_of_curve, truncate
-from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_curve, certify_point
-from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import Field
-from pirrht.geometry.scene import Goal
-from pirrht.topology.homology import Homology
-from pirrht.topology.turns import Turns, pairs_of_curve, summed
+from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_point
+from pirrht.steering.along_arcs import ARCS
+from pirrht.steering.motion import Motion, MotionKernels, Motions, Surroundings
+from pirrht.topology.turns import Turns, summed
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Edges:
-    """What became of k proposed curves."""
+class Edges(NamedTuple):
+    """What became of k proposed motions."""
 
-    free: NDArray[np.bool_]  # (k,) usable as an edge
+    near: NDArray[np.int64]  # (k,) vertices at their other ends
+    status: NDArray[np.int8]  # (k,) FREE, BLOCKED or UNSURE; what is free is an edge
     cost: Array  # (k,) steering cost up to the goal's disc
     turns: Turns  # whole turns an edge adds to the class of its head
-    length: Array  # (k, P) piece lengths, cut where a curve enters the goal's disc [m]
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which are edges, (k,)."""
+        free: NDArray[np.bool_] = self.status == FREE
+        return free
+
+
+NO_EDGES = Edges(
+    np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0),
+    Turns(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.int16)),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Inspector:
-    """Judges curves with the clearance field, and asks FCL where the field cannot certify."""
+    """Judges motions with the clearance field, and asks FCL where the field cannot certify."""
 
-    field: Field
-    collision: Collision
-    homology: Homology
-    goal: Goal
+    space: FreeSpace
+    motion: Motion = ARCS
+    around: Surroundings = field(init=False)
 
-    @classmethod
-    def of(cls, space: FreeSpace) -> Inspector:
-        """That of an examined scene."""
-        return cls(field=space.field, collision=space.collision, homology=space.homology, goal=space.scene.goal)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "around", Surroundings.of(self.space))
 
-    def inspect(self, curves: Curves, into_goal: NDArray[np.bool_]) -> Edges:
-        """Judge curves.
+    def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
+        """Judge k motions, which lead from a state to vertices `near` (k,) or back.
 
-        A curve that enters the goal is an edge only if its head is a root (`into_goal`); it ends, and is paid
+        A motion that enters the goal is an edge only if its head is a root (`into_goal`); it ends, and is paid
         for, where it first enters the disc. From there its class counts along the straight line to the goal.
         """
-        k = len(curves.cost)
-        status = np.empty(k, dtype=np.int8)
-        first = np.empty(k + 1, dtype=np.int64)
-        length, cost = np.empty_like(curves.length), np.empty(k)
-        marker, turn, unsure = judge(
-            self.field, curves.start, curves.curvature, curves.length, curves.cost, curves.heads,
-            into_goal, self.homology.cuts, self.goal.center, self.goal.radius, status, first, length, cost,
-        )  # fmt: skip
-        for i in np.flatnonzero(status == UNSURE) if unsure else ():
-            if self._ask(curves.start[i], curves.curvature[i], length[i]):
-                status[i] = FREE
-        return Edges(free=status == FREE, cost=cost, turns=Turns(first, marker, turn), length=length)
+        record = self.motion.record(motions)
+        near = np.arange(len(into_goal)) if near is None else near
+        edges, unsure = judge_with(self.motion.kernels)(self.around, record, into_goal, near)
+        for i in np.flatnonzero(edges.status == UNSURE).tolist() if unsure else ():
+            if self.motion.ask(record, i, self.space.collision):
+                edges.status[i] = FREE
+        return edges
 
     def point_free(self, x: Array) -> bool:
         """Whether the robot may be at a state (n,)."""
-        status = certify_point(self.field, x[0], x[1])
-        return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, :2])[0]))
+        status = certify_point(self.space.field, x[0], x[1])
+        return bool(status == FREE or (status == UNSURE and self.space.collision.free(x[None, :2])[0]))
 
-    def cut_at_goal(self, path: Curves) -> Curves:
-        """A path whose last curve ends where it first enters the goal's disc."""
-        s = entry_of_curve(path.start[-1], path.curvature[-1], path.length[-1], *self.goal.center, self.goal.radius)
-        length = path.length.copy()
-        truncate(path.length[-1], s, length[-1])
-        share = length.sum(axis=1) / np.maximum(path.length.sum(axis=1), 1e-300)
-        return replace(path, length=length, cost=path.cost * share)
+    def until_goal(self, path: Motions) -> Any:
+        """A path whose last motion ends where it first enters the goal's disc."""
+        return self.motion.until_goal(path, self.around)
 
-    def _ask(self, start: Array, curvature: Array, length: Array) -> bool:
-        """FCL's own word on a curve: one swept capsule where it is straight, bisection where it turns."""
-        x, y, theta = (float(v) for v in start)
-        for kappa, total in zip(curvature, length, strict=True):
-            if total <= 0 and not np.all(length <= 0):
+
+@cache
+def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
+    """The kernel that judges one kind of motions."""
+    entry, end_at, certify, pairs, most = kernels
+
+    @kernel
+    def judge(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
+        """What `Inspector.inspect` finds without asking FCL, and how many motions are unsure; ends them at the goal."""
+        k, M = into_goal.shape[0], around.cuts.M
+        room = most(motions) * M  # pairs that one motion can have
+        marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
+        status, cost, first = np.empty(k, np.int8), np.empty(k), np.empty(k + 1, np.int64)
+        total = np.zeros(M, np.int16)
+        used, unsure = 0, 0
+        for i in range(k):
+            first[i] = used
+            s = entry(motions, i, around)
+            if s < np.inf and not into_goal[i]:
+                status[i] = BLOCKED
                 continue
-            end = along(x, y, theta, kappa, total)
-            if kappa == 0:
-                free = bool(self.collision.segments_free(np.array([[x, y]]), np.array([end[:2]]))[0])
-            else:
-                free = self._arc_free(x, y, theta, kappa, float(total))
-            if not free:
-                return False
-            x, y, theta = end
-        return True
+            cost[i] = end_at(motions, i, s)
+            status[i] = certify(motions, i, around)
+            if status[i] == BLOCKED:
+                continue
+            unsure += status[i] == UNSURE
+            if used + room > marker.shape[0]:
+                marker = np.concatenate((marker, np.empty_like(marker)))
+                turn = np.concatenate((turn, np.empty_like(turn)))
+            used = summed(total, marker, turn, used, pairs(motions, i, around, s < np.inf, marker, turn, used))
+        first[k] = used
+        return Edges(near, status, cost, Turns(first, marker[:used].copy(), turn[:used].copy())), unsure
 
-    def _arc_free(self, x: float, y: float, theta: float, kappa: float, total: float) -> bool:
-        return self.collision.bisect_free(lambda s: np.array(along(x, y, theta, kappa, s)[:2]), total)
-
-
-@kernel
-def judge(field, start, curvature, length, price, heads, into_goal, cuts, goal, radius, status, first, cut_length, cost):  # type: ignore[no-untyped-def] # fmt: skip # noqa: E501
-    """What `Inspector.inspect` finds without asking FCL; returns the pairs, and how many curves are unsure."""
-    room = length.shape[1] * cuts.M  # pairs that one curve can have
-    marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
-    total = np.zeros(cuts.M, np.int16)
-    used, unsure = 0, 0
-    for i in range(length.shape[0]):
-        first[i] = used
-        whole, left, s = 0.0, 0.0, np.inf
-        for p in range(length.shape[1]):
-            whole += length[i, p]
-        if math.hypot(start[i, 0] - goal[0], start[i, 1] - goal[1]) <= 1.001 * (radius + whole):
-            s = entry_of_curve(start[i], curvature[i], length[i], goal[0], goal[1], radius)
-        if s < np.inf and not into_goal[i]:
-            status[i] = BLOCKED
-            continue
-        truncate(length[i], s, cut_length[i])
-        status[i] = certify_curve(field, start[i], curvature[i], cut_length[i])
-        if status[i] == BLOCKED:
-            continue
-        unsure += status[i] == UNSURE
-        for p in range(length.shape[1]):
-            left += cut_length[i, p]
-        cost[i] = price[i] * (left / max(whole, 1e-300))
-        if used + room > marker.shape[0]:
-            marker = np.concatenate((marker, np.empty_like(marker)))
-            turn = np.concatenate((turn, np.empty_like(turn)))
-        end = pairs_of_curve(
-            cuts, start[i], curvature[i], cut_length[i], s < np.inf, heads[i, 0], heads[i, 1], marker, turn, used
-        )
-        used = summed(total, marker, turn, used, end)
-    first[length.shape[0]] = used
-    return marker[:used].copy(), turn[:used].copy(), unsure
+    judging: Callable[..., tuple[Edges, int]] = judge
+    return judging

@@ -1,4 +1,4 @@
-"""States become vertices of the graph, their edges, classes and the propagation of these in compiled code."""
+"""Algorithm 1: states become vertices of the graph with their edges, in compiled code as far as it can decide."""
 
 from __future__ import annotations
 
@@ -8,152 +8,156 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pirrht.arrays import Array
+from pirrht.compiled.addresses import load_int32, load_int64, store_float64, store_int16, store_int32, store_int64
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import BLOCKED, FREE, certify_point
-from pirrht.steering.steering import Compiled
+from pirrht.steering.motion import MotionKernels
 from pirrht.topology.cuts import straight_turns
-from pirrht.topology.turns import Turns
-from pirrht.tree.edges import judge
-from pirrht.tree.graph import add_edge, ask_again
-from pirrht.tree.layout import places
-from pirrht.tree.search import DONE, Kernels
-
-REJECTED = -1  # no allowed class reaches the goal from the state
-ASK = -2  # what comes next takes FCL, a root or more room
+from pirrht.tree import graph as g
+from pirrht.tree.edges import judge_with
+from pirrht.tree.search import ask_again, reaches, settle
+from pirrht.tree.status import ASK, DONE
 
 
-class Surroundings(NamedTuple):
-    """What growth knows of a scene."""
+class Vertices(NamedTuple):
+    """What a tree knows of its vertices besides their edges and nodes; with room to grow."""
 
-    field: Any
-    cuts: Any
-    markers: Any  # (M, 2) [m]
-    goal: Any  # (2,) [m]
-    goal_radius: float  # [m]
+    states: Array  # (V, n)
+    in_goal: NDArray[np.bool_]  # (V,) whether it is a root: it lies in the goal's disc
 
 
-@cache
-def attach_with(kernels: Kernels) -> Callable[..., int]:
-    """The kernel for one allowed set (compiled once, cached on disk for the default)."""
-    reaches, settle = kernels.reaches, kernels.settle
+@kernel
+def near_count(size, n):  # type: ignore[no-untyped-def]
+    """The RRG's k = e (1 + 1/n) log |V|, for the graph with the new vertex."""
+    return math.ceil(math.e * (1.0 + 1.0 / n) * math.log(size + 1))
 
-    @kernel
-    def attach(graph, straight, near, near_in_goal, edges, weights, limit, K, mirrored):  # type: ignore[no-untyped-def]
-        """Add a vertex that has the edges (free, cost, turns) to those `near`; there must be room.
 
-        With `mirrored` the same edges lead back, and all costs are settled.
-        Returns REJECTED, DONE, or what must grow before costs can be settled.
-        """
-        at = places(graph)
-        free, costs, turns = edges
-        rows = np.flatnonzero(free)
-        heads, cost = near[rows], costs[rows]
-        if not reaches(at, straight, heads, turns, rows, limit):
-            return REJECTED
-        v = graph.size[0]
-        graph.straight[v] = straight
-        graph.size[0] = v + 1
-        for i in range(rows.shape[0]):
-            add_edge(at, v, heads[i], cost[i], turns, rows[i], 1, weights)
+@inlined
+def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyped-def]
+    """Append a directed edge and link it into both of its lists.
+
+    It costs what edge i of `edges` does and has `sign` times its turns; `weights` (M,) make the additive key.
+    """
+    e, used, key = load_int64(at.size, g.EDGE_COUNT), load_int64(at.size, g.PAIR_COUNT), np.int64(0)
+    turns = edges.turns
+    for j in range(turns.first[i], turns.first[i + 1]):
+        marker, turn = turns.marker[j], sign * turns.turn[j]
+        store_int32(at.edge_marker, used, marker)
+        store_int16(at.edge_turn, used, turn)
+        key += turn * weights[marker]
+        used += 1
+    edge, first_out, first_in = g.edge_at(at, e), g.vertex_at(at, tail), g.vertex_at(at, head)
+    store_int32(edge, g.TAIL, tail)
+    store_int32(edge, g.HEAD, head)
+    store_float64(edge, g.EDGE_COST, edges.cost[i])
+    store_int64(edge, g.EDGE_KEY, key)
+    store_int32(edge, g.NEXT_OUT, load_int32(first_out, g.FIRST_OUT))
+    store_int32(edge, g.NEXT_IN, load_int32(first_in, g.FIRST_IN))
+    store_int32(first_out, g.FIRST_OUT, e)
+    store_int32(first_in, g.FIRST_IN, e)
+    store_int64(at.edge_first, e + 1, used)
+    store_int64(at.size, g.EDGE_COUNT, e + 1)
+    store_int64(at.size, g.PAIR_COUNT, used)
+
+
+@inlined
+def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
+    """Whether two batches of edges may not fit."""
+    edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
+    used, paired = load_int64(at.size, g.EDGE_COUNT), load_int64(at.size, g.PAIR_COUNT)
+    return used + edges > at.edge_room or paired + pairs > at.pair_room
+
+
+@kernel
+def insert(at, vertices, straight, out, back, around, rules):  # type: ignore[no-untyped-def]
+    """Make the state that stands at the end of `vertices` a vertex: edges leave it, and where it is no root enter it.
+
+    `straight` (M,) is the H of the straight line from it; `out` and `back` are edges to and from vertices near it, and
+    with `rules.mirrored` the same but for a root. There must be room. Costs settle later.
+    """
+    v = load_int64(at.size, g.VERTEX_COUNT)
+    root, sign = vertices.in_goal[v], 1
+    for k in range(at.M):
+        store_float64(at.straight, v * at.M + k, straight[k])
+    store_int64(at.size, g.VERTEX_COUNT, v + 1)
+    if root:
+        store_int32(g.vertex_at(at, v), g.COUNT, 1)
+    else:
+        for i in range(out.near.shape[0]):
+            if out.status[i] == FREE:
+                _add_edge(at, v, out.near[i], out, i, 1, around.weights)
         ask_again(at, v)
-        if not mirrored:
-            return DONE
-        for i in range(rows.shape[0]):
-            if not near_in_goal[rows[i]]:
-                add_edge(at, heads[i], v, cost[i], turns, rows[i], -1, weights)
-        return settle(at, limit, K)
-
-    attach_kernel: Callable[..., int] = attach
-    return attach_kernel
+        sign = -1 if rules.mirrored else 1
+    for i in range(back.near.shape[0]):
+        u = back.near[i]
+        if back.status[i] == FREE and u != v and not vertices.in_goal[u]:
+            _add_edge(at, u, v, back, i, sign, around.weights)
+            if root:
+                ask_again(at, u)
 
 
 @cache
-def grow_with(kernels: Kernels, steering: Compiled) -> Callable[..., tuple[int, int]]:
-    """The kernel that turns draws into vertices by one steering method."""
-    nearest, connect, P = steering
-    reaches, settle = kernels.reaches, kernels.settle
+def grow_with(
+    nearest: Callable[..., None], connect: Callable[..., Any], motion: MotionKernels
+) -> Callable[..., tuple[int, int]]:
+    """The kernel that turns draws into vertices by one steering method (`steering.Compiled`) and kind of motion."""
+    judge = judge_with(motion)
 
     @inlined
-    def proposed(space, states, size, x, in_goal, radius, price, forward):  # type: ignore[no-untyped-def]
-        """Edges between x and the vertices near it: those, whether they are roots, free, cost, turns, number unsure."""
-        n = states.shape[1]
-        count = min(math.ceil(math.e * (1.0 + 1.0 / n) * math.log(size + 1)), size)
+    def proposed(vertices, size, x, around, numbers, forward):  # type: ignore[no-untyped-def]
+        """Edges between x and the vertices near it, and the number that the field leaves unsure."""
+        n = vertices.states.shape[1]
+        count = min(near_count(size, n), size)
         near = np.empty(count, np.int64)
-        nearest(states[:size], x, radius, forward, near, np.empty(count))
-        others, here = states[near], np.empty((count, n))
+        nearest(vertices.states[:size], x, numbers, forward, near, np.empty(count))
+        others, here = vertices.states[near], np.empty((count, n))
         here[:] = x
-        into_goal = in_goal[near]
+        into_goal = vertices.in_goal[near]
         if not forward:
             into_goal[:] = False
         tails, heads = (here, others) if forward else (others, here)
-        start, curvature, length = np.empty((count, 3)), np.empty((count, P)), np.empty((count, P))
-        connect(tails, heads, radius, start, curvature, length)
-        status, first = np.empty(count, np.int8), np.empty(count + 1, np.int64)
-        full, cost = np.empty(count), np.empty(count)
-        for i in range(count):
-            full[i] = price * length[i].sum()
-        marker, turn, unsure = judge(
-            space.field, start, curvature, length, full, heads, into_goal, space.cuts, space.goal, space.goal_radius,
-            status, first, np.empty((count, P)), cost,
-        )  # fmt: skip
-        return near, status, cost, Turns(first, marker, turn), unsure
+        return judge(around, connect(tails, heads, numbers), into_goal, near)
 
     @kernel
-    def grow(graph, states, in_goal, space, draws, i, radius, price, weights, limit, K, mirrored):  # type: ignore[no-untyped-def] # fmt: skip
+    def grow(at, vertices, draws, i, around, numbers, rules):  # type: ignore[no-untyped-def]
         """Make vertices of the draws from i on: how many have been dealt with, and DONE, ASK or what must grow."""
-        at = places(graph)
-        straight = np.empty(at.M)
+        straight, markers = np.empty(at.M), around.markers
+        gx, gy = around.goal_x, around.goal_y
         while i < draws.shape[0]:
-            x, v = draws[i], graph.size[0]
-            status = certify_point(space.field, x[0], x[1])
+            x, v = draws[i], load_int64(at.size, g.VERTEX_COUNT)
+            status = certify_point(around.field, x[0], x[1])
             if status == BLOCKED:
                 i += 1
                 continue
             if (
                 status != FREE
-                or v >= states.shape[0]
-                or math.hypot(x[0] - space.goal[0], x[1] - space.goal[1]) <= 1.001 * space.goal_radius
+                or v >= vertices.states.shape[0]
+                or math.hypot(x[0] - gx, x[1] - gy) <= 1.001 * around.reach
             ):
                 return i, ASK
-            near, free, cost, turns, unsure = proposed(space, states, v, x, in_goal, radius, price, True)
-            rows = np.flatnonzero(free == FREE)
-            edges, pairs = 2 * len(near), 2 * len(turns.marker)
+            out, unsure = proposed(vertices, v, x, around, numbers, True)
             if unsure > 0:
                 return i, ASK
             for k in range(at.M):
-                straight[k] = straight_turns(
-                    x[0], x[1], space.markers[k, 0], space.markers[k, 1], space.goal[0], space.goal[1]
-                )
-            heads, there = near[rows], rows
-            if not reaches(at, straight, heads, turns, rows, limit):
+                straight[k] = straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], gx, gy)
+            if not reaches(at, straight, out, rules):
                 i += 1
                 continue
-            states[v], in_goal[v] = x, False
-            back = turns
-            tails, price_back = heads, cost
-            if not mirrored:
-                near, free, price_back, back, unsure = proposed(space, states, v + 1, x, in_goal, radius, price, False)
-                if unsure > 0:
-                    return i, ASK
-                there = np.flatnonzero(free == FREE)
-                tails, pairs = near[there], pairs + len(back.marker)
-                edges += len(near)
-            if graph.size[1] + edges > graph.tail.shape[0] or graph.size[4] + pairs > graph.edge_marker.shape[0]:
+            vertices.states[v], vertices.in_goal[v] = x, False
+            back = out
+            if not rules.mirrored:
+                back, unsure = proposed(vertices, v + 1, x, around, numbers, False)
+            if unsure > 0 or lacks_room(at, out, back):
                 return i, ASK
-            graph.straight[v] = straight
-            graph.size[0] = v + 1
-            for j in range(rows.shape[0]):
-                add_edge(at, v, heads[j], cost[rows[j]], turns, rows[j], 1, weights)
-            ask_again(at, v)
-            for j in range(there.shape[0]):
-                if tails[j] != v and not in_goal[tails[j]]:
-                    add_edge(at, tails[j], v, price_back[there[j]], back, there[j], -1 if mirrored else 1, weights)
+            insert(at, vertices, straight, out, back, around, rules)
             i += 1
-            status = settle(at, limit, K)
+            status = settle(at, rules)
             if status != DONE:
                 return i, status
         return i, DONE
 
-    grow_kernel: Callable[..., tuple[int, int]] = grow
-    return grow_kernel
+    growing: Callable[..., tuple[int, int]] = grow
+    return growing

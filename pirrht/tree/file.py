@@ -42,10 +42,8 @@ def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
         file: a path, which is replaced once the content is complete, or a binary stream.
 
     Raises:
-        OptionError: the file cannot be written, or the tree has a predicate of its own.
+        OptionError: the file cannot be written.
     """
-    if tree.limited_by_predicate:
-        raise OptionError("a tree with a predicate `allowed` cannot be saved, since a function is no data; use `limit`")
     about = {
         "format": FORMAT,
         "version": pirrht.__version__,

@@ -1,8 +1,12 @@
-"""The graph on the state space and the tree that it projects into the H-augmented space (paper, Algorithms 1-3).
+"""The graph on the state space and the tree that it projects into the H-augmented space, as arrays and as memory.
 
 Every vertex keeps its K cheapest allowed classes ("nodes"). A node stores its class, its cost and the edge to its
 parent; the parent's class follows from the edge. Classes and edges keep their integers as (marker, turn) pairs, of
 which there are few.
+
+Searches must neither count references to arrays nor wait for memory, so they read and write by address.
+What a search needs of an edge, or of a vertex and its first nodes, lies together in a record: it asks for them at
+random, and whatever lies apart is fetched apart. The dtypes say where in a record a field lies; kernels read there.
 """
 
 from __future__ import annotations
@@ -13,47 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.addresses import (
-    load_int8,
-    load_int16,
-    load_int32,
-    load_int64,
-    store_float64,
-    store_int8,
-    store_int16,
-    store_int32,
-    store_int64,
-)
+from pirrht.compiled.addresses import load_int32, load_int64
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.topology.turns import Turns, spread
-from pirrht.tree.layout import (
-    COUNT,
-    EDGE,
-    EDGE_COST,
-    EDGE_COUNT,
-    EDGE_KEY,
-    FIRST_IN,
-    FIRST_OUT,
-    HEAD,
-    KEY,
-    LINE,
-    NEXT_IN,
-    NEXT_OUT,
-    NODE,
-    NODE_PAIR_COUNT,
-    PAIR_COUNT,
-    PARENT,
-    REFILL_COUNT,
-    ROOT,
-    TAIL,
-    edge_at,
-    node_at,
-    places,
-    slot_of,
-    vertex_at,
-)
+from pirrht.topology.turns import spread
 
+ROOT = -1
 PAIRS = 16  # room for so many (marker, turn) pairs of a class, to begin with
+LINE = 64  # bytes that a processor fetches at once
 
 
 class Graph(NamedTuple):
@@ -87,6 +57,79 @@ class Graph(NamedTuple):
     waiting: NDArray[np.bool_]  # (V,) whether a vertex is in that list
 
 
+VERTEX = np.dtype([("nodes", "i4"), ("first_out", "i4"), ("first_in", "i4"), ("spare", "i4")])  # its nodes after
+EDGE = np.dtype(
+    [("next_in", "i4"), ("tail", "i4"), ("edge_cost", "f8"), ("edge_key", "i8"), ("next_out", "i4"), ("head", "i4")]
+)
+NODE = np.dtype([("cost", "f8"), ("key", "i8"), ("parent", "i4"), ("pairs", "i4")])
+
+
+def _index(record: np.dtype[np.void], *names: str) -> tuple[int, ...]:
+    """Where fields of a record lie, counted in fields of their own size."""
+    fields = record.fields
+    assert fields is not None
+    return tuple(fields[name][1] // fields[name][0].itemsize for name in names)
+
+
+COUNT, FIRST_OUT, FIRST_IN = _index(VERTEX, "nodes", "first_out", "first_in")
+NEXT_IN, TAIL, NEXT_OUT, HEAD = _index(EDGE, "next_in", "tail", "next_out", "head")
+EDGE_COST, EDGE_KEY = _index(EDGE, "edge_cost", "edge_key")
+COST, KEY, PARENT, NODE_PAIR_COUNT = _index(NODE, "cost", "key", "parent", "pairs")
+VERTEX_BYTES, EDGE_BYTES, NODE_BYTES = VERTEX.itemsize, EDGE.itemsize, NODE.itemsize
+VERTEX_COUNT, EDGE_COUNT, QUEUE_COUNT, REFILL_COUNT, PAIR_COUNT = range(5)  # entries of `size`
+
+# Arrays that grow together.
+EDGES = ("edge_first", *(EDGE.names or ()))
+EDGE_PAIRS = ("edge_marker", "edge_turn")
+VERTICES = ("straight", "refill", "waiting")
+NODES = (*(NODE.names or ()), "marker", "turn")
+NODE_PAIRS = ("marker", "turn")
+QUEUE = ("queue_cost", "queue_vertex", "queue_key")
+
+
+class Addresses(NamedTuple):
+    """Where a graph's arrays lie that kernels read and write, and how much room there is in them."""
+
+    size: int
+    pruned: int
+    straight: int
+    nodes: int  # records of a vertex and its nodes
+    next_in: int  # EDGE records
+    edge_first: int
+    edge_marker: int
+    edge_turn: int
+    marker: int
+    turn: int
+    queue_cost: int
+    queue_vertex: int
+    queue_key: int
+    refill: int
+    waiting: int
+    M: int  # markers
+    stride: int  # bytes from one vertex to the next
+    K: int  # nodes that there is room for at each
+    C: int  # pairs that there is room for in each of these
+    queue_room: int
+    edge_room: int
+    pair_room: int
+
+
+class Places(Addresses):
+    """The same together with the graph that they point into."""
+
+    graph: Graph
+
+    @classmethod
+    def of(cls, graph: Graph) -> Places:
+        """The places of a graph until it is given more room."""
+        parts = [getattr(graph, name) for name in cls._fields if name in Graph._fields]
+        M, stride, (_, K, C) = graph.straight.shape[1], graph.nodes.strides[0], graph.marker.shape
+        room = len(graph.queue_cost), len(graph.tail), len(graph.edge_marker)
+        places = cls._make([*(part.ctypes.data for part in parts), M, stride, K, C, *room])
+        places.graph = graph
+        return places
+
+
 def _records(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
     """Zeros that begin where a line does."""
     raw = np.zeros(count * dtype.itemsize + LINE, np.uint8)
@@ -98,17 +141,16 @@ def _edge_room(count: int) -> dict[str, NDArray[Any]]:
     """The arrays that lie together in the records of so many edges."""
     edge = _records(count, EDGE)
     edge["next_in"] = edge["next_out"] = -1
-    return {name: edge[name] for name in EDGE.fields or ()}
+    return {name: edge[name] for name in EDGE.names or ()}
 
 
 def _vertex_room(count: int, nodes: int) -> dict[str, NDArray[Any]]:
     """The arrays that lie together in the records of so many vertices."""
-    head = [("nodes", "i4"), ("first_out", "i4"), ("first_in", "i4"), ("", "i4")]
-    vertex = _records(count, np.dtype([*head, ("node", NODE, (nodes,))]))
+    vertex = _records(count, np.dtype([*VERTEX.descr, ("node", NODE, (nodes,))]))
     vertex["first_out"] = vertex["first_in"] = -1
     vertex["node"]["parent"] = ROOT
     room = {name: vertex[name] for name in ("nodes", "first_out", "first_in")}
-    return room | {name: vertex["node"][name] for name in NODE.fields or ()}
+    return room | {name: vertex["node"][name] for name in NODE.names or ()}
 
 
 def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
@@ -133,14 +175,6 @@ def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
     )
 
 
-EDGES = ("edge_first", *(EDGE.names or ()))
-EDGE_PAIRS = ("edge_marker", "edge_turn")
-VERTICES = ("straight", "refill", "waiting")
-NODES = (*(NODE.names or ()), "marker", "turn")
-NODE_PAIRS = ("marker", "turn")
-QUEUE = ("queue_cost", "queue_vertex", "queue_key")
-
-
 def doubled(graph: Graph, names: tuple[str, ...], axis: int = 0) -> Graph:
     """The graph with twice the room along one axis of the named arrays; what is in them stays."""
     V, K = graph.cost.shape
@@ -159,9 +193,43 @@ def doubled(graph: Graph, names: tuple[str, ...], axis: int = 0) -> Graph:
     return graph._replace(**bigger)
 
 
-def edge_turns(graph: Graph, edge: int) -> NDArray[np.int64]:
-    """Whole turns (M,) that prepending an edge adds."""
-    return Turns(graph.edge_first, graph.edge_marker, graph.edge_turn).dense(edge, graph.straight.shape[1])
+@inlined
+def edge_at(at, e):  # type: ignore[no-untyped-def]
+    """Address of an edge."""
+    return at.next_in + EDGE_BYTES * e
+
+
+@inlined
+def vertex_at(at, v):  # type: ignore[no-untyped-def]
+    """Address of a vertex."""
+    return at.nodes + at.stride * v
+
+
+@inlined
+def node_at(vertex, slot):  # type: ignore[no-untyped-def]
+    """Address of a node of the vertex at an address."""
+    return vertex + VERTEX_BYTES + NODE_BYTES * slot
+
+
+@inlined
+def slot_of(vertex, key):  # type: ignore[no-untyped-def]
+    """Slot of a class at the vertex at an address, -1 if it has none."""
+    for slot in range(load_int32(vertex, COUNT)):
+        if load_int64(node_at(vertex, slot), KEY) == key:
+            return slot
+    return -1
+
+
+@inlined
+def is_root(vertex):  # type: ignore[no-untyped-def]
+    """Whether the vertex at an address lies in the goal's disc."""
+    return load_int32(vertex, COUNT) > 0 and load_int32(node_at(vertex, 0), PARENT) == ROOT
+
+
+@kernel
+def find(at, vertex, key):  # type: ignore[no-untyped-def]
+    """Slot of a class at a vertex, -1 if it has none."""
+    return slot_of(vertex_at(at, vertex), key)
 
 
 def edge_turns_around(graph: Graph, obstacle: int) -> NDArray[np.int64]:
@@ -187,85 +255,3 @@ def class_at(graph: Graph, vertex: int, slot: int) -> NDArray[np.int64]:
     """The integers (M,) of a node's class."""
     count = graph.pairs[vertex, slot]
     return spread(graph.marker[vertex, slot, :count], graph.turn[vertex, slot, :count], graph.straight.shape[1])
-
-
-@inlined
-def add_edge(at, tail, head, cost, turns, row, sign, weights):  # type: ignore[no-untyped-def]
-    """Append a directed edge and link it into both of its lists."""
-    e, used, key = load_int64(at.size, EDGE_COUNT), load_int64(at.size, PAIR_COUNT), np.int64(0)
-    for i in range(turns.first[row], turns.first[row + 1]):
-        marker, turn = turns.marker[i], sign * turns.turn[i]
-        store_int32(at.edge_marker, used, marker)
-        store_int16(at.edge_turn, used, turn)
-        key += turn * weights[marker]
-        used += 1
-    edge, first_out, first_in = edge_at(at, e), vertex_at(at, tail), vertex_at(at, head)
-    store_int32(edge, TAIL, tail)
-    store_int32(edge, HEAD, head)
-    store_float64(edge, EDGE_COST, cost)
-    store_int64(edge, EDGE_KEY, key)
-    store_int32(edge, NEXT_OUT, load_int32(first_out, FIRST_OUT))
-    store_int32(edge, NEXT_IN, load_int32(first_in, FIRST_IN))
-    store_int32(first_out, FIRST_OUT, e)
-    store_int32(first_in, FIRST_IN, e)
-    store_int64(at.edge_first, e + 1, used)
-    store_int64(at.size, EDGE_COUNT, e + 1)
-    store_int64(at.size, PAIR_COUNT, used)
-
-
-@kernel
-def add_edges(graph, tails, heads, costs, turns, rows, sign, weights):  # type: ignore[no-untyped-def]
-    """Append many edges, whose turns are `sign` times those in `rows`; `weights` make the additive keys."""
-    at = places(graph)
-    for i in range(tails.shape[0]):
-        add_edge(at, tails[i], heads[i], costs[i], turns, rows[i], sign, weights)
-
-
-@inlined
-def ask_again(at, v):  # type: ignore[no-untyped-def]
-    """Note that a vertex must ask its successors for their nodes."""
-    if load_int8(at.waiting, v) == 0:
-        count = load_int64(at.size, REFILL_COUNT)
-        store_int8(at.waiting, v, 1)
-        store_int32(at.refill, count, v)
-        store_int64(at.size, REFILL_COUNT, count + 1)
-
-
-@kernel
-def find(graph, vertex, key):  # type: ignore[no-untyped-def]
-    """Slot of a class at a vertex, -1 if it has none."""
-    return slot_of(vertex_at(places(graph), vertex), key)
-
-
-@kernel
-def _remove(at, v, slot):  # type: ignore[no-untyped-def]
-    vertex = vertex_at(at, v)
-    last = load_int32(vertex, COUNT) - 1
-    node, end = node_at(vertex, slot), node_at(vertex, last)
-    for i in range(3):
-        store_int64(node, i, load_int64(end, i))
-    to, start = (v * at.K + slot) * at.C, (v * at.K + last) * at.C
-    for k in range(load_int32(end, NODE_PAIR_COUNT)):
-        store_int32(at.marker, to + k, load_int32(at.marker, start + k))
-        store_int16(at.turn, to + k, load_int16(at.turn, start + k))
-    store_int32(vertex, COUNT, last)
-
-
-@kernel
-def evict(at, v, slot):  # type: ignore[no-untyped-def]
-    """Drop a node and every node that descends from it; their vertices will ask their successors again."""
-    stack = [(np.int64(v), load_int64(node_at(vertex_at(at, v), slot), KEY))]
-    _remove(at, v, slot)
-    while len(stack) > 0:
-        v, key = stack.pop()
-        e = load_int32(vertex_at(at, v), FIRST_IN)
-        while e >= 0:
-            edge = edge_at(at, e)
-            u = np.int64(load_int32(edge, TAIL))
-            vertex = vertex_at(at, u)
-            child = slot_of(vertex, key + load_int64(edge, EDGE_KEY))
-            if child >= 0 and load_int32(node_at(vertex, child), PARENT) == e:
-                stack.append((u, load_int64(node_at(vertex, child), KEY)))
-                _remove(at, u, child)
-                ask_again(at, u)
-            e = load_int32(edge, NEXT_IN)

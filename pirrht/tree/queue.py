@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pirrht.compiled.addresses import load_float64, load_int32, load_int64, store_float64, store_int32, store_int64
 from pirrht.compiled.jit import inlined
-from pirrht.tree.layout import QUEUE_COUNT
+from pirrht.tree.graph import QUEUE_COUNT
 
 
 @inlined

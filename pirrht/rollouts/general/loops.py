@@ -22,7 +22,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     """Kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
 
     @kernel
-    def sample(world, leads, origin, start, stop, paths):  # type: ignore[no-untyped-def]
+    def sample(setup, leads, origin, start, stop, paths):  # type: ignore[no-untyped-def]
         """Fill `paths` for the samples from `start` to `stop`."""
         nothing, scratch = np.empty((0, 1)), scratch_of(leads)
         window, times = leads.window, leads.times
@@ -32,7 +32,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
             while s >= leads.first[h + 1]:
                 h += 1
             keep = KEPT(paths.log_ratio[s], nothing, applied, led_by, base)
-            work, key, outcome, steps, last = one_path(world, leads, origin, h, s, keep, scratch)
+            work, key, outcome, steps, last = one_path(setup, leads, origin, h, s, keep, scratch)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
             for i in range(min(steps, window)):
                 dt = times[i + 1] - times[i]
@@ -42,7 +42,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
                     paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + alive * base[j]
 
     @kernel
-    def control(world, leads, origin, chosen, total, alive):  # type: ignore[no-untyped-def]
+    def control(setup, leads, origin, chosen, total, alive):  # type: ignore[no-untyped-def]
         """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
         nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(leads)
         applied, base = np.zeros((leads.control.shape[1], m)), np.empty(m)
@@ -52,19 +52,19 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
             s, g = number[c], group[c]
             while s >= leads.first[h + 1]:
                 h += 1
-            _, _, _, steps, _ = one_path(world, leads, origin, h, s, keep, scratch)
+            _, _, _, steps, _ = one_path(setup, leads, origin, h, s, keep, scratch)
             for i in range(steps):
                 alive[g, i] += weight[c]
                 for j in range(m):
                     total[g, i, j] += weight[c] * applied[i, j]
 
     @kernel
-    def trace(world, leads, origin, number, states, steps):  # type: ignore[no-untyped-def]
+    def trace(setup, leads, origin, number, states, steps):  # type: ignore[no-untyped-def]
         """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
         nothing, ratio, base, scratch = np.empty((0, 1)), np.empty(0), np.empty(m), scratch_of(leads)
         for c in range(number.shape[0]):
             keep = KEPT(ratio, states[c], nothing, nothing, base)
             h = np.searchsorted(leads.first, number[c], side="right") - 1
-            _, _, _, steps[c], _ = one_path(world, leads, origin, h, number[c], keep, scratch)
+            _, _, _, steps[c], _ = one_path(setup, leads, origin, h, number[c], keep, scratch)
 
     return Kernels(sample, control, trace)

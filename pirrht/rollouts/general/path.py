@@ -107,23 +107,23 @@ def any_path(
 
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
-    def one_path(world, leads, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
+    def one_path(setup, leads, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
         """Simulate one sample around reference h and write what of it is to be kept (`Kept`).
 
         Returns work, class key, outcome, steps taken, time until the exit in the last of them.
         """
         ratio, states, applied, led_by, base = keep
-        arena, p = at(world.arena, 0.0), world.parameters
+        arena, p = at(setup.arena, 0.0), setup.parameters
         goal, radius = arena.goal, arena.radius
-        cuts, times, drifts, controls = world.cuts, leads.times, leads.drift, leads.control
+        cuts, times, drifts, controls = setup.cuts, leads.times, leads.drift, leads.control
         count, decay, active = leads.gates.count, leads.gates.decay, leads.active
         place, C = leads.gates.place.ctypes.data, leads.gates.place.shape[1]
         speed, reach = leads.speed, leads.reach
         law, led = leads.law, leads.led
         H, T = controls.shape[0], controls.shape[1]
-        weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, world.inverse
+        weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, setup.inverse
         x, moved, f, y, G, D, B, a, pushed, stage, column, carried = scratch
-        D[:, :], B[:, :], f[:], pushed[:], stage[:] = world.gain, world.diffusion, 0.0, 0.0, 0
+        D[:, :], B[:, :], f[:], pushed[:], stage[:] = setup.gain, setup.diffusion, 0.0, 0.0, 0
         x[:], moved[:] = origin.x, origin.x
         xx, xy, yy = covariance(B)
         steep = STEEP * D[0, 0]
@@ -133,7 +133,7 @@ def any_path(
         for j in range(n if draw else 0):
             states[0, j] = x[j]
         for i in range(T):
-            dt, arena = times[i + 1] - times[i], at(world.arena, times[i + 1])
+            dt, arena = times[i + 1] - times[i], at(setup.arena, times[i + 1])
             root, until = math.sqrt(dt), dt
             if varying:
                 gain_at(x, p, G)
@@ -196,7 +196,7 @@ def any_path(
             # Where no noise acts on the position, it moves along the heading of the middle of the step, as the robot
             # does; but a step that enters the goal straight ahead ends before its noise matters.
             arrived, ahead = False, 1.0
-            if not noisy_position and world.bridge:
+            if not noisy_position and setup.bridge:
                 far = math.sqrt((x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2) - radius
                 if far < math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt:
                     exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
@@ -219,7 +219,7 @@ def any_path(
                     moved[fixed + j] += B[j, k] * y[k]
             # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
             key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
-            if not world.bridge:
+            if not setup.bridge:
                 exit, share = endpoint_exit(arena, moved[0], moved[1])
                 if reach > 0.0:
                     before = distances(arena, moved[0], moved[1])
@@ -274,7 +274,7 @@ def any_path(
                             base[j] = u
                         else:
                             led_by[i, j] = u * until / dt
-            work += (q(x, p) if varying_rate else world.rate) * dt * share
+            work += (q(x, p) if varying_rate else setup.rate) * dt * share
             for j in range(n):
                 x[j] = moved[j]
             for j in range(n if draw else 0):

@@ -175,7 +175,7 @@ def record(into, i, h, until, k, first, f, long, a):  # type: ignore[no-untyped-
 
 
 @kernel
-def block(world, leads, origin, run, paths, into, scratch):  # type: ignore[no-untyped-def]
+def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-untyped-def]
     """Simulate the samples of one run, at most LANES.
 
     If `into` (stop - start, T, RECORDED) is not empty, their steps are written there.
@@ -184,8 +184,8 @@ def block(world, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     x0 = origin.x
     f, a, ratio, short, long, random, bits = scratch
     work, log_ratio, key, ended, steps, now, spans = paths
-    cuts, B, D, around = world.cuts, world.diffusion, world.gain, single(at(world.arena, 0.0))
-    inverse, times, drift = world.inverse, leads.times, leads.drift
+    cuts, B, D, around = setup.cuts, setup.diffusion, setup.gain, single(at(setup.arena, 0.0))
+    inverse, times, drift = setup.inverse, leads.times, leads.drift
     active = leads.active
     gates, count, decay, window = leads.gates.place, leads.gates.count, leads.gates.decay, leads.window
     speed, reach, keep, listed = leads.speed, leads.reach, into.shape[0] > 0, chosen.shape[0] > 0
@@ -212,10 +212,10 @@ def block(world, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
         draw(random, bits, f, full)
         move(h, dt, B, f, a, full)
         cross(cuts, f, long, full)
-        arena = at(world.arena, times[i + 1])
+        arena = at(setup.arena, times[i + 1])
         around = single(arena)
         survey(around, f, short, full)
-        flagged = bridge(step, random, f, short, full) if world.bridge else judge(around, f, short, full)
+        flagged = bridge(step, random, f, short, full) if setup.bridge else judge(around, f, short, full)
         for group in range(full - WIDE if flagged > 0 else -1, -1, -WIDE):
             some = 0
             for k in range(group, group + WIDE):
@@ -228,7 +228,7 @@ def block(world, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
                     if keep:
                         record(into, i, h, dt * share, k, start, f, long, a)
                     retire(
-                        world.rate, times, window, inverse, H, h, i, share, outcome, base, k, f, long, a, ratio,
+                        setup.rate, times, window, inverse, H, h, i, share, outcome, base, k, f, long, a, ratio,
                         work, log_ratio, key, ended, steps, now, spans,
                     )  # fmt: skip
                     n -= 1
@@ -242,13 +242,13 @@ def block(world, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     f[Z0:NX], a[:] = 0.0, 0.0
     for k in range(n):
         retire(
-            world.rate, times, window, inverse, H, h, T - 1, 1.0, INSIDE, base, k, f, long, a, ratio,
+            setup.rate, times, window, inverse, H, h, T - 1, 1.0, INSIDE, base, k, f, long, a, ratio,
             work, log_ratio, key, ended, steps, now, spans,
         )  # fmt: skip
 
 
 @kernel
-def blocks(world, leads, origin, start, stop, paths, scratch):  # type: ignore[no-untyped-def]
+def blocks(setup, leads, origin, start, stop, paths, scratch):  # type: ignore[no-untyped-def]
     """Fill `paths` for a range of samples, block by block."""
     all_of_them, nowhere = np.empty(0, np.int64), np.empty((0, 0, RECORDED), np.float32)
     h, s = 0, start
@@ -256,10 +256,10 @@ def blocks(world, leads, origin, start, stop, paths, scratch):  # type: ignore[n
         while s >= leads.first[h + 1]:
             h += 1
         end = min(min(stop, leads.first[h + 1]), s + LANES)
-        block(world, leads, origin, RUN(h, s, end, all_of_them), paths, nowhere, scratch)
+        block(setup, leads, origin, RUN(h, s, end, all_of_them), paths, nowhere, scratch)
         s = end
 
 
-def sample(world: Any, leads: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
+def sample(setup: Any, leads: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples."""
-    blocks(world, leads, origin, start, stop, paths, scratch_of(len(leads.control)))
+    blocks(setup, leads, origin, start, stop, paths, scratch_of(len(leads.control)))

@@ -15,25 +15,25 @@ from pirrht.rollouts.point.stages import LANES, scratch_of
 from pirrht.rollouts.records import Chosen, Origin, empty_paths
 
 
-def control(world: Any, leads: Any, origin: Origin, chosen: Chosen, total: Array, alive: Array) -> None:
+def control(setup: Any, leads: Any, origin: Origin, chosen: Chosen, total: Array, alive: Array) -> None:
     """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-    for _, at, steps, taken in _recorded(world, leads, origin, chosen.number):
-        _carried(leads.times, world.inverse, taken, steps, chosen.group[at], chosen.weight[at], total, alive)
+    for _, at, steps, taken in _recorded(setup, leads, origin, chosen.number):
+        _carried(leads.times, setup.inverse, taken, steps, chosen.group[at], chosen.weight[at], total, alive)
 
 
 def trace(
-    world: Any, leads: Any, origin: Origin, number: NDArray[np.int64], states: Array, out: NDArray[np.int64]
+    setup: Any, leads: Any, origin: Origin, number: NDArray[np.int64], states: Array, out: NDArray[np.int64]
 ) -> None:
     """Write states (c, T+1, 2) and number of steps (c,) of chosen samples."""
     states[:, 0] = origin.x
-    for _, at, steps, taken in _recorded(world, leads, origin, number):
+    for _, at, steps, taken in _recorded(setup, leads, origin, number):
         out[at] = steps
         under_way = np.arange(taken.shape[1]) < steps[:, None]
         states[at, 1:] = np.where(under_way[:, :, None], taken[:, :, :2], 0.0)
 
 
 def _recorded(
-    world: Any, leads: Any, origin: Origin, chosen: NDArray[np.int64]
+    setup: Any, leads: Any, origin: Origin, chosen: NDArray[np.int64]
 ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]]:
     """Reference, places in `chosen`, numbers of steps and steps (., T, RECORDED) of the samples, block by block."""
     H, T, m = leads.control.shape
@@ -45,7 +45,7 @@ def _recorded(
     for h, (first, end) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
         for start in range(first, end, LANES):
             stop = min(start + LANES, end)
-            block(world, leads, origin, Run(h, start, stop, listed), paths, taken, scratch)
+            block(setup, leads, origin, Run(h, start, stop, listed), paths, taken, scratch)
             yield h, order[start:stop], paths.steps[start:stop], taken[: stop - start]
 
 

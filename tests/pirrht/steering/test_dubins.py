@@ -297,7 +297,7 @@ def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> N
     space, rng = FreeSpace.of(plain()), np.random.default_rng(seed)
     goal = space.scene.goal
     states = np.vstack([rng.uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
-    path = Inspector.of(space).cut_at_goal(CAR.connect(states[:-1], states[1:]))
+    path = Inspector(space=space).until_goal(CAR.connect(states[:-1], states[1:]))
     aims = np.linspace(-np.pi, np.pi, 2001)[:, None]
     rim = np.hstack([goal.center - goal.radius * np.hstack([np.cos(aims), np.sin(aims)]), aims])
     best = CAR.distance(states[0], rim).min() * CAR.V

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -153,48 +152,6 @@ def test_a_limit_of_half_a_turn_and_a_little_allows_the_straight_line_everywhere
     for v in range(tree.size):
         for slot in range(gr.nodes[v]):
             assert np.all(np.abs(gr.straight[v] + class_at(gr, v, slot)) <= 0.501)
-
-
-RULE: list[Callable[[Array], bool]] = [lambda H: True]
-
-
-def ruled(signature: Array) -> bool:
-    """One predicate, compiled once, that follows whatever rule is set."""
-    return RULE[0](signature)
-
-
-def tree_under(rule: Callable[[Array], bool], space: FreeSpace, vertices: int) -> HomologyTree:
-    RULE[0] = rule
-    return tree_in(space, allowed=ruled, vertices=vertices)
-
-
-def test_a_users_predicate_takes_the_place_of_the_limit(slit: Scenario):
-    """Paths that keep the upper wall to their left have H_1 > 1: through the slit, or below both walls."""
-    tree = tree_under(lambda H: bool(H[0] > 1.0), slit.space, 400)
-    references = by_class(tree.references(slit.start))
-    assert {"0,0", "0,1"} <= references.keys()
-    assert "-1,0" not in references
-    assert all(reference.signature[0] > 1.0 for reference in references.values())
-    gr = tree.graph
-    for v in range(tree.size):
-        if not tree.in_goal[v]:
-            for slot in range(gr.nodes[v]):
-                assert 1.0 + gr.straight[v, 0] + class_at(gr, v, slot)[0] > 1.0
-
-
-def test_a_predicate_that_says_the_limit_gives_the_same_tree(slit: Scenario):
-    one = tree_in(slit.space, limit=0.6, vertices=150)
-    other = tree_under(lambda H: bool(np.all(np.abs(1.0 - H) <= 0.6)), slit.space, 150)
-    np.testing.assert_array_equal(one.states[: one.size], other.states[: other.size])
-    np.testing.assert_array_equal(one.graph.cost[:150], other.graph.cost[:150])
-
-
-def test_a_predicate_that_allows_nothing_leaves_no_reference(slit: Scenario):
-    tree = tree_under(lambda H: False, slit.space, 5)
-    with pytest.raises(NoReference, match="the allowed set") as caught:
-        tree.references(slit.start)
-    assert caught.value.vertices == tree.size
-    assert caught.value.state == (1.0, 2.5)
 
 
 @pytest.mark.parametrize("classes", [1, 2, 16])

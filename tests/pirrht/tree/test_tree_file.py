@@ -246,14 +246,6 @@ def test_objects_are_not_unpickled(slit: Scenario, saved: bytes):
         tree_file.load(repacked(arrays), slit.space, StraightLine())
 
 
-def test_a_tree_with_a_predicate_is_not_saved(slit: Scenario):
-    import numba
-
-    tree = HomologyTree(slit.space, StraightLine(), allowed=numba.njit(lambda H: True), rng=np.random.default_rng(0))
-    with pytest.raises(OptionError, match="predicate"):
-        tree_file.save(tree, BytesIO())
-
-
 # -- command line ------------------------------------------------------------------------------------------------
 
 

@@ -6,13 +6,15 @@ import heapq
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
-from pirrht.tree import graph as g
+from pirrht.topology.turns import Turns
+from pirrht.tree.graph import ROOT, Graph, class_at
 from pirrht.tree.homology_tree import HomologyTree
 
 Class = tuple[int, ...]
@@ -55,7 +57,12 @@ def grown(space: FreeSpace, steering: Steering, classes: int, vertices: int = 15
 def nodes(tree: HomologyTree, vertex: int) -> dict[Class, float]:
     """Classes and costs that the tree keeps at a vertex."""
     gr = tree.graph
-    return {tuple(g.class_at(gr, vertex, s)): float(gr.cost[vertex, s]) for s in range(gr.nodes[vertex])}
+    return {tuple(class_at(gr, vertex, s)): float(gr.cost[vertex, s]) for s in range(gr.nodes[vertex])}
+
+
+def added(gr: Graph, edge: int) -> NDArray[np.int64]:
+    """Whole turns (M,) that prepending an edge adds."""
+    return Turns(gr.edge_first, gr.edge_marker, gr.edge_turn).dense(edge, gr.straight.shape[1])
 
 
 def searched(tree: HomologyTree) -> list[dict[Class, float]]:
@@ -76,7 +83,7 @@ def searched(tree: HomologyTree) -> list[dict[Class, float]]:
         settled[v][turns] = cost
         for e in entering[v]:
             u = int(gr.tail[e])
-            longer = tuple(int(k) for k in np.array(turns) + g.edge_turns(gr, e))
+            longer = tuple(int(k) for k in np.array(turns) + added(gr, e))
             if not tree.in_goal[u] and np.all(np.abs(gr.straight[u] + longer) <= tree.limit):
                 heapq.heappush(queue, (cost + float(gr.edge_cost[e]), u, longer))
     return settled
@@ -105,16 +112,16 @@ def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: S
         assert count == len(nodes(tree, v)) == len(set(gr.key[v, :count]))
         assert count <= classes or not classes
         for slot in range(count):
-            turns = g.class_at(gr, v, slot)
+            turns = class_at(gr, v, slot)
             assert gr.key[v, slot] == tree.space.homology.key(turns)
             e = gr.parent[v, slot]
-            if e == g.ROOT:
+            if e == ROOT:
                 assert tree.in_goal[v]
                 assert gr.cost[v, slot] == 0.0
                 continue
             assert np.all(np.abs(gr.straight[v] + turns) <= tree.limit)
             assert gr.tail[e] == v
-            parent = nodes(tree, int(gr.head[e]))[tuple(turns - g.edge_turns(gr, e))]
+            parent = nodes(tree, int(gr.head[e]))[tuple(turns - added(gr, e))]
             assert gr.cost[v, slot] == pytest.approx(parent + gr.edge_cost[e], abs=1e-9)
 
 
@@ -124,9 +131,9 @@ def test_the_state_of_every_node_is_driven_to_the_goal_in_its_class(space: FreeS
     for v in np.flatnonzero(~tree.in_goal[: tree.size])[::7]:
         for slot in range(int(tree.graph.nodes[v])):
             states = tree.states[tree.path_of(int(v), slot)]
-            path = tree.inspector.cut_at_goal(steering.connect(states[:-1], states[1:]))
+            path = tree.inspector.until_goal(steering.connect(states[:-1], states[1:]))
             assert path.cost.sum() == pytest.approx(tree.graph.cost[v, slot], abs=1e-9)
-            assert space.homology.winding(np.vstack(path.points(0.01))) == tuple(g.class_at(tree.graph, int(v), slot))
+            assert space.homology.winding(np.vstack(path.points(0.01))) == tuple(class_at(tree.graph, int(v), slot))
             assert np.all(tree.inspector.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
 
 

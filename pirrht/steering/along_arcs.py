@@ -1,0 +1,121 @@
+"""Motions along arcs and straight pieces at one speed, whose cost is proportional to their length."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
+from pirrht.geometry.arcs import Curves, along, entry_of_curve, truncate
+from pirrht.geometry.certify import certify_curve
+from pirrht.geometry.collision import Collision
+from pirrht.steering.motion import Motion, MotionKernels, Surroundings
+from pirrht.steering.trajectory import Trajectory
+from pirrht.topology.turns import pairs_of_curve
+
+
+class Arcs(NamedTuple):
+    """The arrays of k `Curves` of P pieces that kernels need."""
+
+    start: Array  # (k, 3) x, y [m], heading of travel [rad]
+    curvature: Array  # (k, P) [1/m]
+    length: Array  # (k, P) [m]
+    cost: Array  # (k,)
+    heads: Array  # (k, n)
+
+
+def _record(curves: Curves) -> Arcs:
+    return Arcs(curves.start, curves.curvature, curves.length.copy(), curves.cost.copy(), curves.heads)
+
+
+@kernel
+def _entry(arcs, i, around):  # type: ignore[no-untyped-def]
+    start, length = arcs.start[i], arcs.length[i]
+    whole = 0.0
+    for p in range(length.shape[0]):
+        whole += length[p]
+    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (around.reach + whole):
+        return np.inf
+    return entry_of_curve(start, arcs.curvature[i], length, around.goal_x, around.goal_y, around.reach)
+
+
+@kernel
+def _end_at(arcs, i, s):  # type: ignore[no-untyped-def]
+    length, whole, left = arcs.length[i], 0.0, 0.0
+    for p in range(length.shape[0]):
+        whole += length[p]
+    truncate(length, s, length)
+    for p in range(length.shape[0]):
+        left += length[p]
+    arcs.cost[i] *= left / max(whole, 1e-300)
+    return arcs.cost[i]
+
+
+@kernel
+def _certify(arcs, i, around):  # type: ignore[no-untyped-def]
+    return certify_curve(around.field, arcs.start[i], arcs.curvature[i], arcs.length[i])
+
+
+@kernel
+def _pairs(arcs, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+    x, y = arcs.heads[i, 0], arcs.heads[i, 1]
+    return pairs_of_curve(
+        around.cuts, arcs.start[i], arcs.curvature[i], arcs.length[i], to_goal, x, y, marker, turn, count
+    )
+
+
+@kernel
+def _most(arcs):  # type: ignore[no-untyped-def]
+    return arcs.length.shape[1]
+
+
+def _ask(arcs: Arcs, i: int, collision: Collision) -> bool:
+    """One swept capsule where a curve is straight, bisection where it turns."""
+    length = arcs.length[i]
+    x, y, theta = (float(v) for v in arcs.start[i])
+    for kappa, total in zip(arcs.curvature[i], length, strict=True):
+        if total <= 0 and not np.all(length <= 0):
+            continue
+        pose, end = (x, y, theta), along(x, y, theta, kappa, total)
+        if kappa == 0:
+            free = bool(collision.segments_free(np.array([[x, y]]), np.array([end[:2]]))[0])
+        else:
+            free = _arc_free(pose, kappa, float(total), collision)
+        if not free:
+            return False
+        x, y, theta = end
+    return True
+
+
+def _arc_free(pose: tuple[float, float, float], kappa: float, total: float, collision: Collision) -> bool:
+    return collision.bisect_free(lambda s: np.array(along(*pose, kappa, s)[:2]), total)
+
+
+def _until_goal(path: Curves, around: Surroundings) -> Curves:
+    s = entry_of_curve(path.start[-1], path.curvature[-1], path.length[-1], around.goal_x, around.goal_y, around.reach)
+    length = path.length.copy()
+    truncate(path.length[-1], s, length[-1])
+    share = length.sum(axis=1) / np.maximum(path.length.sum(axis=1), 1e-300)
+    return replace(path, length=length, cost=path.cost * share)
+
+
+def _trajectory(steering: Any, path: Curves) -> Trajectory:
+    """Piecewise constant controls along a path whose rows are consecutive curves."""
+    pieces = path.curvature.shape[1]
+    heading = path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
+    length, keep = path.length.ravel(), path.length.ravel() > 0
+    total = float(length.sum())
+    return Trajectory(
+        controls=steering.controls(heading.reshape(-1, pieces).ravel()[keep], path.curvature.ravel()[keep]),
+        durations=length[keep] / steering.speed,
+        path=path,
+        cost=total * steering.cost_per_meter,
+        length=total,
+    )
+
+
+ARCS = Motion(MotionKernels(_entry, _end_at, _certify, _pairs, _most), _record, _ask, _until_goal, _trajectory)

@@ -1,0 +1,77 @@
+"""What an edge is: a motion between two states, of which the tree knows no more than it can ask here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.field import Field
+from pirrht.steering.trajectory import Trajectory
+from pirrht.topology.cuts import Cuts
+
+
+class Surroundings(NamedTuple):
+    """What kernels that judge or shorten motions know of a scene."""
+
+    field: Field
+    cuts: Cuts
+    markers: Array  # (M, 2) [m]
+    weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker
+    goal_x: float  # goal point [m]
+    goal_y: float
+    reach: float  # radius of the goal's disc [m]
+    radius: float  # least turning radius of what is shortened [m]
+
+    @classmethod
+    def of(cls, space: FreeSpace, radius: float = 0.0) -> Surroundings:
+        """Those of an examined scene."""
+        goal, homology = space.scene.goal, space.homology
+        numbers = (float(v) for v in (*goal.center, goal.radius, radius))
+        return cls(space.field, homology.cuts, homology.markers, homology.hash_weights, *numbers)
+
+
+class Motions(Protocol):
+    """k motions between two states each, as steering methods propose them; the rest is up to their kind."""
+
+    @property
+    def cost(self) -> Array:
+        """Steering cost, (k,); it need not be proportional to length."""
+
+    @property
+    def tails(self) -> Array:
+        """First states, (k, n)."""
+
+    @property
+    def heads(self) -> Array:
+        """Last states, (k, n)."""
+
+    def points(self, spacing: float) -> list[Array]:
+        """Each as a polyline (l, 2) [m], whose points lie at most `spacing` m apart where it turns."""
+
+
+class MotionKernels(NamedTuple):
+    """What compiled code asks of motion i of a record, which nothing else looks into."""
+
+    entry: Callable[..., float]  # (motions, i, around): how far it goes until it first enters the goal's disc, or inf
+    end_at: Callable[..., float]  # (motions, i, s): end it there, in place; what it now costs
+    certify: Callable[..., int]  # (motions, i, around): FREE, BLOCKED or UNSURE by the clearance field
+    # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
+    # its head, or of the straight line from its end to the goal point; the number of pairs. A marker may recur.
+    pairs: Callable[..., int]
+    most: Callable[..., int]  # (motions): how often a marker can come up in the pairs of one motion
+
+
+class Motion(NamedTuple):
+    """A kind of motions: what the tree needs in order to judge `Motions` of it, and to make references of them."""
+
+    kernels: MotionKernels
+    record: Callable[[Any], Any]  # Motions as the record of arrays that the kernels take, which they may change
+    ask: Callable[[Any, int, Collision], bool]  # FCL's own word on motion i of a record
+    until_goal: Callable[[Any, Surroundings], Any]  # a path (consecutive motions) that ends where it enters the disc
+    trajectory: Callable[[Any, Any], Trajectory]  # (steering, path): the controls that drive a path, and their times
