@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
+from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import Curves, along, entry_of_curve, truncate
-from pirrht.geometry.certify import certify_curve
+from pirrht.geometry.certify import BLOCKED, UNSURE, certify_curve
 from pirrht.geometry.collision import Collision
 from pirrht.steering.motion import Motion, MotionKernels, Surroundings
 from pirrht.steering.trajectory import Trajectory
@@ -33,34 +33,30 @@ def _record(curves: Curves) -> Arcs:
 
 
 @kernel
-def _entry(arcs, i, around):  # type: ignore[no-untyped-def]
-    start, length = arcs.start[i], arcs.length[i]
-    whole = 0.0
-    for p in range(length.shape[0]):
-        whole += length[p]
-    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (around.reach + whole):
-        return np.inf
-    return entry_of_curve(start, arcs.curvature[i], length, around.goal_x, around.goal_y, around.reach)
+def _judge(arcs, into_goal, around, status, enters):  # type: ignore[no-untyped-def]
+    start, curvature, lengths, cost = arcs.start, arcs.curvature, arcs.length, arcs.cost
+    field, gx, gy, reach = around.field, around.goal_x, around.goal_y, around.reach
+    unsure = 0
+    for i in range(status.shape[0]):
+        length, whole, left, s = lengths[i], 0.0, 0.0, np.inf
+        for p in range(length.shape[0]):
+            whole += length[p]
+        if math.hypot(start[i, 0] - gx, start[i, 1] - gy) <= 1.001 * (reach + whole):
+            s = entry_of_curve(start[i], curvature[i], length, gx, gy, reach)
+        enters[i] = s < np.inf
+        if enters[i] and not into_goal[i]:
+            status[i] = BLOCKED
+            continue
+        truncate(length, s, length)
+        status[i] = certify_curve(field, start[i], curvature[i], length)
+        unsure += status[i] == UNSURE
+        for p in range(length.shape[0]):
+            left += length[p]
+        cost[i] *= left / max(whole, 1e-300)
+    return unsure
 
 
-@kernel
-def _end_at(arcs, i, s):  # type: ignore[no-untyped-def]
-    length, whole, left = arcs.length[i], 0.0, 0.0
-    for p in range(length.shape[0]):
-        whole += length[p]
-    truncate(length, s, length)
-    for p in range(length.shape[0]):
-        left += length[p]
-    arcs.cost[i] *= left / max(whole, 1e-300)
-    return arcs.cost[i]
-
-
-@kernel
-def _certify(arcs, i, around):  # type: ignore[no-untyped-def]
-    return certify_curve(around.field, arcs.start[i], arcs.curvature[i], arcs.length[i])
-
-
-@kernel
+@inlined
 def _pairs(arcs, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     x, y = arcs.heads[i, 0], arcs.heads[i, 1]
     return pairs_of_curve(
@@ -68,7 +64,7 @@ def _pairs(arcs, i, around, to_goal, marker, turn, count):  # type: ignore[no-un
     )
 
 
-@kernel
+@inlined
 def _most(arcs):  # type: ignore[no-untyped-def]
     return arcs.length.shape[1]
 
@@ -118,4 +114,4 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
     )
 
 
-ARCS = Motion(MotionKernels(_entry, _end_at, _certify, _pairs, _most), _record, _ask, _until_goal, _trajectory)
+ARCS = Motion(MotionKernels(_judge, _pairs, _most), _record, _ask, _until_goal, _trajectory)

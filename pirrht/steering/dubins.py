@@ -228,14 +228,15 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 @kernel
 def _nearest(states, x, numbers, forward, chosen, length):  # type: ignore[no-untyped-def]
     """Fill `chosen` with the nearest states, nearest first; of equally near ones the earlier comes first."""
-    count, radius = chosen.shape[0], numbers[0]
+    count, radius, here = chosen.shape[0], numbers[0], (x[0], x[1], x[2])
     found = 0
     for i in range(states.shape[0]):
         gap = math.sqrt((states[i, 0] - x[0]) ** 2 + (states[i, 1] - x[1]) ** 2)
         limit = length[count - 1] if found == count else np.inf
         if gap - 4.0 * EPS * radius > limit:
             continue
-        d = length_between(x, states[i], radius, limit) if forward else length_between(states[i], x, radius, limit)
+        there = (states[i, 0], states[i, 1], states[i, 2])  # numbers: an array's references would be counted
+        d = length_between(here, there, radius, limit) if forward else length_between(there, here, radius, limit)
         if found < count:
             found += 1
         elif d >= limit:

@@ -56,11 +56,12 @@ class Motions(Protocol):
 
 
 class MotionKernels(NamedTuple):
-    """What compiled code asks of motion i of a record, which nothing else looks into."""
+    """What compiled code asks of a record of motions, into which nothing else looks."""
 
-    entry: Callable[..., float]  # (motions, i, around): how far it goes until it first enters the goal's disc, or inf
-    end_at: Callable[..., float]  # (motions, i, s): end it there, in place; what it now costs
-    certify: Callable[..., int]  # (motions, i, around): FREE, BLOCKED or UNSURE by the clearance field
+    # (motions, into_goal, around, status, enters): FREE, BLOCKED or UNSURE by the clearance field, and whether a motion
+    # enters the goal's disc; one that does is cut there and so is its cost, or BLOCKED if not `into_goal`. How many are
+    # unsure.
+    judge: Callable[..., int]
     # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
     # its head, or of the straight line from its end to the goal point; the number of pairs. A marker may recur.
     pairs: Callable[..., int]

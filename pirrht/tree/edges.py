@@ -78,34 +78,28 @@ class Inspector:
 @cache
 def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
     """The kernel that judges one kind of motions."""
-    entry, end_at, certify, pairs, most = kernels
+    judge, pairs, most = kernels
 
     @kernel
-    def judge(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
-        """What `Inspector.inspect` finds without asking FCL, and how many motions are unsure; ends them at the goal."""
+    def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
+        """What `Inspector.inspect` finds without asking FCL, and how many motions are unsure; cuts them at the goal."""
         k, M = into_goal.shape[0], around.cuts.M
+        status, enters, first = np.empty(k, np.int8), np.empty(k, np.bool_), np.empty(k + 1, np.int64)
+        unsure = judge(motions, into_goal, around, status, enters)
         room = most(motions) * M  # pairs that one motion can have
         marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
-        status, cost, first = np.empty(k, np.int8), np.empty(k), np.empty(k + 1, np.int64)
-        total = np.zeros(M, np.int16)
-        used, unsure = 0, 0
+        total, used = np.zeros(M, np.int16), 0
         for i in range(k):
             first[i] = used
-            s = entry(motions, i, around)
-            if s < np.inf and not into_goal[i]:
-                status[i] = BLOCKED
-                continue
-            cost[i] = end_at(motions, i, s)
-            status[i] = certify(motions, i, around)
             if status[i] == BLOCKED:
                 continue
-            unsure += status[i] == UNSURE
             if used + room > marker.shape[0]:
                 marker = np.concatenate((marker, np.empty_like(marker)))
                 turn = np.concatenate((turn, np.empty_like(turn)))
-            used = summed(total, marker, turn, used, pairs(motions, i, around, s < np.inf, marker, turn, used))
+            used = summed(total, marker, turn, used, pairs(motions, i, around, enters[i], marker, turn, used))
         first[k] = used
-        return Edges(near, status, cost, Turns(first, marker[:used].copy(), turn[:used].copy())), unsure
+        turns = Turns(first, marker[:used].copy(), turn[:used].copy())
+        return Edges(near, status, motions.cost, turns), unsure
 
-    judging: Callable[..., tuple[Edges, int]] = judge
+    judging: Callable[..., tuple[Edges, int]] = judged
     return judging
