@@ -1,7 +1,8 @@
 """PI-RRHT*: topology-guided path integral control (Ha and Choi, ICRA 2016).
 
-Read from the bottom up: scene, dynamics, problem; collision, components, freespace; homology, steering, tree;
-path_integral; controller. Names are imported when they are first used, so that importing the package is quick.
+Each package is a room of its own and asks only those below it. Read from the bottom up: geometry, topology, systems,
+problem; steering, shortening, tree; rollouts, guidance, estimation; control, where the two towers meet. `exact` has
+the truth to compare with. Names are imported when they are first used, so that importing the package is quick.
 """
 
 from __future__ import annotations
