@@ -7,10 +7,12 @@ import subprocess
 import sys
 import warnings
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from rerun.chunk import RrdReader
 
 from pirrht.control.controller import Controller
@@ -53,11 +55,21 @@ class Drive:
         return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time)
 
 
+def timed(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """Frames while the writer's clock shows their time: into how many chunks it cuts does not depend on the machine."""
+    now = 0.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sim.writer.time", SimpleNamespace(monotonic=lambda: now))
+        for frame in frames:
+            now = frame.end_time
+            yield frame
+
+
 def record(file: Path) -> tuple[list[Frame], list[str]]:
     drive, tally = Drive(), Tally(PERIOD)
     frames, news = [], []
     with drive.recorder(file) as recorder:
-        for frame in drive.frames():
+        for frame in timed(drive.frames()):
             line = tally.add(frame)
             recorder.log(frame, line)
             frames.append(frame)

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from drives import Drive, columns
+from drives import Drive, columns, timed
 from rerun.chunk import RrdReader
 
 from pirrht.exact.desirability import Desirability
@@ -30,7 +30,7 @@ def recorded(grid, tmp_path_factory):
     file, drive, witness = tmp_path_factory.mktemp("truth") / "slit.rrd", Drive(), Witness(grid)
     frames = []
     with drive.recorder(file, truth=True) as recorder:
-        for frame in drive.frames():
+        for frame in timed(drive.frames()):
             recorder.log(frame, truth=witness.add(frame.plan))
             frames.append(frame)
     return file, frames, witness.result()
