@@ -1,6 +1,5 @@
 """PI-RRHT*: topology-guided path integral control (Ha and Choi, ICRA 2016).
 
-<<<<<<< HEAD
 A package per idea, each of which says what it is for; imports run downward only, so read from the bottom up:
 
     errors outcome files arrays | compiled < geometry < topology < freespace | systems < problem
@@ -9,11 +8,6 @@ A package per idea, each of which says what it is for; imports run downward only
 
 The tree knows nothing of noise, the path integral nothing of topology; `control` is where they meet (Algorithm 4).
 Names are imported when they are first used, so that importing the package is quick.
-=======
-Each package is a room of its own and asks only those below it. Read from the bottom up: geometry, topology, systems,
-problem; steering, shortening, tree; rollouts, guidance, estimation; control, where the two towers meet. `exact` has
-the truth to compare with. Names are imported when they are first used, so that importing the package is quick.
->>>>>>> rf-exact
 """
 
 from __future__ import annotations
