@@ -15,6 +15,12 @@ from sim.columns import explained
 EXPLAINED = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
 
 
+GONE = {  # options of earlier versions -> why
+    "--rounds": "refitting guides within a plan never paid",
+    "--memory": "sampling around the last plan's tape never paid",
+}
+
+
 class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line."""
 
@@ -29,6 +35,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; 0 is success, 1 a drive that failed, 2 bad input, 130 an interruption."""
     try:
         arguments, unknown = _parser().parse_known_args(argv)
+        for name in (word.partition("=")[0] for word in unknown):
+            if name in GONE:
+                raise OptionError(f"{name} is gone: {GONE[name]}; leave it out")
         if unknown:
             raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
         from sim import commands

@@ -41,7 +41,7 @@ NO_EDGES = Edges(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Inspector:
+class EdgeChecker:
     """Judges motions with the clearance field, and asks FCL where the field cannot certify."""
 
     space: FreeSpace
@@ -82,7 +82,7 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
 
     @kernel
     def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
-        """What `Inspector.inspect` finds without asking FCL, and how many motions are unsure; cuts them at the goal."""
+        """What `EdgeChecker.inspect` finds without asking FCL, and how many are unsure; cuts them at the goal."""
         k, M = into_goal.shape[0], around.cuts.M
         status, enters, first = np.empty(k, np.int8), np.empty(k, np.bool_), np.empty(k + 1, np.int64)
         unsure = judge(motions, into_goal, around, status, enters)

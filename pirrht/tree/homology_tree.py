@@ -17,7 +17,7 @@ from pirrht.steering.steering import Steering
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.homology import class_id, integers
 from pirrht.tree import graph as g
-from pirrht.tree.edges import NO_EDGES, Edges, Inspector
+from pirrht.tree.edges import NO_EDGES, EdgeChecker, Edges
 from pirrht.tree.extend import Vertices, grow_with, insert, near_count
 from pirrht.tree.search import Best, SearchRules, best_classes, reaches, relax
 from pirrht.tree.status import ASK, DONE, NODES_FULL, PAIRS_FULL, QUEUE_FULL
@@ -69,7 +69,7 @@ class HomologyTree:
         rng: source of the random states.
 
     Raises:
-        OptionError: the limit is not positive, or classes is negative.
+        OptionError: the limit is not positive, classes is negative, or the steering is of no states in the plane.
     """
 
     def __init__(
@@ -85,16 +85,22 @@ class HomologyTree:
             raise OptionError(f"the limit H_limit is {limit:g}; it must be positive (0.5 < limit < 1 is usual)")
         if classes < 0:
             raise OptionError(f"classes is {classes}; it must be 0 (all) or more")
+        roots = np.asarray(steering.roots(space.scene.goal.center))
+        if steering.n < 2 or roots.ndim != 2 or roots.shape[1] != steering.n:
+            raise OptionError(
+                f"{type(steering).__name__}: n is {steering.n} and its roots are {roots.shape}; a tree in the plane takes"
+                " states of 2 numbers or more, x and y first, and roots (k, n)"
+            )
         self.space, self.steering, self.rng = space, steering, rng
         self.rules = SearchRules(float(limit), int(classes), bool(steering.symmetric))
-        self.inspector = Inspector(space=space, motion=steering.motion)
+        self.checker = EdgeChecker(space=space, motion=steering.motion)
         self._compiled = steering.compiled
         self._grow_kernel = self._compiled and grow_with(*self._compiled[:2], steering.motion.kernels)
         self.states = np.zeros((256, steering.n))
         self.in_goal = np.zeros(256, dtype=np.bool_)
         self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, space.homology.M)
         self.draws = 0
-        for x in steering.roots(space.scene.goal.center):
+        for x in roots:
             self._write(x, root=True)
             self._insert(self._straight(x), NO_EDGES, NO_EDGES)
 
@@ -155,7 +161,7 @@ class HomologyTree:
         """The draws from i on in compiled code: how many have been dealt with, and what comes next."""
         if self._compiled is None or self._grow_kernel is None:
             return i, ASK
-        around, numbers = self.inspector.around, self._compiled.numbers
+        around, numbers = self.checker.around, self._compiled.numbers
         return self._grow_kernel(self._places, self._vertices, draws, i, around, numbers, self.rules)
 
     def reserve(self, vertices: int) -> None:
@@ -169,7 +175,7 @@ class HomologyTree:
     def extend(self, x: Array) -> bool:
         """One iteration of Algorithm 1 with the state x (n,); whether it became a vertex."""
         self.draws += 1
-        if not self.inspector.point_free(x):
+        if not self.checker.point_free(x):
             return False
         straight, out = self._straight(x), NO_EDGES
         root = bool(self.space.scene.goal.contains(x[:2]))
@@ -244,7 +250,7 @@ class HomologyTree:
     def _insert(self, straight: Array, out: Edges, back: Edges) -> None:
         """Make the state that has been written a vertex."""
         self._make_room(len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker))
-        insert(self._places, self._vertices, straight, out, back, self.inspector.around, self.rules)
+        insert(self._places, self._vertices, straight, out, back, self.checker.around, self.rules)
 
     def _double_vertices(self) -> None:
         self.graph = g.doubled(self.graph, g.VERTICES + g.NODES)
@@ -276,7 +282,7 @@ class HomologyTree:
         """Edges from x (n,) to the vertices near it."""
         near = self._near(x, self.size, forward=True)
         motions = self.steering.connect(_repeated(x, len(near)), self.states[near])
-        return self.inspector.inspect(motions, self.in_goal[near], near)
+        return self.checker.inspect(motions, self.in_goal[near], near)
 
     def _edges_to(self, v: int) -> Edges:
         """Rewire, lines 1-7: edges from the vertices near the state at v, itself included, to it."""
@@ -284,13 +290,13 @@ class HomologyTree:
         near = self._near(x, v + 1, forward=False)
         near = near[(near != v) & ~self.in_goal[near]]
         motions = self.steering.connect(self.states[near], _repeated(x, len(near)))
-        return self.inspector.inspect(motions, np.full(len(near), self.in_goal[v]), near)
+        return self.checker.inspect(motions, np.full(len(near), self.in_goal[v]), near)
 
     def _reference(self, x: Array, edges: Edges, edge: int, slot: int, polished: bool) -> Reference:
         """The path from x (n,) over one of the edges and on from a node at its head."""
         head = int(edges.near[edge])
         states = np.vstack([x, self.states[self.path_of(head, slot)]])
-        path = self.inspector.until_goal(self.steering.connect(states[:-1], states[1:]))
+        path = self.checker.until_goal(self.steering.connect(states[:-1], states[1:]))
         if polished:
             path = polish(path, self.steering, self.space)
         winding = integers(g.class_at(self.graph, head, slot) + edges.turns.dense(edge, self.space.homology.M))

@@ -10,7 +10,22 @@ import numpy as np
 import pytest
 from mjcf_samples import SITES, mjcf
 
-from pirrht import Dynamics, Goal, OptionError, Problem, Scene, SceneError, SingleIntegrator, Unicycle
+from pirrht import (
+    Controller,
+    Dubins,
+    Dynamics,
+    FreeSpace,
+    Goal,
+    HomologyTree,
+    OptionError,
+    Problem,
+    Sampling,
+    Scene,
+    SceneError,
+    SingleIntegrator,
+    StraightLine,
+    Unicycle,
+)
 from pirrht.arrays import Array
 from pirrht.systems.dynamics import no_drift
 from sim.mjcf import Loaded, load
@@ -63,6 +78,23 @@ def test_a_system_that_cannot_be_served_is_refused_by_its_class(case: str) -> No
     with pytest.raises(OptionError, match=f"^Boat: .*{remedy}") as caught:
         posed(system(**changes))
     assert "\n" not in str(caught.value)
+
+
+def test_a_steering_of_other_states_than_the_systems_is_refused_by_both_names() -> None:
+    problem = posed(system())
+    space = FreeSpace.of(SCENE)
+    tree = HomologyTree(space, StraightLine(), rng=np.random.default_rng(0))
+    with pytest.raises(OptionError, match=r"^StraightLine connects states of 2 numbers and Boat has 4; .* for Boat$"):
+        Controller(problem, space, tree, Sampling(), rng=np.random.default_rng(0))
+
+
+def test_a_steering_whose_roots_are_no_states_is_refused_by_name() -> None:
+    class Skewed(Dubins):
+        def roots(self, goal: Array) -> Array:
+            return goal[None, :]
+
+    with pytest.raises(OptionError, match=r"^Skewed: n is 3 and its roots are \(1, 2\); .* roots \(k, n\)$"):
+        HomologyTree(FreeSpace.of(SCENE), Skewed(), rng=np.random.default_rng(0))
 
 
 def test_a_control_cost_of_another_shape_is_refused() -> None:

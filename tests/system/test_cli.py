@@ -398,6 +398,9 @@ def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
         ("sweep slit --methods single,passive --exploration 2", "--exploration is of the method mppi alone"),
         ("run slit --method mppi --guide feedback", "--guide: the method mppi has no such choice"),
         ("sweep slit --methods mppi --draws antithetic", "--draws: the method mppi has no such choice"),
+        ("run slit --rounds 2", "--rounds is gone: refitting guides within a plan never paid; leave it out"),
+        ("run slit --memory", "--memory is gone: sampling around the last plan's tape never paid; leave it out"),
+        ("run slit --between gain", "--between is 'gain'; it must be one of classes, hold"),
         ("run slit --method mppi --horizon 0.05", "--horizon is 0.05; it must be at least a step, --dt 0.1"),
     ],
 )

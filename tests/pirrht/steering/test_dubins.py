@@ -17,7 +17,7 @@ from pirrht.shortening.shorten import polish
 from pirrht.steering.dubins import Dubins
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from pirrht.tree.edges import Inspector
+from pirrht.tree.edges import EdgeChecker
 from pirrht.tree.homology_tree import HomologyTree
 
 CAR = Dubins(V=1.5, rho=0.8)
@@ -283,7 +283,7 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
         np.testing.assert_allclose(wrapped(finish[:-1, 2] - path.start[1:, 2]), 0.0, atol=1e-8)
         assert np.hypot(*(finish[-1, :2] - goal.center)) == pytest.approx(goal.radius, abs=1e-8)
         assert homology.winding(np.vstack(path.points(0.005))) == raw.winding
-        assert np.all(grown.inspector.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
+        assert np.all(grown.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
         np.testing.assert_array_equal(polish(raw.path, car, grown.space).length, path.length)
         more = shortcut(path, car, grown.space, (30, 40))
         assert more.length.sum() > 0.9 * path.length.sum()
@@ -297,7 +297,7 @@ def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> N
     space, rng = FreeSpace.of(plain()), np.random.default_rng(seed)
     goal = space.scene.goal
     states = np.vstack([rng.uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
-    path = Inspector(space=space).until_goal(CAR.connect(states[:-1], states[1:]))
+    path = EdgeChecker(space=space).until_goal(CAR.connect(states[:-1], states[1:]))
     aims = np.linspace(-np.pi, np.pi, 2001)[:, None]
     rim = np.hstack([goal.center - goal.radius * np.hstack([np.cos(aims), np.sin(aims)]), aims])
     best = CAR.distance(states[0], rim).min() * CAR.V

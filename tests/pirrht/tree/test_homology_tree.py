@@ -118,7 +118,7 @@ def test_equal_seeds_grow_equal_trees_and_other_seeds_others(slit: Scenario):
 @pytest.mark.parametrize("x", [[1.0, 2.5], [0.3, 4.5], [3.4, 2.5], [5.0, 4.7], [2.4, 2.5]])
 def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit, slit_tree, x):
     x = np.array(x)
-    homology, inspector, goal = slit.space.homology, slit_tree.inspector, slit.problem.scene.goal
+    homology, checker, goal = slit.space.homology, slit_tree.checker, slit.problem.scene.goal
     references = slit_tree.references(x)
     assert len({reference.id for reference in references}) == len(references) > 0
     for reference in references:
@@ -129,7 +129,7 @@ def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit,
         assert class_id(reference.winding) == reference.id
         assert np.all(slit.space.collision.clearance(dense(points)) > 0)
         assert np.hypot(*np.diff(points, axis=0).T).sum() == pytest.approx(reference.length)
-        assert np.all(inspector.inspect(reference.path, np.ones(len(reference.path.cost), dtype=np.bool_)).free)
+        assert np.all(checker.inspect(reference.path, np.ones(len(reference.path.cost), dtype=np.bool_)).free)
 
 
 # -- limits ------------------------------------------------------------------------------------------------------
