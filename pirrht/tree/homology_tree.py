@@ -88,8 +88,8 @@ class HomologyTree:
         roots = np.asarray(steering.roots(space.scene.goal.center))
         if steering.n < 2 or roots.ndim != 2 or roots.shape[1] != steering.n:
             raise OptionError(
-                f"{type(steering).__name__}: n is {steering.n} and its roots are {roots.shape}; a tree in the plane takes"
-                " states of 2 numbers or more, x and y first, and roots (k, n)"
+                f"{type(steering).__name__}: n is {steering.n} and its roots are {roots.shape}; a tree in the plane "
+                "takes states of 2 numbers or more, x and y first, and roots (k, n)"
             )
         self.space, self.steering, self.rng = space, steering, rng
         self.rules = SearchRules(float(limit), int(classes), bool(steering.symmetric))
