@@ -27,7 +27,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "freespace": GROUND | {"geometry", "topology"},
     "systems": GROUND | {"geometry"},
     "problem": GROUND | {"geometry", "systems"},
-    "steering": GROUND | {"geometry", "topology", "freespace", "systems", "problem"},
+    "steering": MOTION,
     "shortening": MOTION | {"steering"},
     "tree": MOTION | {"files", "steering", "shortening"},
     "rollouts": MOTION,
@@ -176,5 +176,5 @@ def test_every_room_says_in_some_lines_what_it_is_for_and_holds_nothing_else(pac
     parsed = ast.parse(FILES[f"{package}.__init__"].read_text())
     said = ast.get_docstring(parsed)
     assert said is not None
-    assert len([line for line in said.splitlines() if line.strip()]) >= 5
+    assert len([line for line in said.splitlines() if line.strip()]) >= (4 if "." in package else 5)
     assert len(parsed.body) == 1
