@@ -14,7 +14,8 @@ import pytest
 from batches import batch_of
 
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller, shifted
+from pirrht.control.controller import Controller
+from pirrht.control.plan import shifted
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
