@@ -154,13 +154,17 @@ def test_in_turn_a_second_wish_is_an_interrupt():
 
 
 def test_ctrl_c_is_a_wish_and_afterwards_an_interrupt_again():
-    with interruptible() as stop:
-        signal.raise_signal(signal.SIGINT)  # in this thread, so that it is heard before the next line
-        assert stop.asked == 1
-        signal.raise_signal(signal.SIGTERM)
-        assert stop.asked == 3
-    with pytest.raises(KeyboardInterrupt):
-        signal.raise_signal(signal.SIGINT)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background ignores it
+    try:
+        with interruptible() as stop:
+            signal.raise_signal(signal.SIGINT)  # in this thread, so that it is heard before the next line
+            assert stop.asked == 1
+            signal.raise_signal(signal.SIGTERM)
+            assert stop.asked == 3
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 PARENT = """

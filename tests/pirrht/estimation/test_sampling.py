@@ -137,7 +137,7 @@ def test_samples_go_where_they_contribute_and_none_goes_without():
 def contributions(*shares: float):
     """An estimate to whose weight a single sample per reference contributes."""
     first = np.arange(len(shares) + 1)
-    rollouts = SimpleNamespace(guides=SimpleNamespace(first=first))
+    rollouts = SimpleNamespace(leads=SimpleNamespace(first=first))
     return SimpleNamespace(rollouts=rollouts, weight=np.array(shares))
 
 
