@@ -43,6 +43,10 @@ class Problem:
         shape = np.shape(self.control_cost(self.dynamics.state_of(self.scene.start)))
         if shape != (m, m):
             raise OptionError(f"R is {shape}; {type(self.dynamics).__name__} has m = {m}, so it must be {m, m}")
+        if not callable(self.R):
+            object.__setattr__(self, "R", np.asarray(self.R, dtype=float))
+        if not callable(self.q) and not (isinstance(self.q, int | float | np.number) and np.isfinite(self.q)):
+            raise OptionError(f"q is {self.q!r}; it must be a finite number, or a function q(x, p) that numba compiles")
         if callable(self.q) and self.q_min is None:
             raise OptionError("q is a function; give q_min, its least value over the workspace, as well")
         if not self.least_rate > 0:
@@ -75,8 +79,16 @@ class Problem:
         """
         value: float | None = None
         for x in self._probes():
-            G, B = self.dynamics.G_c(x), self.dynamics.B_c(x)
-            shape = G @ np.linalg.inv(self.control_cost(x)) @ G.T
+            G, B, R = self.dynamics.G_c(x), self.dynamics.B_c(x), self.control_cost(x)
+            if not (np.allclose(R, R.T) and np.linalg.eigvalsh(R).min() > 0.0):
+                raise OptionError(f"R is {R.tolist()} at x = {x.tolist()}; it must be symmetric and positive definite")
+            for what, matrix in (("control_block", G), ("diffusion_block", B)):
+                if not abs(np.linalg.det(matrix)) > 0.0:
+                    raise OptionError(
+                        f"{type(self.dynamics).__name__}: {what} is {matrix.tolist()} at x = {x.tolist()}; "
+                        "it must have an inverse, so that noise and control act on every actuated state"
+                    )
+            shape = G @ np.linalg.inv(R) @ G.T
             noise = B @ B.T
             here = float(np.trace(noise) / np.trace(shape))
             value = here if value is None else value

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.estimation.sampler import OTHER
+from pirrht.estimation.estimate import OTHER
 
 Color = tuple[int, int, int]  # red, green, blue, 0..255
 

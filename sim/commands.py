@@ -17,7 +17,7 @@ from pirrht.arrays import Array
 from pirrht.control.methods import TREELESS
 from pirrht.control.policy import Policy
 from pirrht.errors import OptionError, SceneError
-from pirrht.estimation.sampler import OTHER, Estimate
+from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.outcome import Outcome
 from pirrht.tree import file as tree_file
 from pirrht.tree.convergence import Convergence

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.estimation.sampler import OTHER, Estimate, PathIntegral
+from pirrht.estimation.estimate import OTHER, Estimate
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.homology import Homology

@@ -12,7 +12,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
-from pirrht.estimation.sampler import OTHER
+from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from pirrht.topology.homology import class_id
 from pirrht.tree.homology_tree import HomologyTree

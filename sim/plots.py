@@ -12,7 +12,7 @@ import numpy as np
 import rerun as rr
 
 from pirrht.arrays import Array
-from pirrht.estimation.sampler import OTHER
+from pirrht.estimation.estimate import OTHER
 from sim.colors import ClassColors, title
 from sim.stage import CONTROL, OPTIMUM
 from sim.steps import Row

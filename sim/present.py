@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.estimation.sampler import Estimate
+from pirrht.estimation.estimate import Estimate
 from pirrht.files import replaced
 from pirrht.freespace import FreeSpace
 from pirrht.tree.convergence import Convergence

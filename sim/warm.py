@@ -11,7 +11,8 @@ import sys
 import numpy as np
 
 from pirrht.compiled.jit import cached
-from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from sim.options import ROBOT_DEFAULTS

@@ -5,5 +5,5 @@ references of every class from the tree, samples around all of them, one control
 leave out, and `best_class` follows one class alone. `Mppi` has a tape and no reference, `Optimal` the exact law. A
 `Plan` is what was decided at one state; between plans `feedback` mixes the classes' controls as the state moves.
 
-The one room in which tree and path integral meet; it may ask every other.
+The one package in which tree and path integral meet; it may ask every other.
 """

@@ -10,13 +10,15 @@ from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.feedback import ClassMixture, ClassPool
-from pirrht.control.methods import METHODS, SAMPLING, TREELESS
+from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.batches import sample
-from pirrht.estimation.sampler import Estimate, PathIntegral, Sampling
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
 from pirrht.guidance.tracking import FEW, Guidance, Guide
@@ -24,8 +26,6 @@ from pirrht.problem import Problem
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.topology.homology import class_id, integers
 from pirrht.tree.homology_tree import HomologyTree, Reference
-
-__all__ = ["BETWEEN", "METHODS", "TREELESS", "Controller"]
 
 BETWEEN = ("classes", "hold")
 
@@ -95,9 +95,13 @@ class Controller(Policy):
             left: time left for sampling [s]; samples are drawn until it is up.
 
         Raises:
+            OptionError: x is no state of the system.
             NoReference: no class reaches the goal, and there is no earlier plan to go on with.
         """
         x = np.asarray(x, dtype=float)
+        if x.shape != (self.problem.dynamics.n,):
+            moves = f"{type(self.problem.dynamics).__name__} ({', '.join(self.problem.dynamics.states)})"
+            raise OptionError(f"the state has the shape {x.shape}; {moves} has {self.problem.dynamics.n} numbers")
         try:
             references = self._references(x)
         except NoReference:

@@ -26,7 +26,8 @@ from pirrht.control.plan import Plan, shifted
 from pirrht.control.policy import Policy
 from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
-from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.problem import Problem
@@ -111,7 +112,12 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
         pace = float(np.trace(np.linalg.inv(G).T @ R @ np.linalg.inv(G))) / d.m  # u'Ru = pace |dx/dt|^2
         per_meter = 2.0 * q / np.sqrt(2.0 * q / pace)
     else:
-        per_meter = q / float(np.hypot(*d.f(x)[:2]))
+        pace = float(np.hypot(*d.f(x)[:2]))
+        if pace == 0.0:
+            raise OptionError(
+                f"{type(d).__name__} stands still at the start, so the way home is unknown; give `beyond`"
+            )
+        per_meter = q / pace
 
     def beyond(states: Array) -> Array:
         away = np.hypot(*(states[:, :2] - goal.center).T) - goal.radius

@@ -14,7 +14,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
-from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem

@@ -173,13 +173,6 @@ def _log_mean(log_ratio: Array, share: Array) -> Array:
     return mean
 
 
-def mean_control(weight: Array, paths: Paths) -> Array:
-    """Control now (m,) of weighted samples, as a mean over the time in which they are on their way."""
-    # Not `@`: waiting for each other costs the threads of a BLAS far more than such short sums do.
-    mean: Array = np.einsum("s,sm->m", weight, paths.now) / max(float(np.einsum("s,s->", weight, paths.span)), 1e-300)
-    return mean
-
-
 def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> Array:
     """Standard deviations (k,) of sums of terms (S, k), those around one reference being distributed alike.
 

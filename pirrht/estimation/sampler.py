@@ -16,9 +16,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
-from pirrht.estimation.estimate import OTHER, Estimate, Rollouts, log_weights, weigh
+from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
 from pirrht.estimation.replay import Replay
-from pirrht.estimation.sampling import EXITS, GUIDES, WEIGHTS, Sampling
+from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.guidance.gates import gates_of
@@ -27,13 +27,11 @@ from pirrht.guidance.tracking import Guidance
 from pirrht.guidance.walls import Push, best_speed, decay, reach, window
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollouts.backend import Kernels, Leads, Setup, empty_paths, kernels_for
+from pirrht.rollouts.backend import kernels_for
 from pirrht.rollouts.first_exit import survivors_slope
 from pirrht.rollouts.gates import Gates
-from pirrht.rollouts.records import Origin
+from pirrht.rollouts.records import Kernels, Leads, Origin, Setup, empty_paths
 from pirrht.steering.trajectory import Trajectory
-
-__all__ = ["EXITS", "GUIDES", "OTHER", "WEIGHTS", "Estimate", "PathIntegral", "Rollouts", "Sampling"]
 
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 

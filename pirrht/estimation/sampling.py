@@ -24,7 +24,9 @@ class Sampling:
     samples: int = 200  # N, around each reference
     exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
-    guide: str = "feedback"  # samples head for the reference from where they are, or hold its tape "open-loop" (paper)
+    # Samples head for the reference from where they are, or hold its tape "open-loop" (paper), as all but those of a
+    # point without drift and of a Unicycle do in any case.
+    guide: str = "feedback"
     window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
     draws: str = "antithetic"  # pairs of samples with opposite noise, or "independent" ones (the paper's)
     target: float | None = None  # sample on until u's standard error is no larger: consistent, not unbiased

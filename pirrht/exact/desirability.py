@@ -56,7 +56,8 @@ def solver_for(problem: Problem, dt: float | None) -> Solver:
         OptionError: nobody does.
     """
     d = problem.dynamics
-    found = next((both for kind, both in SOLVERS.items() if isinstance(d, kind)), None)
+    # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
+    found = next((both for kind, both in SOLVERS.items() if isinstance(d, kind) and d.drift is kind.drift), None)
     if found is None or callable(problem.q) or not d.constant:
         known = " or ".join(kind.__name__ for kind in SOLVERS)
         raise OptionError(f"no grid solves the dynamics {type(d).__name__}; it takes {known} with constant q")

@@ -1,11 +1,11 @@
-"""The continuous-time equation on a planar grid: `q psi/lambda = f.grad psi + tr(BB' Hess psi)/2` for isotropic noise.
+"""The continuous-time equation on a planar grid: `q psi/lambda = tr(BB' Hess psi)/2` for isotropic noise and no drift.
 
-For constant drift psi = exp(-f.x/b^2) phi turns it into `Laplace phi = k^2 phi`, and phi is, near every grid point, a
-sum of I_n(kr) cos(n t) and I_n(kr) sin(n t). Stencil weights are those that are exact for the eight lowest of these
-(Trefftz, or flexible local approximation: Tsukerman, IEEE Trans. Magnetics 2005), so that plane exponentials
-exp(k.x) of every direction are solved almost exactly on a grid as coarse as their decay length, where differences of
-psi or upwinding would err by tens of per cent. An arm of a stencil that is cut by a wall or by the rim of the goal ends
-there, at the place that FCL's clearance tells: no boundary is moved to the grid.
+It is `Laplace psi = k^2 psi`, and psi is, near every grid point, a sum of I_n(kr) cos(n t) and I_n(kr) sin(n t).
+Stencil weights are those that are exact for the eight lowest of these (Trefftz, or flexible local approximation:
+Tsukerman, IEEE Trans. Magnetics 2005), so that plane exponentials exp(k.x) of every direction are solved almost
+exactly on a grid as coarse as their decay length, where differences of psi or upwinding would err by tens of per
+cent. An arm of a stencil that is cut by a wall or by the rim of the goal ends there, at the place that FCL's
+clearance tells: no boundary is moved to the grid.
 Unknowns are chi = psi exp(s) with s a length to the goal in units of 1/k, since psi itself falls below 1e-300.
 """
 

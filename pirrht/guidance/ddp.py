@@ -17,7 +17,7 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, with_slope
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
-from pirrht.rollouts.tracking import STEEP, homing, wrapped
+from pirrht.rollouts.homing import STEEP, homing, wrapped
 from pirrht.topology.cuts import key_of_segment
 
 LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite

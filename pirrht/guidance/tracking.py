@@ -24,7 +24,7 @@ from pirrht.geometry.arcs import Curves
 from pirrht.geometry.field import clearance
 from pirrht.guidance.ddp import Car, Course, empty_course, optimise
 from pirrht.problem import Problem
-from pirrht.rollouts.backend import Setup
+from pirrht.rollouts.records import Setup
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.unicycle import Unicycle
 
@@ -113,7 +113,9 @@ class Guidance:
     @staticmethod
     def suits(problem: Problem) -> bool:
         """Whether guides can be made: the car's dynamics and constant costs."""
-        return isinstance(problem.dynamics, Unicycle) and not callable(problem.q) and not callable(problem.R)
+        d = problem.dynamics
+        car = isinstance(d, Unicycle) and d.drift is Unicycle.drift
+        return car and not callable(problem.q) and not callable(problem.R)
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation."""

@@ -18,11 +18,9 @@ from pirrht.rollouts.general.loops import loops
 from pirrht.rollouts.general.path import any_path
 from pirrht.rollouts.point.block import is_point, sample
 from pirrht.rollouts.point.replay import control, trace
-from pirrht.rollouts.records import Kernels, Leads, Paths, Setup, empty_paths
+from pirrht.rollouts.records import Kernels
 
 ALONE = 2400  # samples of a point, many abreast
-
-__all__ = ["Kernels", "Leads", "Paths", "Setup", "empty_paths", "kernels_for"]
 
 
 def kernels_for(problem: Problem) -> Kernels:
@@ -41,7 +39,7 @@ def kernels_for(problem: Problem) -> Kernels:
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:
-    return _filling(block.tobytes(), len(block)) if isinstance(block, np.ndarray) else block
+    return _filling(block.astype(float).tobytes(), len(block)) if isinstance(block, np.ndarray) else block
 
 
 @cache  # kernels are built once per matrix

@@ -5,5 +5,5 @@ unicycle. `motion` says what the tree and the shortening ask of a motion, compil
 a change to either; `along_arcs` is the kind that both members use. `trajectory`: paths with the controls along them.
 
 A new system takes one file here: a `Steering` and, if its paths are no arcs, the `Motion` that they are.
-It imports the geometry, the topology, the free space and the problem; of the tree it knows nothing.
+It imports the geometry, the topology, the free space, the systems and the problem; of the tree it knows nothing.
 """

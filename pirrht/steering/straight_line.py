@@ -62,7 +62,17 @@ class StraightLine(Steering):
 
     @classmethod
     def of(cls, problem: Problem) -> StraightLine:
-        """The optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1)."""
+        """The optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1).
+
+        Raises:
+            OptionError: the dynamics is no point in the plane that is pushed around, or R is another.
+        """
+        d = problem.dynamics
+        if not d.n == d.m == 2:
+            raise OptionError(
+                f"straight lines steer a point whose 2 states are both actuated, not {type(d).__name__} with n = {d.n} "
+                f"and m = {d.m}; bring a Steering"
+            )
         R = problem.control_cost(np.zeros(problem.dynamics.n))
         if not np.allclose(R, R[0, 0] * np.eye(len(R))):
             raise OptionError("straight lines are optimal only for R a multiple of the identity; bring a Steering")

@@ -93,6 +93,10 @@ class Dynamics(ABC):
             OptionError: they cannot; names the class and says what would have worked.
         """
         name, given = type(self).__name__, ", ".join(self.states)
+        needed = ("n", "m", "parameters", "drift", "control_block", "diffusion_block")
+        missing = [what for what in needed if getattr(self, what, None) is None]
+        if missing:
+            raise OptionError(f"{name}: {' and '.join(missing)} missing; a Dynamics declares {', '.join(needed)}")
         if "z" in self.states:
             raise OptionError(f'{name}: its state "z" is a third position, but scenes are planar; keep to "x" and "y"')
         if self.n < 2:
@@ -102,14 +106,20 @@ class Dynamics(ABC):
         if not len(set(self.states)) == len(self.states) == self.n:
             raise OptionError(
                 f"{name}: n is {self.n}, but its states are ({given}); name each once, "
-                'as in states = ("x", "y", "vx", "vy")'
+                'as in states = ("x", "y", "vx", "vy"); scenes are planar, so there is no third position'
             )
         if not 1 <= self.m <= self.n:
             raise OptionError(f"{name}: m is {self.m}; of {self.n} states at least 1 and at most {self.n} are actuated")
         for what in ("control_block", "diffusion_block"):
             block = getattr(self, what)
+            if not callable(block) and not isinstance(block, np.ndarray):
+                raise OptionError(f"{name}: {what} is a {type(block).__name__}; it must be an array or a function")
             if not callable(block) and np.shape(block) != (self.m, self.m):
                 raise OptionError(f"{name}: {what} is {np.shape(block)}; with m = {self.m} it must be {self.m, self.m}")
+        try:
+            self.drift(np.zeros(self.n), self.parameters, np.zeros(self.n))
+        except TypeError as error:
+            raise OptionError(f"{name}: drift(x, p, out) cannot be called ({error}); make it a @staticmethod") from None
 
     def f(self, x: Array) -> Array:
         """Passive drift at x (n,), (n,) [state/s]."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import NoReference
-from pirrht.estimation.sampler import Estimate
+from pirrht.estimation.estimate import Estimate
 from pirrht.tree.homology_tree import HomologyTree
 from sim import episode
 from sim.scenarios import Scenario, prepare

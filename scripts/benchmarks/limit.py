@@ -8,7 +8,7 @@ from numba import njit
 from pirrht.compiled.threads import mapped
 from pirrht.geometry.arena import Arena
 from pirrht.rollouts.point.exits import judge, single, survey
-from pirrht.rollouts.point.stages import LANES, NX, SIGN, L, X, cross, draw, move, scratch_of, weigh
+from pirrht.rollouts.point.stages import LANES, NX, SIGN, L, X, add_log_ratios, cross, draw, move, scratch_of
 
 STEPS = 60
 
@@ -35,7 +35,7 @@ def _steps(arena, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-d
             cross(cuts, f, long, LANES)
             survey(around, f, short, LANES)
             judge(around, f, short, LANES)
-            weigh(0, H, 0.1, f, a, ratio, LANES)
+            add_log_ratios(0, H, 0.1, f, a, ratio, LANES)
             f[X : X + 2 * L] = f[NX : NX + 2 * L]
 
 

@@ -1,7 +1,7 @@
 """How far from the optimum: grid against closed forms, control and desirability against the grid, drives.
 
-The exact answer comes from `pirrht.desirability`. Errors of u are root mean squares over repeats, then means over the
-first points of the unscrambled Halton sequence that have room (clearance of 5 cm, outside the goal).
+The exact answer comes from `pirrht.exact`. Errors of u are root mean squares over repeats, then means over the first
+points of the unscrambled Halton sequence that have room (clearance of 5 cm, outside the goal).
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from scipy.stats.qmc import Halton
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
-from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene

@@ -15,7 +15,8 @@ import numpy as np
 from benchmarks import limit, peers
 from benchmarks.timing import interleaved, row
 
-from pirrht.estimation.sampler import Estimate, PathIntegral
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.leads import Batch, Proposal
 from sim.scenarios import Scenario, prepare
 

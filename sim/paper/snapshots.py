@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.estimation.sampler import OTHER, PathIntegral
+from pirrht.estimation.estimate import OTHER
+from pirrht.estimation.sampler import PathIntegral
 from sim import drawing, episode
 from sim.colors import ClassColors, Color, title
 from sim.episode import Frame

@@ -14,7 +14,8 @@ from batches import batch_of
 from scipy.special import k0, k1
 
 from pirrht.arrays import Array
-from pirrht.estimation.sampler import Estimate, PathIntegral
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem

@@ -16,7 +16,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from pirrht.control.controller import Controller
-from pirrht.estimation.sampler import Sampling
+from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine

@@ -21,7 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "errors": set(),
     "outcome": set(),
     "files": {"errors"},
-    "compiled": {"arrays", "errors"},
+    "compiled": set(),
     "geometry": GROUND,
     "topology": GROUND | {"geometry"},
     "freespace": GROUND | {"geometry", "topology"},

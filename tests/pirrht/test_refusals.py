@@ -12,6 +12,7 @@ from mjcf_samples import SITES, mjcf
 
 from pirrht import (
     Controller,
+    Desirability,
     Dubins,
     Dynamics,
     FreeSpace,
@@ -68,6 +69,13 @@ REFUSED = {
     "no control": ({"m": 0}, "m is 0; of 4 states at least 1 and at most 4"),
     "more controls than states": ({"m": 5}, "m is 5; of 4 states"),
     "a block of G": ({"control_block": np.eye(3)}, r"control_block is \(3, 3\); with m = 2 it must be \(2, 2\)"),
+    "a list": (
+        {"control_block": [[1.0, 0.0], [0.0, 1.0]]},
+        "control_block is a list; it must be an array or a function",
+    ),
+    "no inverse": ({"diffusion_block": np.zeros((2, 2))}, "diffusion_block is .* it must have an inverse"),
+    "no drift": ({"drift": None}, "drift missing; a Dynamics declares n, m, parameters, drift"),
+    "a method": ({"drift": no_drift}, r"drift\(x, p, out\) cannot be called .* make it a @staticmethod"),
     "a row of B": ({"diffusion_block": np.ones(2)}, r"diffusion_block is \(2,\); with m = 2 it must be \(2, 2\)"),
 }
 
@@ -101,6 +109,38 @@ def test_a_control_cost_of_another_shape_is_refused() -> None:
     for R in (np.eye(2), np.float64(1.0), lambda x: np.eye(3)):
         with pytest.raises(OptionError, match=r"^R is .*; Unicycle has m = 1, so it must be \(1, 1\)$"):
             posed(Unicycle(), R)
+
+
+@pytest.mark.parametrize("q", [np.inf, np.nan, "1", np.ones(2)])
+def test_a_cost_rate_that_is_no_finite_number_is_refused(q: Any) -> None:
+    with pytest.raises(OptionError, match=r"^q is .*; it must be a finite number, or a function q\(x, p\)"):
+        Problem(dynamics=SingleIntegrator(), scene=SCENE, R=np.eye(2), q=q)
+
+
+@pytest.mark.parametrize("R", [np.zeros((2, 2)), -np.eye(2), np.array([[1.0, 0.5], [0.0, 1.0]])])
+def test_a_control_cost_that_is_not_positive_definite_is_refused(R: Array) -> None:
+    with pytest.raises(OptionError, match=r"^R is .*; it must be symmetric and positive definite$"):
+        Problem(dynamics=SingleIntegrator(), scene=SCENE, R=R)
+
+
+def test_straight_lines_and_grids_refuse_what_they_do_not_know() -> None:
+    class Adrift(SingleIntegrator):
+        @staticmethod
+        def drift(x: Array, p: Array, out: Array) -> None:
+            out[0], out[1] = 2.0, 0.0
+
+    with pytest.raises(OptionError, match=r"^straight lines steer a point .*, not Boat with n = 4 and m = 2; bring a"):
+        StraightLine.of(posed(system()))
+    with pytest.raises(OptionError, match=r"^no grid solves the dynamics Adrift;"):
+        Desirability.of(posed(Adrift()), FreeSpace.of(SCENE))
+
+
+def test_a_plan_at_what_is_no_state_of_the_system_is_refused() -> None:
+    problem, space = posed(SingleIntegrator()), FreeSpace.of(SCENE)
+    tree = HomologyTree(space, StraightLine(), rng=np.random.default_rng(0))
+    controller = Controller(problem, space, tree, Sampling(), rng=np.random.default_rng(0))
+    with pytest.raises(OptionError, match=r"^the state has the shape \(3,\); SingleIntegrator \(x, y\) has 2 numbers$"):
+        controller.plan(SCENE.start)
 
 
 def test_a_system_that_says_what_its_states_are_is_accepted() -> None:

@@ -12,7 +12,7 @@ import pytest
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import NoReference
-from pirrht.estimation.sampler import Rollouts
+from pirrht.estimation.estimate import Rollouts
 from pirrht.outcome import Outcome
 from pirrht.topology.driven import Driven
 from pirrht.tree.homology_tree import HomologyTree

@@ -1,4 +1,8 @@
-"""One sampled path of any dynamics, under any guide and either exit rule."""
+"""One sampled path of any dynamics, under any lead and either exit rule.
+
+A step is Euler-Maruyama's; where no noise acts on the position, the drift is that of the middle of the step's noise, so
+that a car moves along the heading it has half-way, as the robot does.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,7 @@ from pirrht.rollouts.first_exit import (
     sweep_exit,
 )
 from pirrht.rollouts.gates import next_gate, towards
-from pirrht.rollouts.tracking import STEEP, homing, wrapped
+from pirrht.rollouts.homing import STEEP, homing, wrapped
 from pirrht.systems.dynamics import no_drift
 from pirrht.topology.cuts import key_of_step
 

@@ -50,13 +50,13 @@ from pirrht.rollouts.point.stages import (  # fmt: skip
     V,
     X,
     Y,
+    add_log_ratios,
     advance,
     cross,
     draw,
     move,
     row_of,
     scratch_of,
-    weigh,
 )
 from pirrht.rollouts.records import Origin
 from pirrht.systems.dynamics import Dynamics, no_drift
@@ -237,7 +237,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
             return
         for k in range(n if keep else 0):
             record(into, i, h, dt, k, start, f, long, a)
-        weigh(h, H, dt, f, a, ratio, full)
+        add_log_ratios(h, H, dt, f, a, ratio, full)
         advance(h, dt, i < window, f, a, full)
     f[Z0:NX], a[:] = 0.0, 0.0
     for k in range(n):

@@ -105,7 +105,7 @@ def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def weigh(h, H, dt, f, a, ratio, n):  # type: ignore[no-untyped-def]
+def add_log_ratios(h, H, dt, f, a, ratio, n):  # type: ignore[no-untyped-def]
     """Add the step to log dQ_h/dP of the lanes that go on, and to what log dQ_g/dP of the others is more.
 
     The sum for h is large where there is little noise; the others are needed only where they are close to it.

@@ -13,7 +13,7 @@ from pirrht.control.methods import METHODS, SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampler import Sampling
+from pirrht.estimation.sampling import Sampling
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.tree.homology_tree import HomologyTree

@@ -10,7 +10,7 @@ from scipy.special import k0
 from pirrht.control.mppi import Mppi, straight_home
 from pirrht.control.plan import shifted
 from pirrht.errors import OptionError
-from pirrht.estimation.sampler import Sampling
+from pirrht.estimation.sampling import Sampling
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.steering.trajectory import running_cost

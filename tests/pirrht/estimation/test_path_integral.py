@@ -19,7 +19,8 @@ from closed_forms import (
     within,
 )
 
-from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 
 REFERENCES = [(), RIGHT, LEFT, (1, -1)]
 

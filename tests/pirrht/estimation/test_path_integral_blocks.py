@@ -19,7 +19,8 @@ from scipy.integrate import solve_bvp
 
 from pirrht.arrays import Array
 from pirrht.errors import NotLinearlySolvable, OptionError
-from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
 from pirrht.rollouts.point.block import blocks

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pirrht.control.plan import Plan
-from pirrht.estimation.sampler import Estimate
+from pirrht.estimation.estimate import Estimate
 from pirrht.outcome import Outcome
 from pirrht.topology.homology import class_id
 from sim.scenarios import Scenario

@@ -15,7 +15,9 @@ from closed_forms import (
 
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample, OptionError
-from pirrht.estimation.sampler import Estimate, PathIntegral, Rollouts, Sampling
+from pirrht.estimation.estimate import Estimate, Rollouts
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.outcome import Outcome

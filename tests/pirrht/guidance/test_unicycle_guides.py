@@ -13,14 +13,14 @@ import pytest
 from batches import batch_of
 
 from pirrht.arrays import Array
-from pirrht.control.controller import running_cost
-from pirrht.estimation.sampler import PathIntegral, Sampling
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.guidance.tracking import FEW, Guide
 from pirrht.problem import Problem
 from pirrht.steering.dubins import Dubins
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.systems.unicycle import Unicycle
 from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario, prepare

@@ -9,11 +9,12 @@ import pytest
 from batches import batch_of
 
 from pirrht.arrays import Array
-from pirrht.estimation.sampler import PathIntegral, Rollouts
+from pirrht.estimation.estimate import Rollouts
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.problem import unit_rate
-from pirrht.rollouts.backend import Paths
 from pirrht.rollouts.general.loops import loops
 from pirrht.rollouts.general.path import any_path
+from pirrht.rollouts.records import Paths
 from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario
 
