@@ -209,9 +209,9 @@ class Controller(Policy):
     def _leads(self, x: Array, times: Array, references: list[Reference]) -> tuple[list[Lead], list[int]]:
         """What samples around each reference follow, and how many there are; guides start from the last ones."""
         integral = self.path_integral
-        leads = [integral.lead(x, times, reference.trajectory) for reference in references]
+        leads = integral.leads(x, times, [reference.trajectory for reference in references])
         if integral.guidance is None:
-            return leads, [integral.sampling.samples] * len(leads)
+            return list(leads), [integral.sampling.samples] * len(leads)
         guides, counts = self._guided(integral.guidance, x, times, references)
         d = self.problem.dynamics
         return [lead if guide is None else Along(guide, d) for lead, guide in zip(leads, guides, strict=True)], counts

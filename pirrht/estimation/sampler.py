@@ -97,16 +97,17 @@ class PathIntegral:
         d = self.problem.dynamics
         return self.sampling.guide == "feedback" and d.n == d.m == 2
 
-    def lead(self, x: Array, times: Array, trajectory: Trajectory) -> Lead:
-        """What samples from x (n,) around a reference follow: its corners if they are `gated`, else its tape."""
+    def leads(self, x: Array, times: Array, trajectories: Sequence[Trajectory]) -> Sequence[Lead]:
+        """What samples from x (n,) around references follow: their corners if they are `gated`, else their tapes."""
         if not self.gated:
-            return Tape(times, trajectory.tape(times))
-        return self.towards(x, np.vstack([trajectory.path.start[1:, :2], self.space.scene.goal.center[None, :]]))
+            return [Tape(times, trajectory.tape(times)) for trajectory in trajectories]
+        goal = self.space.scene.goal.center[None, :]
+        return self.towards(x, [np.vstack([t.path.start[1:, :2], goal]) for t in trajectories])
 
-    def towards(self, x: Array, corners: Array) -> Towards:
-        """Heading from x (n,) for corners (k, 2) [m], the goal point as the last."""
-        k = decay(self.problem, x)
-        return Towards(gates_of(corners, x, k), k, best_speed(self.problem, x))
+    def towards(self, x: Array, lines: Sequence[Array]) -> list[Towards]:
+        """Heading from x (n,) for the corners (k, 2) [m] of each line, the goal point as the last."""
+        k, speed = decay(self.problem, x), best_speed(self.problem, x)
+        return [Towards(gates_of(corners, x, k), k, speed) for corners in lines]
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch; equal seeds give equal paths."""

@@ -29,7 +29,7 @@ def batch_of(
         if guides is not None and (guide := guides[h]) is not None:
             return Along(guide, integral.problem.dynamics)
         if corners is not None and integral.gated and len(corners[h]):
-            return integral.towards(x, np.asarray(corners[h]))
+            return integral.towards(x, [np.asarray(corners[h])])[0]
         return Tape(times, np.asarray(tapes[h], dtype=float))
 
     H = len(tapes)
