@@ -24,7 +24,7 @@ from pirrht.geometry.field import clearance
 from pirrht.guidance.gates import gates_of
 from pirrht.guidance.leads import Batch, Lead, Proposal, Tape, Towards
 from pirrht.guidance.tracking import Guidance
-from pirrht.guidance.walls import Push, best_speed, decay, reach, window
+from pirrht.guidance.walls import Push, Scales, window
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
@@ -59,6 +59,9 @@ class PathIntegral:
         steered = sampling.guide == "feedback" and Guidance.suits(problem)
         self.guidance = Guidance(problem, self.setup) if steered else None
         self.replay = Replay(self.kernels, self.setup)
+        constant = problem.dynamics.constant and not callable(problem.R)
+        start = problem.dynamics.state_of(problem.scene.start)
+        self._everywhere = Scales.of(problem, start) if constant else None
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
     def warm_up(self) -> None:
@@ -106,7 +109,8 @@ class PathIntegral:
 
     def towards(self, x: Array, lines: Sequence[Array]) -> list[Towards]:
         """Heading from x (n,) for the corners (k, 2) [m] of each line, the goal point as the last."""
-        k, speed = decay(self.problem, x), best_speed(self.problem, x)
+        scales = self._scales(x)
+        k, speed = scales.decay, scales.speed
         return [Towards(gates_of(corners, x, k), k, speed) for corners in lines]
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
@@ -159,6 +163,10 @@ class PathIntegral:
         """What the nearest walls add to the control near samples that followed these leads."""
         return Push(problem=self.problem, field=self.space.field, reach=leads.reach, step=float(leads.times[1]))
 
+    def _scales(self, x: Array) -> Scales:
+        """Those at x (n,), which are the same everywhere if G, B and R are."""
+        return Scales.of(self.problem, x) if self._everywhere is None else self._everywhere
+
     def _packed(self, batch: Batch) -> Leads:
         """The tables that kernels read."""
         x, times, m = batch.state, batch.times, self.problem.dynamics.m
@@ -166,17 +174,17 @@ class PathIntegral:
         C = max([1, *(proposal.lead.corners for proposal in batch.proposals)])
         place = np.zeros((H, C, 8))
         place[..., 2] = 1.0
-        longest, gated = self.sampling.window, self.gated
+        longest, gated, scales = self.sampling.window, self.gated, self._scales(x)
         leads = Leads(
             control=np.zeros((H, T, m)),
             drift=np.zeros((H, T, m)),
             times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64),
             first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64),
-            gates=Gates(np.zeros(H, dtype=np.int64), place, decay(self.problem, x)),
-            speed=best_speed(self.problem, x),
-            reach=reach(self.problem, x) if gated else 0.0,
-            window=window(self.problem, self.setup.arena, x, times, longest) if gated else 1,
+            gates=Gates(np.zeros(H, dtype=np.int64), place, scales.decay),
+            speed=scales.speed,
+            reach=scales.reach if gated else 0.0,
+            window=window(scales.noise, self.setup.arena, x, times, longest) if gated else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T, 9)),
             led=np.zeros(H, np.int64),

@@ -7,6 +7,7 @@ wall it falls like the share of paths that noise does not carry into it: their m
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,37 +23,36 @@ SHARE = 0.25  # of the time in which noise carries a path to the nearest of them
 SHARPER = 0.2  # of a rollout step's noise: nearer than half of that a wall pushes the robot no harder
 
 
-def best_speed(problem: Problem, x: Array) -> float:
-    """Speed that balances q against u'Ru/2 at x (n,) [m/s]."""
-    R = problem.control_cost(x)
-    return float(np.sqrt(2.0 * problem.least_rate / (np.trace(R) / len(R))))
+class Scales(NamedTuple):
+    """Speed, length and noise that a problem has at a state."""
+
+    speed: float  # that balances q against u'Ru/2 [m/s]
+    noise: float  # variance per second of an actuated state, their mean [m^2/s or rad^2/s]
+    decay: float  # k of psi = exp(-k r) in free space [1/m]; gates, of points that noise moves, are its only use
+    reach: float  # how far noise carries a path in the time over which walls are anticipated [m]
+
+    @classmethod
+    def of(cls, problem: Problem, x: Array) -> Scales:
+        """Those at x (n,)."""
+        R, B = problem.control_cost(x), problem.dynamics.B_c(x)
+        noise = float(np.trace(B @ B.T)) / len(B)
+        return cls(
+            speed=float(np.sqrt(2.0 * problem.least_rate / (np.trace(R) / len(R)))),
+            noise=noise,
+            decay=float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise))),
+            reach=float(np.sqrt(2.0 * noise * ANTICIPATION)),
+        )
 
 
-def noise_rate(problem: Problem, x: Array) -> float:
-    """Variance per second of an actuated state at x (n,), their mean."""
-    B = problem.dynamics.B_c(x)
-    return float(np.trace(B @ B.T)) / len(B)
-
-
-def decay(problem: Problem, x: Array) -> float:
-    """k of psi = exp(-k r) in free space [1/m]; gates, of points that noise moves, are its only use."""
-    return float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise_rate(problem, x))))
-
-
-def reach(problem: Problem, x: Array) -> float:
-    """How far noise carries a path in the time over which walls are anticipated [m]."""
-    return float(np.sqrt(2.0 * noise_rate(problem, x) * ANTICIPATION))
-
-
-def window(problem: Problem, arena: Arena, x: Array, times: Array, longest: float) -> int:
+def window(noise: float, arena: Arena, x: Array, times: Array, longest: float) -> int:
     """Leading steps of a grid (T+1,) [s] over which the control now is averaged, at least one, at most `longest` [s].
 
     Besides the guide, which is followed exactly, the optimal control changes near walls and goal: about as fast as
-    noise carries a path there.
+    `noise` (`Scales`) carries a path there.
     """
     to_goal = float(np.hypot(*(x[:2] - np.array(arena.goal)))) - arena.radius
     near = min(float(clearance(arena.field, x[0], x[1])), to_goal)
-    span = min(max(SHARE * near**2 / noise_rate(problem, x), AVERAGED), longest)
+    span = min(max(SHARE * near**2 / noise, AVERAGED), longest)
     return max(1, int(np.searchsorted(times, span + 1e-9, side="right")) - 1)
 
 

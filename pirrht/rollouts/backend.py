@@ -15,7 +15,7 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import as_jitable
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.loops import loops
-from pirrht.rollouts.general.path import any_path
+from pirrht.rollouts.general.path import Kind, any_path
 from pirrht.rollouts.point.block import is_point, sample
 from pirrht.rollouts.point.replay import control, trace
 from pirrht.rollouts.records import Kernels
@@ -32,10 +32,8 @@ def kernels_for(problem: Problem) -> Kernels:
     q = as_jitable(problem.q) if callable(problem.q) else unit_rate
     if is_point(d) and not callable(problem.q):
         return Kernels(sample, control, trace, alone=ALONE)
-    one_path, scratch_of = any_path(
-        as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position
-    )
-    return loops(one_path, scratch_of, d.m)
+    kind = Kind(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
+    return loops(*any_path(kind), d.m)
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:

@@ -72,18 +72,23 @@ def solve(A, Y, X):  # type: ignore[no-untyped-def]
             X[i, k] /= work[i, i]
 
 
+class Kind(NamedTuple):
+    """What kernels of one kind of dynamics and cost rate are compiled for; functions that numba compiles."""
+
+    drift: Callable[..., None]  # (x, p, out)
+    control_block: Callable[..., None] | None  # G_c (x, p, out); None: constant, in `Setup`
+    diffusion_block: Callable[..., None] | None  # B_c, likewise
+    q: Callable[..., float]  # (x, p) [cost/s], if it varies
+    n: int  # states
+    m: int  # controls
+    varying_rate: bool  # whether q varies
+    noisy_position: bool  # whether noise acts on the position
+
+
 @cache
-def any_path(
-    drift: Callable[..., None],
-    control_block: Callable[..., None] | None,
-    diffusion_block: Callable[..., None] | None,
-    q: Callable[..., float],
-    n: int,
-    m: int,
-    varying_rate: bool,
-    noisy_position: bool,
-) -> tuple[Any, Any]:
+def any_path(kind: Kind) -> tuple[Any, Any]:
     """Kernels that simulate one path of any dynamics, and that make its scratch."""
+    drift, control_block, diffusion_block, q, n, m, varying_rate, noisy_position = kind
     varying, drifting = control_block is not None, drift is not no_drift
     gain_at: Any = control_block if varying else drift
     noise_at: Any = diffusion_block if varying else drift

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
@@ -123,18 +124,30 @@ def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def
         out[g] = own + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
 
 
-@inlined
-def retire(  # type: ignore[no-untyped-def]
-    rate, times, window, inverse, H, h, i, share, outcome, base, k, f, long, a, ratio,
-    work, log_ratio, key, ended, steps, now, spans,
-):  # fmt: skip
-    """Note down a path that ends after a share of step i.
+class Ending(NamedTuple):
+    """How a path ends, and what its block has in common."""
 
-    It is inlined in the hottest loop, where a record of arrays would be counted for every path; so its parameters are,
-    one by one: q; ends of the steps, those averaged over, G_c^-1 B_c; number of references, the one followed; step,
-    share of it, outcome; the lead's control at the start; lane; the block's numbers, long integers, a and log dQ/dP
-    (`stages`); and the fields of `Paths`.
-    """
+    rate: float  # q [cost/s]
+    times: Array  # (T+1,) ends of the steps [s]
+    window: int  # leading steps over which the control now is averaged
+    inverse: Array  # (2, 2) G_c^-1 B_c
+    H: int  # number of references
+    h: int  # the one that is followed
+    base: tuple[float, float]  # the lead's control at the start without the nearest wall
+    i: int  # step in which it ends
+    share: float  # of that step until then
+    outcome: int
+
+
+ENDING: Any = Ending
+
+
+@inlined
+def retire(ending, k, scratch, paths):  # type: ignore[no-untyped-def]
+    """Note down in `paths` that the path of lane k ends."""
+    rate, times, window, inverse, H, h, base, i, share, outcome = ending
+    f, a, ratio, _, long, _, _ = scratch
+    work, log_ratio, key, ended, steps, now, spans = paths
     k = lane(k)
     s, dt = long[SAMPLE + k], times[i + 1] - times[i]
     until = dt * share  # at a crossing nothing after it enters dQ/dP
@@ -149,8 +162,9 @@ def retire(  # type: ignore[no-untyped-def]
 
 
 @inlined
-def compact(k, last, H, leaning, random, f, short, long, a, ratio):  # type: ignore[no-untyped-def]
-    """Move the last lane to where one has left."""
+def compact(k, last, H, leaning, scratch):  # type: ignore[no-untyped-def]
+    """Move the last lane to where lane k has left; what walls need only if samples are `leaning` away from them."""
+    f, a, ratio, short, long, random, _ = scratch
     k, last = lane(k), lane(last)
     f[Z0 + k], f[Z1 + k], f[NX + k], f[NY + k] = f[Z0 + last], f[Z1 + last], f[NX + last], f[NY + last]
     f[C1 + k], f[E1 + k], f[G1 + k] = f[C1 + last], f[E1 + last], f[G1 + last]
@@ -167,8 +181,9 @@ def compact(k, last, H, leaning, random, f, short, long, a, ratio):  # type: ign
 
 
 @inlined
-def record(into, i, h, until, k, first, f, long, a):  # type: ignore[no-untyped-def]
+def record(into, i, h, until, k, first, scratch):  # type: ignore[no-untyped-def]
     """Write step i of a lane to its row of `into`."""
+    f, a, _, _, long, _, _ = scratch
     out = into[long[SAMPLE + k] - first, i]
     out[0], out[1], out[2], out[3], out[6] = f[NX + k], f[NY + k], f[Z0 + k], f[Z1 + k], until
     out[4], out[5] = a[2 * h * L + k], a[2 * h * L + L + k]
@@ -183,7 +198,6 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     h, start, stop, chosen = run
     x0 = origin.x
     f, a, ratio, short, long, random, bits = scratch
-    work, log_ratio, key, ended, steps, now, spans = paths
     cuts, B, D, around = setup.cuts, setup.diffusion, setup.gain, single(at(setup.arena, 0.0))
     inverse, times, drift = setup.inverse, leads.times, leads.drift
     active = leads.active
@@ -226,25 +240,19 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
                     outcome, share = resolve(arena, B, step, k, random, f)
                 if outcome != INSIDE:
                     if keep:
-                        record(into, i, h, dt * share, k, start, f, long, a)
-                    retire(
-                        setup.rate, times, window, inverse, H, h, i, share, outcome, base, k, f, long, a, ratio,
-                        work, log_ratio, key, ended, steps, now, spans,
-                    )  # fmt: skip
+                        record(into, i, h, dt * share, k, start, scratch)
+                    retire(ENDING(setup.rate, times, window, inverse, H, h, base, i, share, outcome), k, scratch, paths)
                     n -= 1
-                    compact(k, n, H, reach > 0.0, random, f, short, long, a, ratio)
+                    compact(k, n, H, reach > 0.0, scratch)
         if n == 0:
             return
         for k in range(n if keep else 0):
-            record(into, i, h, dt, k, start, f, long, a)
+            record(into, i, h, dt, k, start, scratch)
         add_log_ratios(h, H, dt, f, a, ratio, full)
         advance(h, dt, i < window, f, a, full)
     f[Z0:NX], a[:] = 0.0, 0.0
     for k in range(n):
-        retire(
-            setup.rate, times, window, inverse, H, h, T - 1, 1.0, INSIDE, base, k, f, long, a, ratio,
-            work, log_ratio, key, ended, steps, now, spans,
-        )  # fmt: skip
+        retire(ENDING(setup.rate, times, window, inverse, H, h, base, T - 1, 1.0, INSIDE), k, scratch, paths)
 
 
 @kernel

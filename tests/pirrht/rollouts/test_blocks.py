@@ -13,7 +13,7 @@ from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.problem import unit_rate
 from pirrht.rollouts.general.loops import loops
-from pirrht.rollouts.general.path import any_path
+from pirrht.rollouts.general.path import Kind, any_path
 from pirrht.rollouts.records import Paths
 from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario
@@ -33,7 +33,7 @@ def drawn(source: PathIntegral, tree: HomologyTree, counts: list[int]) -> Rollou
 def both(scenario: Scenario, tree: HomologyTree, counts: list[int], **rules: str) -> tuple[Paths, Paths]:
     source = PathIntegral(scenario.problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
-    path = any_path(scenario.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True)
+    path = any_path(Kind(scenario.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True))
     source.kernels = loops(*path, 2)
     return block, drawn(source, tree, counts).paths
 
