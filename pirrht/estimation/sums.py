@@ -24,12 +24,13 @@ def grouped(weight: Array, key: NDArray[np.int64], keys: NDArray[np.int64], now:
     """Sums by key of samples (S,): a group for each of `keys` and one, the last, for all others."""
     G = len(keys) + 1
     sums = Groups(np.zeros(G), np.zeros(G), np.zeros((G, now.shape[1])), np.zeros(G))
-    _group(weight, key, keys, now, span, *sums)
+    _group(weight, key, keys, now, span, sums)
     return sums
 
 
 @kernel
-def _group(weight, key, keys, now, span, total, square, control, under_way):  # type: ignore[no-untyped-def]
+def _group(weight, key, keys, now, span, sums):  # type: ignore[no-untyped-def]
+    total, square, control, under_way = sums
     m, G = now.shape[1], keys.shape[0]
     for s in range(weight.shape[0]):
         w, k, g = weight[s], key[s], 0

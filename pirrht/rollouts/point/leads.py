@@ -58,7 +58,11 @@ def wall_push(field, reach, widest, decay, B, f, short, n):  # type: ignore[no-u
 
 @inlined
 def guide_control(gates, count, decay, speed, g, one, two, D, f, short, a, n):  # type: ignore[no-untyped-def]
-    """a_g = B_c^-1 G_c u_g of one reference at the lanes' states: its tape (one, two), its gates, the push."""
+    """Write a_g = B_c^-1 G_c u_g of one reference at the lanes' states: its tape, its gates, the push.
+
+    Args: places of all gates and the number of this reference's, k of psi and the speed towards them; the reference and
+        its tape (one, two) in this step; D = B_c^-1 G_c (2, 2); numbers, short integers and a of the block; its lanes.
+    """
     n = min(n, LANES)
     row, one, two = row_of(g, 2), np.float32(one), np.float32(two)
     if count == 0:
