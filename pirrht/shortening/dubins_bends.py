@@ -25,7 +25,7 @@ GAIN = 1e-6  # a move must save this share of its two legs
 
 @kernel
 def tighten(around, pieces, count):  # type: ignore[no-untyped-def]
-    """Move the joints of `count` pieces, in place; number of pieces. There is room for 3 (count + 1)."""
+    """Move the joints of `count` of k `Pieces` (k,), in place; number of pieces. k is at least 3 (count + 1)."""
     legs = Pieces(np.empty((count + 1, 3)), np.zeros((count + 1, 3)), np.zeros((count + 1, 3)))
     last = _legs(pieces, count, legs) - 1
     trial, stale = Pieces(np.empty((1, 3)), np.empty((2, 3)), np.empty((2, 3))), np.empty(last + 2, np.bool_)

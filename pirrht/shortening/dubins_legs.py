@@ -20,15 +20,16 @@ class Pieces(NamedTuple):
 
     pose: Array  # (k, 3) x, y [m], heading [rad]
     curvature: Array  # (k,) [1/m]; (k, 3) where three pieces make a leg
-    length: Array  # the same [m]
+    length: Array  # (k,) or (k, 3) as well [m]
 
 
 @kernel
 def approach(around, start, side, curvature, length):  # type: ignore[no-untyped-def]
-    """Write the leg (3,) into the disc that turns to `side` and then heads for the goal point; its length.
+    """Write the leg from a pose (3,) into the disc that turns to `side`, then heads for the goal point; its length [m].
 
-    It meets the disc at right angles, as the shortest way into a disc with free heading does. Where the goal
-    point is too close for that, the leg is an arc, and infinitely long if the arc misses the disc.
+    It is written to `curvature` (3,) [1/m] and `length` (3,) [m]; `side` is 1 (left) or -1. It meets the disc at right
+    angles, as the shortest way into a disc with free heading does. Where the goal point is too close for that, the leg
+    is an arc, and infinitely long if the arc misses the disc.
     """
     x, y, theta, radius = start[0], start[1], start[2], around.radius
     vx = around.goal_x - x + side * radius * math.sin(theta)
@@ -47,9 +48,10 @@ def approach(around, start, side, curvature, length):  # type: ignore[no-untyped
 
 @kernel
 def key_of_leg(around, start, curvature, length, last, x, y):  # type: ignore[no-untyped-def]
-    """Additive key of the whole turns of a leg to (x, y); the last leg goes on straight to the goal point.
+    """Additive key of the whole turns of a leg from a pose (3,) to (x, y) [m]; the last goes on straight to the goal.
 
-    Paths with common ends are homologous exactly when the keys of their legs have the same sum.
+    The leg is `curvature` (P,) [1/m], `length` (P,) [m]. Paths with common ends are homologous exactly when the keys of
+    their legs have the same sum.
     """
     most = length.shape[0] * around.weights.shape[0]
     marker, turn = np.empty(most, np.int32), np.empty(most, np.int16)
@@ -59,7 +61,10 @@ def key_of_leg(around, start, curvature, length, last, x, y):  # type: ignore[no
 
 @kernel
 def append(pieces, count, start, curvature, length):  # type: ignore[no-untyped-def]
-    """Append a leg to `count` pieces, of which neighbours that turn alike become one; number of pieces."""
+    """Append a leg from a pose (3,), `curvature` (P,) [1/m] and `length` (P,) [m], to `count` pieces; number of pieces.
+
+    Neighbours that turn alike become one.
+    """
     x, y, theta = start[0], start[1], start[2]
     for p in range(length.shape[0]):
         if length[p] < SHORT:

@@ -31,16 +31,17 @@ APART = 0.4  # least distance of stations that shortcuts join, in mean distances
 class Stations(NamedTuple):
     """Poses along a path from each of which a leg leads to the next, with room for the disc as the last."""
 
-    legs: Pieces  # (n+1, 3)
+    legs: Pieces  # (n+1, 3) each
     active: NDArray[np.bool_]  # (n+1,) whether shortcuts may join here
     key: NDArray[np.int64]  # (n+1,) additive key of the path up to a station
     best: Array  # (n+1,) length of the best chain up to it [m]
 
 
 def shortcut(path: Curves, steering: Dubins, space: FreeSpace, rounds: tuple[int, ...] = ROUNDS) -> Curves:
-    """A path (rows are consecutive curves into the goal's disc) of the same class that is never longer.
+    """A path (rows are consecutive curves into the goal's disc) of the same class that is never longer [m].
 
-    What is kept of the path is not judged again.
+    `rounds` are numbers of stations. Takes (k, P) pieces, returns the same path or (l, 3) pieces. What is kept of the
+    path is not judged again.
     """
     around = Surroundings.of(space, steering.radius)
     room = 9 * (path.length.size + max(rounds) + 1)

@@ -26,7 +26,7 @@ HALVINGS = 6
 
 
 def polish(path: Curves, steering: Steering, space: FreeSpace) -> Curves:
-    """A path (rows are consecutive curves into the goal) of the same class that is never longer.
+    """A path (k consecutive curves, (k, P) pieces, into the goal) of the same class that is never longer [m].
 
     Every new piece is certified by the clearance field, which is FCL's distance less its error bound.
     Steering methods without an entry in `shorten` keep their paths.
@@ -36,7 +36,7 @@ def polish(path: Curves, steering: Steering, space: FreeSpace) -> Curves:
 
 @singledispatch
 def shorten(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
-    """How paths of one steering method are polished; `shorten.register` adds a method."""
+    """How paths, (k, P) pieces, of one steering method are polished; `shorten.register` adds a method."""
     return path
 
 
@@ -53,7 +53,7 @@ def _(steering: Dubins, path: Curves, space: FreeSpace) -> Curves:
 
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:
-    """A polyline (k, 2) that ends in the goal's disc, pulled taut inside its class, (l, 2)."""
+    """A polyline (k, 2) [m] that ends in the goal's disc, pulled taut inside its class, (l, 2) [m]; never longer."""
     out = np.empty((max(64, 8 * len(points)), 2))
     short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), out)].copy()
     return short if _length(short) <= _length(points) else points

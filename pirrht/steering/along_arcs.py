@@ -24,8 +24,8 @@ class Arcs(NamedTuple):
     start: Array  # (k, 3) x, y [m], heading of travel [rad]
     curvature: Array  # (k, P) [1/m]
     length: Array  # (k, P) [m]
-    cost: Array  # (k,)
-    heads: Array  # (k, n)
+    cost: Array  # (k,) [cost]
+    heads: Array  # (k, n) last states
 
 
 def _record(curves: Curves) -> Arcs:

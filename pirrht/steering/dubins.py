@@ -28,10 +28,14 @@ EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a who
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dubins(Steering):
-    """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature."""
+    """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature.
+
+    Raises:
+        OptionError: V or rho is not a positive number.
+    """
 
     V: float = 1.0  # speed [m/s]
-    rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius is V rho
+    rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius [m] is V rho
 
     n = 3
     symmetric = False
@@ -45,7 +49,7 @@ class Dubins(Steering):
 
     @classmethod
     def of(cls, problem: Problem) -> Dubins:
-        """The Dubins curves of a problem whose dynamics is a `Unicycle`.
+        """The Dubins curves of a problem whose dynamics is a `Unicycle` (the paper's second example).
 
         Raises:
             OptionError: the dynamics is another.
@@ -62,17 +66,17 @@ class Dubins(Steering):
 
     @property
     def compiled(self) -> Compiled:
-        """Dubins curves as kernels."""
+        """Dubins curves as kernels; their numbers are the turning radius [m] and the cost per meter [cost/m]."""
         return Compiled(_nearest, _connect, (self.radius, self.cost_per_meter))
 
     @property
     def cost_per_meter(self) -> float:
-        """Time per meter: cost is time."""
+        """Time per meter: cost is time [s/m]."""
         return 1.0 / self.V
 
     @property
     def speed(self) -> float:
-        """The constant V."""
+        """The constant V [m/s]."""
         return self.V
 
     def distance(self, tails: Array, heads: Array) -> Array:
@@ -84,22 +88,22 @@ class Dubins(Steering):
         return out
 
     def connect(self, tails: Array, heads: Array) -> Curves:
-        """The shortest curves of three pieces each."""
+        """The shortest curves from tails (k, 3) to heads (k, 3), (k, 3) pieces; cost in [s]."""
         tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
         arcs = _connect(tails, heads, self.compiled.numbers)
         return Curves(**arcs._asdict(), tails=tails)
 
     def controls(self, heading: Array, curvature: Array) -> Array:
-        """u = curvature V rho, (l, 1), at most 1 in magnitude."""
+        """u = curvature V rho, (l, 1), at most 1 in magnitude, for heading (l,) [rad] and curvature (l,) [1/m]."""
         u: Array = np.clip(curvature * self.radius, -1.0, 1.0)[:, None]
         return u
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """Uniform in the workspace and in heading."""
+        """A state (3,), uniform in the workspace [m] and in heading [rad]."""
         return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
 
     def roots(self, goal: Array) -> Array:
-        """Evenly spread headings at the goal point."""
+        """Evenly spread headings at the goal point (2,) [m]: states (16, 3)."""
         headings = np.arange(ROOTS) * (TWO_PI / ROOTS) - np.pi
         return np.column_stack([np.broadcast_to(goal, (ROOTS, 2)), headings])
 
@@ -175,7 +179,7 @@ def _ends(tail, head, radius):  # type: ignore[no-untyped-def]
 
 @kernel
 def length_between(tail, head, radius, limit):  # type: ignore[no-untyped-def]
-    """Length of the shortest curve between two states (3,) [m]; infinity if that is not below `limit` [m]."""
+    """Length [m] of the shortest curve between two states (3,), radius [m]; infinity if it is not below `limit` [m]."""
     most = limit / radius
     ends, sa, ca, sb, cb = _ends(tail, head, radius)
     best = min(most, _same_turns(1.0, ends, sb - sa, cb - ca, most)[0])
@@ -187,7 +191,7 @@ def length_between(tail, head, radius, limit):  # type: ignore[no-untyped-def]
 
 @kernel
 def shortest(tail, head, radius, curvature, length):  # type: ignore[no-untyped-def]
-    """Write the three pieces (3,) of the shortest curve between two states (3,); returns its length [m]."""
+    """Write the shortest curve between states (3,), curvature (3,) [1/m], length (3,) [m]; returns its length [m]."""
     ends, sa, ca, sb, cb = _ends(tail, head, radius)
     best = np.inf
     for s in (1.0, -1.0):

@@ -30,7 +30,7 @@ class Surroundings(NamedTuple):
 
     @classmethod
     def of(cls, space: FreeSpace, radius: float = 0.0) -> Surroundings:
-        """Those of an examined scene."""
+        """Those of an examined scene, for what turns no tighter than `radius` [m]."""
         goal, homology = space.scene.goal, space.homology
         numbers = (float(v) for v in (*goal.center, goal.radius, radius))
         return cls(space.field, homology.cuts, homology.markers, homology.hash_weights, *numbers)
@@ -41,15 +41,15 @@ class Motions(Protocol):
 
     @property
     def cost(self) -> Array:
-        """Steering cost, (k,); it need not be proportional to length."""
+        """Steering cost, (k,) [cost]; it need not be proportional to length."""
 
     @property
     def tails(self) -> Array:
-        """First states, (k, n)."""
+        """First states, (k, n), x and y first [m]."""
 
     @property
     def heads(self) -> Array:
-        """Last states, (k, n)."""
+        """Last states, (k, n), x and y first [m]."""
 
     def points(self, spacing: float) -> list[Array]:
         """Each as a polyline (l, 2) [m], whose points lie at most `spacing` m apart where it turns."""
@@ -58,9 +58,9 @@ class Motions(Protocol):
 class MotionKernels(NamedTuple):
     """What compiled code asks of a record of motions, into which nothing else looks."""
 
-    # (motions, into_goal, around, status, enters): FREE, BLOCKED or UNSURE by the clearance field, and whether a motion
-    # enters the goal's disc; one that does is cut there and so is its cost, or BLOCKED if not `into_goal`. How many are
-    # unsure.
+    # (motions, into_goal (k,), around, status (k,), enters (k,)): FREE, BLOCKED or UNSURE by the clearance field, and
+    # whether a motion enters the goal's disc; one that does is cut there and so is its cost, or BLOCKED if not
+    # `into_goal`. How many are unsure.
     judge: Callable[..., int]
     # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
     # its head, or of the straight line from its end to the goal point; the number of pairs. A marker may recur.

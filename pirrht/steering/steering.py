@@ -19,8 +19,8 @@ from pirrht.steering.trajectory import Trajectory
 class Compiled(NamedTuple):
     """A steering method as kernels, for growth that need not come back to Python."""
 
-    nearest: Callable[..., None]  # (states, x, numbers, forward, chosen, work): what `Steering.nearest` does
-    connect: Callable[..., Any]  # (tails, heads, numbers): optimal motions, in the record that their kernels take
+    nearest: Callable[..., None]  # (states (k, n), x (n,), numbers, forward, chosen (c,), work (c,)): as `nearest`
+    connect: Callable[..., Any]  # (tails (k, n), heads (k, n), numbers): optimal motions as the record of their kernels
     numbers: tuple[float, ...]  # what both read
 
 
@@ -37,22 +37,25 @@ class Steering(ABC):
 
     @abstractmethod
     def distance(self, tails: Array, heads: Array) -> Array:
-        """Cost of the obstacle-blind optimum from tails to heads, (..., n) x 2 -> (...,). Need not be symmetric."""
+        """Cost of the obstacle-blind optimum, tails to heads, (..., n) x 2 -> (...,) [cost]. Need not be symmetric."""
 
     @abstractmethod
     def connect(self, tails: Array, heads: Array) -> Motions:
-        """The optimal motions from tails (k, n) to heads (k, n): along arcs, `Curves`."""
+        """The k optimal motions from tails (k, n) to heads (k, n) (the paper's TPBVP): along arcs, `Curves`."""
 
     @abstractmethod
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A random state of the workspace, (n,)."""
+        """A random state (n,) of the workspace, x and y first [m] (the paper's Sampling)."""
 
     @abstractmethod
     def roots(self, goal: Array) -> Array:
-        """States (k, n) at the goal point (2,) that the tree starts from."""
+        """States (k, n) at the goal point (2,) [m] that the tree starts from."""
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
-        """Indices of the `count` states that cost least to reach from x (forward) or to come from."""
+        """Indices of the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from.
+
+        Cheapest first, (count,) or (k,) if those are fewer; the paper's NearForward and NearBackward.
+        """
         if (compiled := self.compiled) is not None:
             chosen = np.empty(min(count, len(states)), dtype=np.int64)
             compiled.nearest(states, x, compiled.numbers, forward, chosen, np.empty(len(chosen)))
@@ -69,5 +72,5 @@ class Steering(ABC):
         return None
 
     def trajectory(self, path: Any) -> Trajectory:
-        """The controls along a path of consecutive motions."""
+        """The controls (l, m) along a path of consecutive motions, and their durations (l,) [s]."""
         return self.motion.trajectory(self, path)

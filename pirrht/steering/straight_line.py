@@ -81,39 +81,39 @@ class StraightLine(Steering):
 
     @property
     def compiled(self) -> Compiled:
-        """Straight lines as kernels."""
+        """Straight lines as kernels; their number is the cost per meter [cost/m]."""
         return Compiled(_nearest, _connect, (self.cost_per_meter,))
 
     @property
     def cost_per_meter(self) -> float:
-        """Cost rate over speed."""
+        """Cost rate over speed [cost/m]."""
         return self.cost_rate / self.pace
 
     @property
     def speed(self) -> float:
-        """The constant pace."""
+        """The constant pace [m/s]."""
         return self.pace
 
     def distance(self, tails: Array, heads: Array) -> Array:
-        """Cost rate times travel time, (...,)."""
+        """Cost rate times travel time from tails to heads, (..., 2) x 2 -> (...,) [cost]."""
         gap = heads - tails
         cost: Array = np.hypot(gap[..., 0], gap[..., 1]) * self.cost_per_meter
         return cost
 
     def connect(self, tails: Array, heads: Array) -> Curves:
-        """One straight piece each."""
+        """One straight piece each from tails (k, 2) to heads (k, 2) [m], (k, 1) pieces."""
         tails, heads = (np.ascontiguousarray(np.atleast_2d(states), dtype=float) for states in (tails, heads))
         arcs = _connect(tails, heads, self.compiled.numbers)
         return Curves(**arcs._asdict(), tails=tails)
 
     def controls(self, heading: Array, curvature: Array) -> Array:
-        """Velocity along the heading; straight lines have no curvature."""
+        """Velocity (l, 2) [m/s] along the heading (l,) [rad]; straight lines have no curvature."""
         return self.pace * np.column_stack([np.cos(heading), np.sin(heading)])
 
     def roots(self, goal: Array) -> Array:
-        """The goal point itself."""
+        """The goal point (2,) [m] itself, (1, 2)."""
         return goal[None, :].astype(float)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """Uniform in the workspace."""
+        """A point (2,) [m], uniform in the workspace."""
         return np.asarray(scene.lower + (scene.upper - scene.lower) * rng.random(2))

@@ -22,7 +22,7 @@ class Trajectory:
     controls: Array  # (l, m) control of each piece
     durations: Array  # (l,) [s]
     path: Curves  # rows are consecutive curves
-    cost: float  # steering cost
+    cost: float  # steering cost [cost]
     length: float  # [m]
 
     @cached_property
@@ -39,7 +39,7 @@ class Trajectory:
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
-    """Integral of q + u'Ru/2 along a trajectory from x (n,)."""
+    """Integral of q + u'Ru/2 along a trajectory from x (n,) [cost]; a callable q with its mean over the points."""
     R = problem.control_cost(x)
     effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, R, trajectory.controls)
     rate = problem.rate(x)

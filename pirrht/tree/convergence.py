@@ -25,7 +25,7 @@ class Convergence:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Public names of the classes."""
+        """Public names of the C classes, in the order of `windings`."""
         return tuple(class_id(winding) for winding in self.windings)
 
 
@@ -37,10 +37,11 @@ def grow(
     every: int = 10,
     progress: Callable[[int], None] | None = None,
 ) -> Convergence:
-    """Grow a tree to so many vertices and note the best path of each class from x (n,) on the way, not polished.
+    """Grow a tree to so many vertices and note the best length [m] in each class from x (n,) on the way, not polished.
 
     Args:
         every: vertices between two notes; the tree is the same whatever their number.
+        progress: called with the number of vertices.
 
     Raises:
         OptionError: every is less than 1.

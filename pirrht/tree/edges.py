@@ -24,8 +24,8 @@ class Edges(NamedTuple):
 
     near: NDArray[np.int64]  # (k,) vertices at their other ends
     status: NDArray[np.int8]  # (k,) FREE, BLOCKED or UNSURE; what is free is an edge
-    cost: Array  # (k,) steering cost up to the goal's disc
-    turns: Turns  # whole turns an edge adds to the class of its head
+    cost: Array  # (k,) steering cost up to the goal's disc [cost]
+    turns: Turns  # whole turns that each of the k adds to the class of its head [turns]
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -52,10 +52,10 @@ class EdgeChecker:
         object.__setattr__(self, "around", Surroundings.of(self.space))
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
-        """Judge k motions, which lead from a state to vertices `near` (k,) or back.
+        """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).
 
-        A motion that enters the goal is an edge only if its head is a root (`into_goal`); it ends, and is paid
-        for, where it first enters the disc. From there its class counts along the straight line to the goal.
+        A motion that enters the goal is an edge only if its head is a root (`into_goal`, (k,)); it ends, and is
+        paid for, where it first enters the disc. From there its class counts along the straight line to the goal.
         """
         record = self.motion.record(motions)
         near = np.arange(len(into_goal)) if near is None else near
@@ -66,23 +66,26 @@ class EdgeChecker:
         return edges
 
     def point_free(self, x: Array) -> bool:
-        """Whether the robot may be at a state (n,)."""
+        """Whether the robot may be at a state (n,), of which the position (2,) [m] is asked."""
         status = certify_point(self.space.field, x[0], x[1])
         return bool(status == FREE or (status == UNSURE and self.space.collision.free(x[None, :2])[0]))
 
     def until_goal(self, path: Motions) -> Any:
-        """A path whose last motion ends where it first enters the goal's disc."""
+        """A path of consecutive motions whose last ends where it first enters the goal's disc; of the same kind."""
         return self.motion.until_goal(path, self.around)
 
 
 @cache
 def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
-    """The kernel that judges one kind of motions."""
+    """The kernel that judges one kind of motions: (around, record, into_goal (k,), near (k,)) -> (`Edges`, unsure)."""
     judge, pairs, most = kernels
 
     @kernel
     def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
-        """What `EdgeChecker.inspect` finds without asking FCL, and how many are unsure; cuts them at the goal."""
+        """What `EdgeChecker.inspect` finds of k motions without FCL, and how many are unsure; cuts them at the goal.
+
+        `into_goal` and `near` are (k,).
+        """
         k, M = into_goal.shape[0], around.cuts.M
         status, enters, first = np.empty(k, np.int8), np.empty(k, np.bool_), np.empty(k + 1, np.int64)
         unsure = judge(motions, into_goal, around, status, enters)

@@ -25,13 +25,13 @@ from pirrht.tree.status import ASK, DONE
 class Vertices(NamedTuple):
     """What a tree knows of its vertices besides their edges and nodes; with room to grow."""
 
-    states: Array  # (V, n)
+    states: Array  # (V, n), x and y first [m]
     in_goal: NDArray[np.bool_]  # (V,) whether it is a root: it lies in the goal's disc
 
 
 @kernel
 def near_count(size, n):  # type: ignore[no-untyped-def]
-    """The RRG's k = e (1 + 1/n) log |V|, for the graph with the new vertex."""
+    """The RRG's k = e (1 + 1/n) log |V|, rounded up, for `size` vertices and the new one (section IV-B)."""
     return math.ceil(math.e * (1.0 + 1.0 / n) * math.log(size + 1))
 
 
@@ -65,7 +65,7 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
 
 @inlined
 def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
-    """Whether two batches of edges may not fit."""
+    """Whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
     edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
     used, paired = load_int64(at.size, g.EDGE_COUNT), load_int64(at.size, g.PAIR_COUNT)
     return used + edges > at.edge_room or paired + pairs > at.pair_room
@@ -75,8 +75,8 @@ def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
 def insert(at, vertices, straight, out, back, around, rules):  # type: ignore[no-untyped-def]
     """Make the state that stands at the end of `vertices` a vertex: edges leave it, and where it is no root enter it.
 
-    `straight` (M,) is the H of the straight line from it; `out` and `back` are edges to and from vertices near it, and
-    with `rules.mirrored` the same but for a root. There must be room. Costs settle later.
+    `straight` (M,) [turns] is the H of the straight line from it; `out` and `back` are `Edges` to and from vertices
+    near it, and with `rules.mirrored` the same but for a root. There must be room. Costs settle later.
     """
     v = load_int64(at.size, g.VERTEX_COUNT)
     root, sign = vertices.in_goal[v], 1
@@ -103,12 +103,12 @@ def insert(at, vertices, straight, out, back, around, rules):  # type: ignore[no
 def grow_with(
     nearest: Callable[..., None], connect: Callable[..., Any], motion: MotionKernels
 ) -> Callable[..., tuple[int, int]]:
-    """The kernel that turns draws into vertices by one steering method (`steering.Compiled`) and kind of motion."""
+    """The kernel that turns draws (k, n) into vertices by one steering (`steering.Compiled`) and kind of motion."""
     judge = judge_with(motion)
 
     @inlined
     def proposed(vertices, size, x, around, numbers, forward):  # type: ignore[no-untyped-def]
-        """Edges between x and the vertices near it, and the number that the field leaves unsure."""
+        """`Edges` between x (n,) and the vertices near it, and the number that the field leaves unsure."""
         n = vertices.states.shape[1]
         count = min(near_count(size, n), size)
         near = np.empty(count, np.int64)
@@ -123,7 +123,7 @@ def grow_with(
 
     @kernel
     def grow(at, vertices, draws, i, around, numbers, rules):  # type: ignore[no-untyped-def]
-        """Make vertices of the draws from i on: how many have been dealt with, and DONE, ASK or what must grow."""
+        """Make vertices of the draws (k, n) from i on: the first not dealt with, and DONE, ASK or what must grow."""
         straight, markers = np.empty(at.M), around.markers
         gx, gy = around.goal_x, around.goal_y
         while i < draws.shape[0]:

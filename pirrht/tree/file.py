@@ -74,7 +74,7 @@ def load(
     """Read a tree that was grown in this space for this steering; it grows on as if it had never been written.
 
     Args:
-        limit: H_limit that is asked for; None: whatever the tree has.
+        limit: H_limit [turns] that is asked for; None: whatever the tree has.
         classes: most classes per vertex that are asked for; None: whatever the tree has.
 
     Raises:
@@ -103,7 +103,7 @@ def load(
 
 
 def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
-    """What a tree depends on besides its limits, as numbers and texts."""
+    """What a tree depends on besides its limits, as numbers (lengths [m]) and texts by name."""
     scene = space.scene
     return {
         "workspace": [*scene.lower.tolist(), *scene.upper.tolist()],

@@ -35,24 +35,24 @@ class Graph(NamedTuple):
     first_out: NDArray[np.int32]  # (V,) first edge that leaves a vertex, -1 if none
     first_in: NDArray[np.int32]  # (V,) first edge that enters it
     tail: NDArray[np.int32]  # (E,) vertices an edge leads from and to
-    head: NDArray[np.int32]
+    head: NDArray[np.int32]  # (E,)
     next_out: NDArray[np.int32]  # (E,) next edge with the same tail, and with the same head
-    next_in: NDArray[np.int32]
-    edge_cost: Array  # (E,)
+    next_in: NDArray[np.int32]  # (E,)
+    edge_cost: Array  # (E,) [cost]
     edge_first: NDArray[np.int64]  # (E+1,) first pair of each edge: whole turns that prepending it adds
     edge_marker: NDArray[np.int32]  # (P,)
-    edge_turn: NDArray[np.int16]  # (P,)
+    edge_turn: NDArray[np.int16]  # (P,) [turns]
     edge_key: NDArray[np.int64]  # (E,) those turns as an additive key
     nodes: NDArray[np.int32]  # (V,) number of nodes at a vertex
-    cost: Array  # (V, K)
+    cost: Array  # (V, K) to the goal [cost]
     key: NDArray[np.int64]  # (V, K) additive key of the class
     pairs: NDArray[np.int32]  # (V, K) number of pairs of the class itself
     marker: NDArray[np.int32]  # (V, K, C)
-    turn: NDArray[np.int16]  # (V, K, C)
+    turn: NDArray[np.int16]  # (V, K, C) [turns]
     parent: NDArray[np.int32]  # (V, K) edge to the parent, ROOT at a root
-    queue_cost: Array  # (Q,) binary heap of nodes to propagate
-    queue_vertex: NDArray[np.int32]
-    queue_key: NDArray[np.int64]
+    queue_cost: Array  # (Q,) binary heap of nodes to propagate [cost]
+    queue_vertex: NDArray[np.int32]  # (Q,)
+    queue_key: NDArray[np.int64]  # (Q,)
     refill: NDArray[np.int32]  # (V,) vertices that lost nodes and must ask their successors again
     waiting: NDArray[np.bool_]  # (V,) whether a vertex is in that list
 
@@ -88,7 +88,7 @@ QUEUE = ("queue_cost", "queue_vertex", "queue_key")
 
 
 class Addresses(NamedTuple):
-    """Where a graph's arrays lie that kernels read and write, and how much room there is in them."""
+    """Where a graph's arrays lie that kernels read and write (up to `waiting`), and how much room there is in them."""
 
     size: int
     pruned: int
@@ -121,7 +121,7 @@ class Places(Addresses):
 
     @classmethod
     def of(cls, graph: Graph) -> Places:
-        """The places of a graph until it is given more room."""
+        """The places of the arrays of a graph, valid until it is given more room."""
         parts = [getattr(graph, name) for name in cls._fields if name in Graph._fields]
         M, stride, (_, K, C) = graph.straight.shape[1], graph.nodes.strides[0], graph.marker.shape
         room = len(graph.queue_cost), len(graph.tail), len(graph.edge_marker)
@@ -154,7 +154,7 @@ def _vertex_room(count: int, nodes: int) -> dict[str, NDArray[Any]]:
 
 
 def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
-    """Room for so many vertices, edges and nodes per vertex."""
+    """Room for so many vertices V, edges E, of as many pairs P, and nodes per vertex K, of C = min(M, 16) pairs."""
     C = min(M, PAIRS)
     return Graph(
         size=np.zeros(5, np.int64),
@@ -176,7 +176,7 @@ def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
 
 
 def doubled(graph: Graph, names: tuple[str, ...], axis: int = 0) -> Graph:
-    """The graph with twice the room along one axis of the named arrays; what is in them stays."""
+    """The graph with twice the room along one axis of the named arrays, 1 being K and 2 C; what is in them stays."""
     V, K = graph.cost.shape
     bigger: dict[str, NDArray[Any]] = {}
     if "tail" in names:
@@ -195,25 +195,25 @@ def doubled(graph: Graph, names: tuple[str, ...], axis: int = 0) -> Graph:
 
 @inlined
 def edge_at(at, e):  # type: ignore[no-untyped-def]
-    """Address of an edge."""
+    """Address of edge e, an EDGE record."""
     return at.next_in + EDGE_BYTES * e
 
 
 @inlined
 def vertex_at(at, v):  # type: ignore[no-untyped-def]
-    """Address of a vertex."""
+    """Address of vertex v, a VERTEX record with its nodes after it."""
     return at.nodes + at.stride * v
 
 
 @inlined
 def node_at(vertex, slot):  # type: ignore[no-untyped-def]
-    """Address of a node of the vertex at an address."""
+    """Address of a node, a NODE record, of the vertex at an address."""
     return vertex + VERTEX_BYTES + NODE_BYTES * slot
 
 
 @inlined
 def slot_of(vertex, key):  # type: ignore[no-untyped-def]
-    """Slot of a class at the vertex at an address, -1 if it has none."""
+    """Slot of the class of a key at the vertex at an address, -1 if it has none."""
     for slot in range(load_int32(vertex, COUNT)):
         if load_int64(node_at(vertex, slot), KEY) == key:
             return slot
@@ -228,12 +228,12 @@ def is_root(vertex):  # type: ignore[no-untyped-def]
 
 @kernel
 def find(at, vertex, key):  # type: ignore[no-untyped-def]
-    """Slot of a class at a vertex, -1 if it has none."""
+    """Slot of the class of a key at a vertex (an index), -1 if it has none."""
     return slot_of(vertex_at(at, vertex), key)
 
 
 def edge_turns_around(graph: Graph, obstacle: int) -> NDArray[np.int64]:
-    """Whole turns (E,) that prepending each edge adds around one obstacle."""
+    """Whole turns (E,) [turns] that prepending each edge adds around one obstacle (an index); 0 in spare room."""
     used = int(graph.size[4])
     found = np.flatnonzero(graph.edge_marker[:used] == obstacle)
     turns = np.zeros(len(graph.tail), dtype=np.int64)
@@ -244,7 +244,7 @@ def edge_turns_around(graph: Graph, obstacle: int) -> NDArray[np.int64]:
 def node_turns_around(
     graph: Graph, vertex: NDArray[np.int64], slot: NDArray[np.int64], obstacle: int
 ) -> NDArray[np.int64]:
-    """The integers (k,) that the classes of nodes have around one obstacle."""
+    """The integers (k,) [turns] that the classes of nodes, vertex (k,) and slot (k,), have around one obstacle."""
     known = np.arange(graph.marker.shape[2]) < graph.pairs[vertex, slot][:, None]
     match = known & (graph.marker[vertex, slot] == obstacle)
     turns: NDArray[np.int64] = np.sum(graph.turn[vertex, slot] * match, axis=1, dtype=np.int64)
@@ -252,6 +252,6 @@ def node_turns_around(
 
 
 def class_at(graph: Graph, vertex: int, slot: int) -> NDArray[np.int64]:
-    """The integers (M,) of a node's class."""
+    """The integers (M,) [turns] of a node's class, against the straight line from its vertex."""
     count = graph.pairs[vertex, slot]
     return spread(graph.marker[vertex, slot, :count], graph.turn[vertex, slot, :count], graph.straight.shape[1])

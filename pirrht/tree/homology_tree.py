@@ -34,8 +34,8 @@ class Reference:
     """The best known path of one homology class from a state into the goal."""
 
     winding: tuple[int, ...]  # (M,) whole turns against the straight line from the state to the goal point
-    signature: Array  # (M,) the paper's H, leading 1 included
-    trajectory: Trajectory
+    signature: Array  # (M,) the paper's H, leading 1 included [turns]
+    trajectory: Trajectory  # controls (l, m), durations (l,) [s] and path
 
     @property
     def path(self) -> Any:
@@ -44,7 +44,7 @@ class Reference:
 
     @property
     def cost(self) -> float:
-        """Steering cost; it orders references and is never mixed with psi."""
+        """Steering cost [cost]; it orders references and is never mixed with psi."""
         return self.trajectory.cost
 
     @property
@@ -61,10 +61,12 @@ class Reference:
 class HomologyTree:
     """RRG on the state space with at most one node per allowed class at each vertex.
 
+    Of `states` (V, n) and `in_goal` (V,) the first `size` rows count; `draws` counts iterations of Algorithm 1.
+
     Args:
         space: the examined scene.
         steering: the obstacle-blind two-point optimum.
-        limit: H_limit of the allowed set |1 - H_i| <= H_limit, asked at every vertex.
+        limit: H_limit [turns] of the allowed set |1 - H_i| <= H_limit, asked at every vertex.
         classes: keep at most so many cheapest classes per vertex; 0 keeps all.
         rng: source of the random states.
 
@@ -115,7 +117,7 @@ class HomologyTree:
 
     @property
     def limit(self) -> float:
-        """H_limit."""
+        """H_limit of the allowed set [turns]."""
         return self.rules.limit
 
     @property
@@ -134,7 +136,11 @@ class HomologyTree:
         return int(self.graph.nodes[: self.size].sum())
 
     def grow(self, vertices: int, *, progress: Callable[[int], None] | None = None) -> None:
-        """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1)."""
+        """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1).
+
+        Args:
+            progress: called with the number of vertices after every batch of draws.
+        """
         budget = DRAWS_PER_VERTEX * max(0, vertices - self.size)
         while self.size < vertices and budget > 0:
             count = min(vertices - self.size, budget, AT_ONCE)
@@ -190,7 +196,7 @@ class HomologyTree:
         return True
 
     def references(self, x: Array, *, polished: bool = True) -> list[Reference]:
-        """The best path of every allowed class from x (n,), cheapest first; the tree is not changed (Algorithm 5).
+        """The best path of every allowed class from x (n,), least [cost] first; the tree is not changed (Algorithm 5).
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
@@ -213,7 +219,7 @@ class HomologyTree:
             return {}
 
     def path_of(self, vertex: int, slot: int) -> list[int]:
-        """Vertices from a node to its root, first to last."""
+        """Vertices from a node to its root, first to last (Algorithm 5, ReconstructPath)."""
         gr = self.graph
         key, path = gr.key[vertex, slot], [vertex]
         while gr.parent[vertex, slot] != g.ROOT:

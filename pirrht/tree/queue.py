@@ -9,7 +9,7 @@ from pirrht.tree.graph import QUEUE_COUNT
 
 @inlined
 def push(at, cost, vertex, key):  # type: ignore[no-untyped-def]
-    """Add a node that is to be propagated; there must be room."""
+    """Add a node that is to be propagated by its cost [cost], vertex and key of its class; there must be room."""
     i = load_int64(at.size, QUEUE_COUNT)
     store_int64(at.size, QUEUE_COUNT, i + 1)
     while i > 0:
@@ -32,7 +32,7 @@ def _move(at, source, target):  # type: ignore[no-untyped-def]
 
 @inlined
 def pop(at):  # type: ignore[no-untyped-def]
-    """Take the cheapest node out: cost, vertex, key of its class."""
+    """Take the cheapest node out of a queue that has one: cost [cost], vertex, key of its class."""
     cost, vertex, key = load_float64(at.queue_cost, 0), load_int32(at.queue_vertex, 0), load_int64(at.queue_key, 0)
     last = load_int64(at.size, QUEUE_COUNT) - 1
     store_int64(at.size, QUEUE_COUNT, last)

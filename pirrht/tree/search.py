@@ -44,7 +44,7 @@ class SearchRules(NamedTuple):
 class Offer(NamedTuple):
     """What an edge makes of a node for the vertex it leaves; numbers only."""
 
-    cost: float
+    cost: float  # [cost]
     key: int  # of the class
     source: int  # vertex and slot of the node
     slot: int
@@ -54,20 +54,20 @@ class Offer(NamedTuple):
 class Best(NamedTuple):
     """The best classes over candidate edges; rows beyond their number are empty."""
 
-    cost: Array  # (c,)
-    key: NDArray[np.int64]  # (c,)
+    cost: Array  # (c,) [cost]
+    key: NDArray[np.int64]  # (c,) of the class
     edge: NDArray[np.int64]  # (c,) candidate
     slot: NDArray[np.int64]  # (c,) node at its head
 
     @classmethod
     def room(cls, count: int) -> Best:
-        """Room for so many."""
+        """Room for so many classes, (c,) each, at infinite cost."""
         return cls(np.full(count, np.inf), *np.zeros((3, count), np.int64))
 
 
 @inlined
 def ask_again(at, v):  # type: ignore[no-untyped-def]
-    """Note that a vertex must ask its successors for their nodes."""
+    """Note, in `refill` and `waiting` (V,), that vertex v must ask its successors for their nodes."""
     if load_int8(at.waiting, v) == 0:
         count = load_int64(at.size, g.REFILL_COUNT)
         store_int8(at.waiting, v, 1)
@@ -279,7 +279,7 @@ def _expand(at, cost, v, key, rules):  # type: ignore[no-untyped-def]
 
 @inlined
 def settle(at, rules):  # type: ignore[no-untyped-def]
-    """Rewire, lines 9-17: uniform-cost search until nothing improves; says what must grow if room runs out."""
+    """Rewire, lines 9-17: uniform-cost search until nothing improves; DONE, or what must grow if room runs out."""
     while load_int64(at.size, g.QUEUE_COUNT) > 0 or load_int64(at.size, g.REFILL_COUNT) > 0:
         pruned = load_int64(at.pruned, 0)
         while load_int64(at.size, g.REFILL_COUNT) > 0:
@@ -313,13 +313,16 @@ def settle(at, rules):  # type: ignore[no-untyped-def]
 
 @kernel
 def relax(at, rules):  # type: ignore[no-untyped-def]
-    """The same, asked from Python."""
+    """What `settle` does and returns, asked from Python."""
     return settle(at, rules)
 
 
 @kernel
 def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-untyped-def]
-    """Algorithm 5: the cheapest way into each allowed class over candidate edges; number of classes found."""
+    """Algorithm 5: the cheapest way into each allowed class over k candidate `Edges`; number of classes found.
+
+    `straight` (M,) [turns] is the state's, `weights` (M,) make the keys; `best` (c,) keeps the c cheapest, in no order.
+    """
     count, near, turns = 0, edges.near, edges.turns
     pair_marker, pair_turn = turns.marker.ctypes.data, turns.turn.ctypes.data
     for i in range(near.shape[0]):
@@ -357,7 +360,7 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
 
 @kernel
 def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
-    """Whether an allowed class leads to the goal over any of the edges."""
+    """Whether an allowed class leads to the goal over any of k `Edges` from a state with `straight` (M,) [turns]."""
     near, turns = edges.near, edges.turns
     pair_marker, pair_turn = turns.marker.ctypes.data, turns.turn.ctypes.data
     for i in range(near.shape[0]):
