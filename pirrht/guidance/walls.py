@@ -29,18 +29,18 @@ def best_speed(problem: Problem, x: Array) -> float:
 
 
 def noise_rate(problem: Problem, x: Array) -> float:
-    """Variance per second of an actuated state at x (n,), their mean."""
+    """Variance per second of an actuated state at x (n,), their mean [m^2/s]; of a car [rad^2/s]."""
     B = problem.dynamics.B_c(x)
     return float(np.trace(B @ B.T)) / len(B)
 
 
 def decay(problem: Problem, x: Array) -> float:
-    """k of psi = exp(-k r) in free space [1/m]; gates, of points that noise moves, are its only use."""
+    """k of psi = exp(-k r) in free space [1/m], by the noise at x (n,); only gates, of points that noise moves, ask."""
     return float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise_rate(problem, x))))
 
 
 def reach(problem: Problem, x: Array) -> float:
-    """How far noise carries a path in the time over which walls are anticipated [m]."""
+    """How far noise, as at x (n,), carries a path in the time over which walls are anticipated [m]."""
     return float(np.sqrt(2.0 * noise_rate(problem, x) * ANTICIPATION))
 
 
