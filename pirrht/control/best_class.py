@@ -31,7 +31,10 @@ def best_class(
     *,
     consistency: float = CONSISTENCY,
 ) -> int:
-    """The reference to follow next, of those with class `names` in the order of their samples."""
+    """Number h of the reference to follow next, of those with class `names` (H,) in the order of their samples.
+
+    `consistency` is the share of v [cost] that `followed`, the class followed so far, counts.
+    """
     values = class_values(problem, estimate)[: len(names)]
     if followed in names:
         values[names.index(followed)] *= consistency
@@ -47,7 +50,7 @@ def class_values(problem: Problem, estimate: Estimate) -> Array:
 
 
 def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, str] | None = None) -> Estimate:
-    """What the samples around reference h say without the others.
+    """What the samples around reference h say without the others: v [cost], u (m,) and their errors.
 
     Args:
         classes: additive class keys to names, as `weigh` takes them.

@@ -40,6 +40,9 @@ class Controller(Policy):
         polished: shorten references inside their class.
         consistency: share of its value that the class followed so far counts under the method "best-class".
         between: until the next plan follow the state by "classes", or "hold" the control (paper).
+
+    Raises:
+        OptionError: method or feedback is unknown, or the tree is missing or of another system.
     """
 
     def __init__(
@@ -89,7 +92,7 @@ class Controller(Policy):
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """Decide at state x (n,).
+        """Decide at state x (n,) (Algorithm 4, lines 3 and 4).
 
         Args:
             left: time left for sampling [s]; samples are drawn until it is up.
@@ -137,7 +140,7 @@ class Controller(Policy):
         )
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
-        """What a plan at x (n,) draws: samples around references, or of the passive dynamics where there are none."""
+        """What a plan at x (n,) draws, over steps (T+1,) [s]: around references, or of passive dynamics if none."""
         integral, N = self.path_integral, self.path_integral.sampling.samples
         trajectories = [reference.trajectory for reference in references]
         times = integral.grid(self._least_cost(x, trajectories))

@@ -38,7 +38,7 @@ Push = Callable[[Array], Array]  # what the nearest walls add to the control of 
 class ClassLaw:
     """What is known of one class near the state where a plan was made."""
 
-    log_psi: float  # up to a constant that all classes share
+    log_psi: float  # up to a constant that all classes share [nats]
     rest: Array  # (m,) what samples found on top of the guide
     lead: Lead | None  # None: what belongs to no class has none
     age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
@@ -49,7 +49,7 @@ class ClassLaw:
         return self.rest + self.led(x, s)
 
     def led(self, x: Array, s: float) -> Array:
-        """The lead's part of it, (m,)."""
+        """The lead's part of it, (m,), at state x (n,), s [s] after the plan."""
         return np.zeros(len(self.rest)) if self.lead is None else self.lead(x, s + self.age)
 
 
@@ -61,7 +61,7 @@ class ClassMixture:
     state: Array  # (n,) of the plan
     classes: Mapping[str, ClassLaw]
     push: Push
-    known: Array = field(init=False, repr=False)  # (C,) log psi of every class at the plan's state
+    known: Array = field(init=False, repr=False)  # (C,) log psi of every class at the plan's state [nats]
     before: Array = field(init=False, repr=False)  # (C, m) controls there
     stiff: Array = field(init=False, repr=False)  # R / lambda there, (m, m)
     inverse: Array = field(init=False, repr=False)  # G_c^-1 there, (m, m)
@@ -92,7 +92,7 @@ class ClassMixture:
         return dict(zip(self.classes, weight.tolist(), strict=True))
 
     def log_psi(self, x: Array, s: float) -> dict[str, float]:
-        """log psi of every class at state x (n,), s [s] after the plan, up to a constant that all classes share."""
+        """log psi of every class at state x (n,), s [s] after the plan [nats], up to a constant that all share."""
         return dict(zip(self.classes, self._at(x, s)[0].tolist(), strict=True))
 
     def _at(self, x: Array, s: float) -> tuple[Array, Array]:
@@ -131,7 +131,7 @@ class ClassPool:
         self._last = None
 
     def law(self, estimate: Estimate, leads: Mapping[str, Lead], push: Push, elapsed: float) -> ClassMixture:
-        """The law after one more plan, made `elapsed` [s] after the last one.
+        """The law, control (m,) at a state (n,), after one more plan, made `elapsed` [s] after the last one.
 
         Args:
             leads: what samples of the classes followed, by name, where that depends on the state.

@@ -43,8 +43,11 @@ class Mppi(Policy):
             with Sigma, which is how MPPI is tuned.
         sampling: `samples` counts all that a plan draws; they hold the tape open loop.
         horizon: length of the tape [s].
-        beyond: what the way from states (k, n) at the horizon to the goal costs, (k,); None: `straight_home`.
+        beyond: what the way from states (k, n) at the horizon to the goal costs, (k,) [cost]; None: `straight_home`.
         rng: source of one seed per plan.
+
+    Raises:
+        OptionError: the horizon is not positive, or the samples follow guides.
     """
 
     def __init__(
@@ -67,7 +70,7 @@ class Mppi(Policy):
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
     def begin(self, x: Array) -> None:
-        """Forget the drive so far; a new one starts at x (n,), from a tape of zeros."""
+        """Forget the drive so far; a new one starts at x (n,), from a tape of zeros (T, m)."""
         super().begin(x)
         self._tape = np.zeros((len(self.times) - 1, self.problem.dynamics.m))
 
@@ -100,10 +103,13 @@ class Mppi(Policy):
 
 
 def straight_home(problem: Problem) -> Callable[[Array], Array]:
-    """Cost of the straight way from states (k, n) to the goal disc, (k,), without obstacles and noise.
+    """Cost of the straight way from states (k, n) to the goal disc, (k,) [cost], without obstacles and noise.
 
     A robot that is pushed about drives at the speed that balances q against u'Ru/2; one that drifts, at that of its
     drift, and turning is free.
+
+    Raises:
+        OptionError: a robot that only drifts stands still at the start.
     """
     d, goal, q = problem.dynamics, problem.scene.goal, problem.least_rate
     x = d.state_of(problem.scene.start)

@@ -45,7 +45,7 @@ class Optimal(Policy):
         return PathIntegral(self.problem, self.space, self._sampling)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """The law from state x (n,) on; it does not change and takes no time."""
+        """The law from state x (n,) on, and v there [cost]; it does not change and takes no time."""
 
         def law(state: Array, since: float = 0.0) -> Array:
             return self.desirability.control(state)

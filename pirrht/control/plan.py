@@ -31,11 +31,11 @@ class Plan:
     span: float = np.inf  # how long the law is followed [s]; then the tape
     shares: dict[str, float] | None = None  # weight of every class under the law
     followed: str | None = None  # the class that the control is of, where it is of one alone
-    exact: float | None = None  # v at the state, where it is known without samples
+    exact: float | None = None  # v at the state [cost], where it is known without samples
 
     @property
     def tape(self) -> Array:
-        """Open-loop controls, one per rollout step, (T, m)."""
+        """Open-loop controls, one per rollout step, (T, m) (paper, end of IV-C)."""
         return self.instead if self.instead is not None else self._replayed[0]
 
     @property

@@ -57,5 +57,5 @@ class Policy(ABC):
         self.drive.passed(duration)
 
     def driven_class(self) -> tuple[int, ...]:
-        """Class of the driven path, completed by the straight line to the goal point."""
+        """Class (M,) of the driven path, completed by the straight line to the goal point [turns]."""
         return self.drive.path.winding()

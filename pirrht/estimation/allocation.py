@@ -32,7 +32,7 @@ class Allocation:
         self._contribution = {}
 
     def counts(self, names: Sequence[str]) -> list[int]:
-        """Samples around each reference, H N in all; a class seen for the first time counts as an average one."""
+        """Samples around each reference, (H,), H N in all; a class seen for the first time counts as an average one."""
         H, N = len(names), self.samples
         known = [self._contribution[name] for name in names if name in self._contribution]
         usual = float(np.mean(known)) if known else 0.0
@@ -47,7 +47,7 @@ class Allocation:
         return [int(n) for n in number]
 
     def learn(self, names: Sequence[str], estimate: Estimate) -> None:
-        """Take in what the samples of a plan contributed; the references' classes in the order of its samples."""
+        """Take in what the samples of a plan contributed; `names` (H,) are classes in the order of its samples."""
         first = estimate.rollouts.leads.first
         for name, start, stop in zip(names, first[:-1], first[1:], strict=False):
             found = math.sqrt(float(np.mean(estimate.weight[start:stop] ** 2)))

@@ -23,7 +23,7 @@ MOST = 150_000  # samples of a plan, however much time there is: weighing more o
 
 
 def sample(integral: PathIntegral, batch: Batch, seed: int, *, left: Callable[[], float] | None = None) -> Estimate:
-    """Sample the paths of a batch, and more like them as settings or time ask for, and weigh them all.
+    """Sample the paths of a batch, more like them as settings or time ask for, and weigh all (Algorithm 4, line 4).
 
     Args:
         seed: of the plan; equal seeds give equal paths.

@@ -28,7 +28,7 @@ class Rollouts:
     origin: Origin
     leads: Leads
     paths: Paths
-    log_weight: Array  # (S,) log of each sample's contribution to psi; -inf for paths that ran out of time
+    log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
 
     @property
     def x0(self) -> Array:
@@ -37,7 +37,7 @@ class Rollouts:
 
     @property
     def size(self) -> int:
-        """S."""
+        """Number S of samples."""
         return len(self.log_weight)
 
 
@@ -46,16 +46,16 @@ class Estimate:
     """What the samples say about one state."""
 
     control: Array  # (m,) u* now
-    log_psi: float
-    value: float  # v = -lambda log psi
-    value_error: float  # standard error of the value; too small where `ess` is, as rare heavy samples were not seen
+    log_psi: float  # [nats]
+    value: float  # v = -lambda log psi [cost]
+    value_error: float  # standard error of v [cost]; too small where `ess` is, as rare heavy samples were not seen
     control_error: Array  # (m,) standard error of the control
     ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
-    weight: Array  # normalised weights of the samples in `rollouts`; with others in `parts` they sum to less than 1
+    weight: Array  # (S,) normalised, of the samples in `rollouts`; with others in `parts` they sum to less than 1
     class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
     class_ess: dict[str, float]  # effective sample size within each class
     class_controls: dict[str, Array]  # (m,) u* now within each class, without what the nearest wall adds
-    proposal_weights: list[float]  # weight by the reference a sample was drawn around
+    proposal_weights: list[float]  # (H,) weight by the reference a sample was drawn around
     survivors: int  # samples that reached the goal
     rollouts: Rollouts  # the last samples that have any weight
     parts: tuple[Rollouts, ...]  # all samples, in the rounds in which they were drawn
@@ -65,10 +65,10 @@ class Estimate:
 def log_weights(
     problem: Problem, rule: str, paths: Paths, first: NDArray[np.int64], part: tuple[int, int] | None = None
 ) -> Array:
-    """Logarithm of the contribution to psi of each sample, (S,), or of those from part[0] to part[1].
+    """Logarithm of the contribution to psi of each sample, (S,) [nats], or of those from part[0] to part[1].
 
     Args:
-        rule: one of WEIGHTS.
+        rule: one of WEIGHTS; "average" is the paper's (sections III-B and IV-C).
         first: (H+1,) first sample of each reference; the last entry is S.
     """
     number = np.diff(first)
@@ -91,7 +91,7 @@ def log_weights(
 def weigh(
     problem: Problem, parts: Sequence[Rollouts], push: Array, classes: Mapping[int, str] | None = None
 ) -> Estimate:
-    """Weigh the samples.
+    """Weigh the samples: v and its error [cost], u (m,) and its error, and the share of every class in them.
 
     Args:
         push: what the nearest walls add to the control at the state, (m,).
@@ -146,7 +146,7 @@ def weigh(
 
 
 def normalised(log_weight: Array) -> tuple[Array, float]:
-    """Weights (S,) that sum to 1 and their effective sample size; zeros and 0 where no sample has any weight."""
+    """Weights (S,) that sum to 1, from logarithms [nats], and their effective size; zeros and 0 where none has any."""
     top = float(log_weight.max(initial=-np.inf))
     if not np.isfinite(top):
         return np.zeros(len(log_weight)), 0.0
@@ -156,7 +156,7 @@ def normalised(log_weight: Array) -> tuple[Array, float]:
 
 
 def joined(parts: Sequence[Rollouts]) -> tuple[Paths, Array, NDArray[np.int64]]:
-    """All paths, their log weights (S,), and where those around each reference of each part begin; the last is S."""
+    """All paths, their log weights (S,) [nats], and where those around each reference of a part begin, S at last."""
     paths = (
         parts[0].paths if len(parts) == 1 else Paths(*map(np.concatenate, zip(*(p.paths for p in parts), strict=True)))
     )
@@ -176,7 +176,7 @@ def _log_mean(log_ratio: Array, share: Array) -> Array:
 def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> Array:
     """Standard deviations (k,) of sums of terms (S, k), those around one reference being distributed alike.
 
-    Terms are independent, or those of antithetic pairs are only so together.
+    Terms are independent, or those of antithetic pairs are only so together; `first` is as `joined` gives it.
     """
     spread: Array = scatter(np.ascontiguousarray(terms), first, 2 if paired else 1)
     return spread

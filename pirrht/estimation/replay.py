@@ -35,7 +35,7 @@ class Replay(NamedTuple):
             groups: disjoint masks (S,) of samples.
 
         Returns:
-            controls (G, T, m), the weight still under way at each step (G, T), effective sample sizes (G,).
+            weight times control (G, T, m), the weight still under way at each step (G, T), effective sample sizes (G,).
         """
         T, m = rollouts.leads.control.shape[1:]
         total, alive, ess = np.zeros((len(groups), T, m)), np.zeros((len(groups), T)), np.zeros(len(groups))
@@ -49,7 +49,7 @@ class Replay(NamedTuple):
         return total, alive, ess
 
     def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:
-        """Open-loop controls (T, m) of all samples, weight times control carried, and the weight under way (T,)."""
+        """Open-loop controls (T, m) of all samples (paper, end of IV-C), and the weight under way (T,)."""
         top = max(float(part.log_weight.max()) for part in parts)
         share = np.array([float(np.exp(part.log_weight - top).sum()) for part in parts])
         share /= share.sum()

@@ -40,8 +40,8 @@ class PathIntegral:
     """Draws and weighs samples around references; the problem and its scene stay fixed.
 
     Args:
-        beyond: costs (k,) of going on from states (k, n) at the end of the grid; None: a path that has not arrived
-            by then weighs nothing.
+        beyond: costs (k,) [cost] of going on from states (k, n) at the end of the grid; None: a path that has not
+            arrived by then weighs nothing.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class PathIntegral:
         return self.sampling.guide == "feedback" and d.n == d.m == 2
 
     def leads(self, x: Array, times: Array, trajectories: Sequence[Trajectory]) -> Sequence[Lead]:
-        """What samples from x (n,) around references follow: their corners if they are `gated`, else their tapes."""
+        """What samples from x (n,) follow: corners of references if `gated`, else tapes over the steps (T+1,) [s]."""
         if not self.gated:
             return [Tape(times, trajectory.tape(times)) for trajectory in trajectories]
         goal = self.space.scene.goal.center[None, :]
@@ -114,7 +114,7 @@ class PathIntegral:
         return [Towards(gates_of(corners, x, k), k, speed) for corners in lines]
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
-        """Sample the paths of a batch; equal seeds give equal paths."""
+        """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
         leads = self._packed(batch)
         first, H = leads.first, len(batch.proposals)
         S = int(first[-1])
@@ -144,7 +144,7 @@ class PathIntegral:
         )
 
     def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
-        """Weigh the samples; `classes` maps additive class keys to the names of the references' classes.
+        """Weigh the samples: v [cost], u (m,); `classes` maps additive class keys to names of references' classes.
 
         Raises:
             NoSurvivingSample: no sample has any weight.
@@ -152,7 +152,7 @@ class PathIntegral:
         return self.weighed([rollouts], classes)
 
     def weighed(self, parts: Sequence[Rollouts], classes: Mapping[int, str] | None = None) -> Estimate:
-        """Weigh the samples of several batches from one state together.
+        """Weigh the samples of several batches from one state (n,) together: v [cost], u (m,) and their errors.
 
         Raises:
             NoSurvivingSample: no sample has any weight.
@@ -160,7 +160,7 @@ class PathIntegral:
         return weigh(self.problem, parts, self.push(parts[0].leads)(parts[0].x0), classes)
 
     def push(self, leads: Leads) -> Push:
-        """What the nearest walls add to the control near samples that followed these leads."""
+        """What the nearest walls add to the control (m,) near samples that followed these leads, for any state (n,)."""
         return Push(problem=self.problem, field=self.space.field, reach=leads.reach, step=float(leads.times[1]))
 
     def _scales(self, x: Array) -> Scales:

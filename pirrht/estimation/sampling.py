@@ -17,7 +17,11 @@ DRAWS = ("antithetic", "independent")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """How paths are drawn and weighed."""
+    """How paths are drawn and weighed.
+
+    Raises:
+        OptionError: a number is out of range, or a choice is unknown.
+    """
 
     dt: float = 0.1  # rollout step [s]
     first: float | None = None  # the first dt is cut into steps of this length [s]

@@ -14,14 +14,14 @@ from pirrht.compiled.jit import kernel
 class Groups(NamedTuple):
     """What the samples of each of G groups sum to."""
 
-    weight: Array  # (G,)
+    weight: Array  # (G,) sum of weights
     square: Array  # (G,) of weights
     control: Array  # (G, m) weight times control now
     span: Array  # (G,) weight times the time that the control now is a mean over [s]
 
 
 def grouped(weight: Array, key: NDArray[np.int64], keys: NDArray[np.int64], now: Array, span: Array) -> Groups:
-    """Sums by key of samples (S,): a group for each of `keys` and one, the last, for all others."""
+    """Sums by key of samples, `now` (S, m), `span` (S,) [s]: a group for each of `keys`, the last for others."""
     G = len(keys) + 1
     sums = Groups(np.zeros(G), np.zeros(G), np.zeros((G, now.shape[1])), np.zeros(G))
     _group(weight, key, keys, now, span, sums)
@@ -45,7 +45,10 @@ def _group(weight, key, keys, now, span, sums):  # type: ignore[no-untyped-def]
 
 @kernel
 def centred(weight, now, span, control):  # type: ignore[no-untyped-def]
-    """What each sample adds to psi and, to first order (delta method), to the control, a ratio of sums: (S, 1+m)."""
+    """What each sample adds to psi and, to first order (delta method), to the control, a ratio of sums: (S, 1+m).
+
+    Args: weights (S,), the control now integrated over a time, (S, m), that time (S,) [s], and the control (m,).
+    """
     S, m = now.shape
     terms = np.empty((S, 1 + m))
     for s in range(S):

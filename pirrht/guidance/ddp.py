@@ -29,7 +29,7 @@ class Car(NamedTuple):
 
     speed: float  # V [m/s]
     gain: float  # g = 1/rho, turn rate per control [rad/s]
-    effort: float  # R
+    effort: float  # R [cost/s]
     rate: float  # q [cost/s]
     margin: float  # clearance below which a point costs something [m]
     least: float  # clearance below which the barrier goes on as a parabola [m]
@@ -41,15 +41,15 @@ class Car(NamedTuple):
 class Course(NamedTuple):
     """A trajectory of T steps and the feedback around it; kernels write into it."""
 
-    states: Array  # (T+1, 3) its first row is the start
-    control: Array  # (T,)
-    gains: Array  # (T, 3) K of u = control + K (x - states)
+    states: Array  # (T+1, 3) x, y [m] and theta [rad]; its first row is the start
+    control: Array  # (T,) u, a turn rate in units of the car's gain
+    gains: Array  # (T, 3) K of u = control + K (x - states) [1/m], [1/m], [1/rad]
     spread: Array  # (T,) standard deviation left to the noise by what comes later, as a share of the passive one
     change: Array  # (T,) the best change of each control
 
 
 def empty_course(T: int) -> Course:
-    """A course of zeros; its noise is the passive one."""
+    """A course of T steps from zeros, states (T+1, 3) [m], [rad] included; its noise is the passive one."""
     return Course(np.zeros((T + 1, 3)), np.zeros(T), np.zeros((T, 3)), np.ones(T), np.zeros(T))
 
 
@@ -102,8 +102,8 @@ def _price(field, margin, least, x, y):  # type: ignore[no-untyped-def]
 def forward_pass(setup, car, times, course, length, step, tried):  # type: ignore[no-untyped-def]
     """Drive from the start under u = control + step * change + K (x - states); past `length` towards the goal centre.
 
-    States and controls go to `tried`, whose first state is the start.
-    Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced.
+    States (T+1, 3) [m], [rad] and controls (T,) go to `tried`, whose first state is the start; `times` (T+1,) [s].
+    Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced [cost].
     """
     (gx, gy), radius, field = setup.arena.goal, setup.arena.radius, setup.arena.field
     nominal, control, gains, _, change = course
@@ -167,7 +167,11 @@ def _arrival(setup, car, x, y, theta):  # type: ignore[no-untyped-def]
 
 @kernel
 def backward_pass(setup, car, times, course, length, damping):  # type: ignore[no-untyped-def]
-    """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost]."""
+    """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost].
+
+    Written are the first `length` rows of change (T,), gains (T, 3) and spread (T,); `times` (T+1,) are ends of steps
+    [s], `damping` is what is added to the control's curvature, as a share of R dt.
+    """
     field = setup.arena.field
     states, control, gains, spread, change = course
     v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
@@ -219,7 +223,7 @@ def backward_pass(setup, car, times, course, length, damping):  # type: ignore[n
 
 @kernel
 def class_of(setup, states, length):  # type: ignore[no-untyped-def]
-    """Additive class key of the first `length` steps, counted at the cuts as the rollouts do."""
+    """Additive class key of the first `length` steps of states (T+1, 3) [m], counted at the cuts as the rollouts do."""
     key = np.int64(0)
     for i in range(length):
         key += key_of_segment(setup.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
@@ -228,7 +232,7 @@ def class_of(setup, states, length):  # type: ignore[no-untyped-def]
 
 @kernel
 def is_free(setup, states, length):  # type: ignore[no-untyped-def]
-    """Whether the first `length` steps touch nothing."""
+    """Whether the first `length` steps of states (T+1, 3) [m], as straight lines, touch nothing."""
     for i in range(length):
         outcome, _ = sweep_exit(setup.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
         if outcome == COLLISION:
@@ -250,7 +254,7 @@ def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no
         course: the trajectory followed, its gains used until the first backward pass; overwritten.
         length: steps that it prescribes.
 
-    Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced,
+    Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced [cost],
         backward passes, whether it is of its class and touches nothing.
     """
     states, control = course.states, course.control

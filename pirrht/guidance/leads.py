@@ -20,7 +20,7 @@ from pirrht.systems.dynamics import Dynamics
 
 
 class Lead(ABC):
-    """A control u(x, s) that samples follow."""
+    """A control u(x, s), (m,), that samples follow."""
 
     follows = True  # whether it depends on the state
 
@@ -35,7 +35,7 @@ class Lead(ABC):
 
     @abstractmethod
     def pack(self, leads: Leads, h: int) -> None:
-        """Write row h of the tables; they are zero before."""
+        """Write row h of the tables (H, ...); they are zero before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,12 +48,12 @@ class Tape(Lead):
     follows = False
 
     def __call__(self, x: Array, s: float) -> Array:
-        """The step's control; none after the end."""
+        """The control (m,) of the step under way at s [s]; zero after the end."""
         i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
         return np.asarray(self.controls[i]) if i < len(self.controls) else np.zeros(self.controls.shape[1])
 
     def pack(self, leads: Leads, h: int) -> None:
-        """The tape itself."""
+        """The tape itself, to `Leads.control` (H, T, m)."""
         leads.control[h] = self.controls
 
 
@@ -71,13 +71,13 @@ class Towards(Lead):
         return len(self.place)
 
     def __call__(self, x: Array, s: float) -> Array:
-        """Velocity towards the first gate that is not passed."""
+        """Velocity (2,) towards the first gate that is not passed at x (2,) [m/s]."""
         unit = np.empty(2)
         heading(Gates(np.array([len(self.place)]), self.place[None], self.decay), 0, 0, x[0], x[1], unit)
         return self.speed * unit
 
     def pack(self, leads: Leads, h: int) -> None:
-        """The gates."""
+        """The gates, to the first C of `Gates.place` (H, C, 8) [m] in the row, and their number."""
         leads.gates.count[h] = len(self.place)
         leads.gates.place[h, : len(self.place)] = self.place
 
@@ -90,7 +90,7 @@ class Along(Lead):
     dynamics: Dynamics  # of constant G and B
 
     def __call__(self, x: Array, s: float) -> Array:
-        """Control of the guide plus its gains times what the state is off."""
+        """Control (1,) of the guide at s [s] plus its gains times what the state x (3,) is off."""
         guide = self.guide
         i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.control) - 1)
         share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
@@ -98,7 +98,7 @@ class Along(Lead):
         return np.array([guide.control[i] + guide.gains[i] @ off])
 
     def pack(self, leads: Leads, h: int) -> None:
-        """The law in noise units."""
+        """The law in noise units, to `Leads.law` (H, T, 9), and the number of steps that it covers."""
         guide, law = self.guide, leads.law[h]
         leads.led[h] = guide.length
         law[:, 0], law[:, 1:4], law[:, 4:7] = guide.control, guide.gains, guide.states[:-1]
@@ -132,7 +132,7 @@ class Batch:
 
     @property
     def classes(self) -> Mapping[int, str]:
-        """Additive class keys of the references to their names."""
+        """Additive class keys of the references to their names; what has no class is left out."""
         return {proposal.key: proposal.name for proposal in self.proposals if proposal.key is not None}
 
     def counting(self, counts: Sequence[int]) -> Batch:

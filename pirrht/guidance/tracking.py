@@ -47,17 +47,17 @@ class Guide:
     """A trajectory of one class and the feedback around it, on the grid of the rollouts."""
 
     times: Array  # (T+1,) ends of the steps [s]
-    states: Array  # (T+1, 3)
-    control: Array  # (T,)
-    gains: Array  # (T, 3) K of u = control + K (x - states)
+    states: Array  # (T+1, 3) x, y [m] and theta [rad]
+    control: Array  # (T,) u, a turn rate in units of 1/rho
+    gains: Array  # (T, 3) K of u = control + K (x - states) [1/m], [1/m], [1/rad]
     spread: Array  # (T,) standard deviation of the samples' noise as a share of the passive one
     length: int  # steps until the one that enters the goal
-    cost: float  # integral of q + u'Ru/2 up to the goal
-    priced: float  # the same with clearance priced: it differs from the value by about the same in every class
+    cost: float  # integral of q + u'Ru/2 up to the goal [cost]
+    priced: float  # the same with clearance priced: it differs from the value by about the same in every class [cost]
     valid: bool  # whether it touches nothing and is of its class
 
     def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
-        """What is left of it after some time [s], as arcs into the goal around the centre (2,); None if nothing."""
+        """What is left of it after some time [s], as arcs into the goal around the centre (2,) [m]; None if nothing."""
         passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
         if passed >= self.length:
             return None
@@ -118,7 +118,7 @@ class Guidance:
         return car and not callable(problem.q) and not callable(problem.R)
 
     def warm_up(self, x: Array) -> None:
-        """Compile the optimisation."""
+        """Compile the optimisation, by a guide of two steps of 1 [s] from x (3,)."""
         self._from(x, np.arange(3.0), 0, (empty_course(2), 1), WARM)
 
     def improve(
@@ -147,11 +147,11 @@ class Guidance:
         return self._from(x, times, key, _along(trajectory, times), NONE)
 
     def free(self, x: Array) -> bool:
-        """Whether the clearance field leaves room at x (3,); if not, no guide from there is valid."""
+        """Whether the clearance at x (3,) exceeds 0 [m]; if not, no guide from there is valid."""
         return bool(clearance(self.setup.arena.field, x[0], x[1]) > 0.0)
 
     def counts(self, guides: Sequence[Guide | None], samples: int) -> list[int]:
-        """Samples around each reference: N, or FEW where a class can hardly carry any weight.
+        """Samples around each reference, (H,): N, or FEW where a class can hardly carry any weight.
 
         Classes whose guide costs HOPELESS lambda more than the cheapest weigh about exp(-HOPELESS); a reference without
         a guide takes longer than any path that weighs anything.

@@ -28,7 +28,8 @@ def first_crossing(c0, c1, deviation, state):  # type: ignore[no-untyped-def]
 
     In the clock s = t / (1 - t) the bridge is a Brownian motion with drift, so s is inverse Gaussian (drawn as by
     Michael, Schucany and Haas, The American Statistician 1976); an end on the near side counts as its mirror image.
-    Args: distances at both ends (the second may be negative) and the standard deviation of the whole step [m].
+    Args: distances at both ends (the second may be negative) and the standard deviation of the whole step [m],
+        and the random sequence. Returns: next state of the sequence, share.
     """
     shape = (c0 / deviation) ** 2
     state, z, _ = normals(state)
@@ -60,7 +61,7 @@ def _border_survival(field, x, y, nx, ny, vx, vy):  # type: ignore[no-untyped-de
 
 @kernel
 def slope_of(field, x, y):  # type: ignore[no-untyped-def]
-    """Unit gradient of the clearance at (x, y), border included; it points away from the nearest wall."""
+    """Unit gradient (x, y) of the clearance at (x, y) [m], border included; it points away from the nearest wall."""
     h = 0.5 * field.spacing
     gx = clearance(field, x + h, y) - clearance(field, x - h, y)
     gy = clearance(field, x, y + h) - clearance(field, x, y - h)
@@ -70,8 +71,8 @@ def slope_of(field, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def survivors_slope(field, reach, widest, x, y):  # type: ignore[no-untyped-def]
-    """Gradient of log erf(c / reach) summed over the two nearest walls [1/m], and the width of the channel between the
-    two [m], infinite if the second is far; c is the clearance.
+    """Gradient of log erf(c / reach) at (x, y), summed over the two nearest walls [1/m], and the width of the channel
+    between the two [m], infinite if the second is far; c is the clearance.
 
     Along it, times BB', surviving paths lean away from walls. Nearer than half of `widest`, the deviation of a step,
     it grows no more.
@@ -82,7 +83,7 @@ def survivors_slope(field, reach, widest, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def away(field, reach, widest, x, y, nearest, second):  # type: ignore[no-untyped-def]
-    """The same from the clearances of the nearest and the second nearest component, each with its gradient.
+    """The same from the clearances [m] of the nearest and second nearest component, each a triple (c, gx, gy).
 
     In single precision, which suffices for a guide.
     """
@@ -177,10 +178,10 @@ def _behind_rim(arena, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
 
 @kernel
 def bridge_exit(arena, x, y, nx, ny, before, after, cov, state):  # type: ignore[no-untyped-def]
-    """How a noisy step from (x, y) to (nx, ny) ends.
+    """How a noisy step from (x, y) to (nx, ny) ends (paper, eq. 3, between the steps).
 
-    Args: `before` and `after` are the `distances` of its ends, cov the covariance (xx, xy, yy) of the step, and
-        state the random sequence.
+    Args, in order: arena, start (x, y) and end (nx, ny) of the step [m], the `distances` of these before and after it
+        [m], covariance (xx, xy, yy) of the step [m^2], and state of the random sequence.
     Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit.
     """
     field, goal, radius = arena.field, arena.goal, arena.radius
@@ -228,6 +229,9 @@ def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type:
     """Displacement of an isotropic bridge at its first crossing; (dx, dy) is that at the end of the step.
 
     Towards the wall or the goal's disc it is the distance to it; along it the bridge is drawn.
+    Args, in order: arena, start (x, y) [m], (dx, dy) [m], GOAL or else COLLISION, share of the step until the
+        crossing, standard deviation of the whole step [m], and state of the random sequence.
+    Returns: next state of the sequence, displacement in x and y [m].
     """
     field = arena.field
     if outcome == GOAL:
@@ -244,7 +248,10 @@ def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type:
 
 @kernel
 def endpoint_exit(arena, nx, ny):  # type: ignore[no-untyped-def]
-    """The paper's rule: the step ends the path if its end lies outside the free space or in the goal."""
+    """The paper's rule (III-A, steps 3, 4): the path ends if the step's end (nx, ny) [m] is not free, or in the goal.
+
+    Returns: INSIDE or the Outcome, share of the step until the exit, which is 1.
+    """
     goal, radius = arena.goal, arena.radius
     if clearance(arena.field, nx, ny) <= 0.0:
         return COLLISION, 1.0
@@ -255,7 +262,10 @@ def endpoint_exit(arena, nx, ny):  # type: ignore[no-untyped-def]
 
 @kernel
 def sweep_exit(arena, x, y, nx, ny):  # type: ignore[no-untyped-def]
-    """How a step without position noise ends: the straight segment is marched by certified clearances."""
+    """How a step from (x, y) to (nx, ny) [m] without position noise ends: it is marched by certified clearances.
+
+    Returns: INSIDE or the Outcome, share of the step until the exit.
+    """
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
     if length == 0.0:
         return endpoint_exit(arena, nx, ny)

@@ -36,7 +36,7 @@ ODD, EVEN = np.float32((BEHIND - BEFORE) / TWO), np.float32((BEHIND + BEFORE) / 
 
 @inlined
 def mean_offset(a):  # type: ignore[no-untyped-def]
-    """Mean of s under s exp(-(s - a)^2 / 2), s > 0, within 1 %.
+    """Mean of s under s exp(-(s - a)^2 / 2), s > 0, within 1 %; a and s in standard deviations.
 
     Were it (a + sqrt(a^2 + c)) / 2 with a constant c, that would have to be 8 far below 0, 2 pi at 0 and 4 far above.
     """
@@ -49,9 +49,9 @@ def mean_offset(a):  # type: ignore[no-untyped-def]
 def aim(along, side, far, beside, decay):  # type: ignore[no-untyped-def]
     """Where on the gate to head for, in meters outward of the corner.
 
-    The state lies `along` before the gate and `side` outward of the corner, what follows `far` behind and `beside`.
-    Single precision suffices for a guide, as long as the likelihood ratio is that of what was followed; it divides and
-    takes roots four times as fast.
+    The state lies `along` before the gate and `side` outward of the corner, what follows `far` behind and `beside`; k
+    is `decay` [1/m]. Single precision suffices for a guide, as long as the likelihood ratio is that of what was
+    followed; it divides and takes roots four times as fast.
     """
     along, side, far, beside = np.float32(along), np.float32(side), np.float32(far), np.float32(beside)
     crossing = (side * far + beside * along) / (along + far)
@@ -67,16 +67,16 @@ def aim(along, side, far, beside, decay):  # type: ignore[no-untyped-def]
 
 @inlined
 def towards(dx, dy):  # type: ignore[no-untyped-def]
-    """One over the length of a vector, in single precision."""
+    """One over the length of a vector (dx, dy) [1/m], in single precision."""
     x, y = np.float32(dx), np.float32(dy)
     return ONE / math.sqrt(x * x + y * y + TINY)
 
 
 @inlined
 def next_gate(place, at, last, s, x, y, decay):  # type: ignore[no-untyped-def]
-    """The gate that comes next for (x, y), the s-th or the one after it, and the vector to where to head for on it.
+    """The gate next for (x, y), the s-th or the one after it, and the vector to where to head for on it [m].
 
-    Args: address of `Gates.place`, index of the reference's first gate, number of its last one.
+    Args: address of `Gates.place`, index of the reference's first gate, number of its last one, s, (x, y) [m], k [1/m].
     """
     k = 8 * (at + s)
     dx, dy = load_float64(place, k) - x, load_float64(place, k + 1) - y
@@ -95,7 +95,7 @@ def next_gate(place, at, last, s, x, y, decay):  # type: ignore[no-untyped-def]
 
 @kernel
 def heading(gates, g, stage, x, y, out):  # type: ignore[no-untyped-def]
-    """Write the unit vector from (x, y) towards the next gate of reference g, from `stage` on, to out; its number."""
+    """Write the unit vector from (x, y) [m] to the next gate of g, from `stage` on, to out (2,); returns its number."""
     place, at = gates.place.ctypes.data, g * gates.place.shape[1]
     before, dx, dy = -1, 0.0, 0.0
     while stage != before:

@@ -17,13 +17,13 @@ AIM = 0.9  # share of the goal's radius that is aimed at
 
 @inlined
 def wrapped(angle):  # type: ignore[no-untyped-def]
-    """The same angle within half a turn of zero."""
+    """The same angle within half a turn of zero [rad]."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @inlined
 def homing(x, y, theta, gx, gy, radius, bound):  # type: ignore[no-untyped-def]
-    """Turn rate that brings the goal's disc ahead, at most `bound`; none where it lies ahead already [rad/s]."""
+    """Turn rate that brings the goal's disc ahead of (x, y) [m], at most `bound`; none where it lies ahead [rad/s]."""
     dx, dy = gx - x, gy - y
     off = wrapped(math.atan2(dy, dx) - theta)
     within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))

@@ -19,7 +19,7 @@ class Setup(NamedTuple):
 
     arena: Arena
     cuts: Cuts
-    parameters: Array  # p of the dynamics
+    parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant
     inverse: Array  # (m, m) G_c^-1 B_c, if constant
     diffusion: Array  # (m, m) B_c, if constant
@@ -63,7 +63,7 @@ class Paths(NamedTuple):
     """What is kept of S sampled paths; kernels write into it."""
 
     work: Array  # (S,) integral of q up to the exit [cost]
-    log_ratio: Array  # (S, H) log dQ_g/dP of each path under each reference
+    log_ratio: Array  # (S, H) log dQ_g/dP of each path under each reference [nats]
     key: NDArray[np.int64]  # (S,) class of the path itself, as an additive key
     outcome: NDArray[np.int8]  # (S,) Outcome
     steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
@@ -72,7 +72,7 @@ class Paths(NamedTuple):
 
 
 def empty_paths(S: int, H: int, m: int) -> Paths:
-    """Room for S paths under H references."""
+    """Room for S paths under H references: `Paths` of zeros, (S,), (S, H) and (S, m), [cost] and [s] as there."""
     return Paths(
         work=np.zeros(S),
         log_ratio=np.zeros((S, H)),
