@@ -22,7 +22,10 @@ class NotLinearlySolvable(PirrhtError):
 
 
 class NoReference(PirrhtError):
-    """No allowed homology class reaches the goal from a state."""
+    """No allowed homology class reaches the goal from a state (n,); keeps what was asked (paper, section IV-C).
+
+    `limit` is that of |1 - H_i| [turns], `blocked` the nearest blocked signature (M,) [turns], if one was given.
+    """
 
     def __init__(
         self,
@@ -44,7 +47,7 @@ class NoReference(PirrhtError):
 
 
 class NoSurvivingSample(PirrhtError):
-    """Every sampled path ended outside the goal, so the estimate is undefined."""
+    """Every sampled path ended outside the goal, so the estimate is undefined; keeps how many ended in which way."""
 
     def __init__(self, *, collisions: int, timeouts: int) -> None:
         self.collisions = collisions

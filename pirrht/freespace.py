@@ -31,7 +31,7 @@ class FreeSpace:
 
     @classmethod
     def of(cls, scene: Scene) -> FreeSpace:
-        """Examine a scene.
+        """Examine a scene; the markers of its encircled obstacles, (M, 2) [m], become those of `homology`.
 
         Raises:
             SceneError: the start or the goal point is in collision.
@@ -50,7 +50,7 @@ class FreeSpace:
         )
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
-        """The same world and footprint with another start (3,) or goal; nothing is sampled again.
+        """The same world and footprint with another start (3,) [m, m, rad] or goal; nothing is sampled again.
 
         Raises:
             SceneError: one of them lies outside the workspace or is in collision.
@@ -63,7 +63,7 @@ class FreeSpace:
 
     @property
     def arena(self) -> Arena:
-        """What a path asks about this world and its goal."""
+        """What a path asks about this world and its goal's disc, lengths in [m]."""
         return Arena.of(self.field, self.scene.goal)
 
     def clearance(self, position: Array) -> float:

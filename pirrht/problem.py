@@ -16,7 +16,7 @@ from pirrht.systems.dynamics import Dynamics
 
 @jitable
 def unit_rate(x, p):  # type: ignore[no-untyped-def]
-    """q = 1."""
+    """q = 1 [cost/s] at x (n,), for parameters p (k,)."""
     return 1.0
 
 
@@ -31,10 +31,10 @@ class Problem:
 
     dynamics: Dynamics
     scene: Scene
-    R: Array | Callable[[Array], Array]  # (m, m) control cost; a function of x where G or B is one
+    R: Array | Callable[[Array], Array]  # (m, m) control cost, u'Ru in [cost/s]; a function of x where G or B is one
     q: float | Callable[..., float] = 1.0  # state cost rate [cost/s]; or a function q(x, p) that numba compiles
     q_min: float | None = None  # a lower bound of q over the workspace; needed when q is a function
-    phi: float = np.inf  # final cost off the goal; it is 0 at the goal
+    phi: float = np.inf  # final cost off the goal [cost]; it is 0 at the goal
     temperature: float = field(init=False)  # the scalar lambda of lambda G R^-1 G' = B B' [cost]
 
     def __post_init__(self) -> None:
@@ -68,7 +68,7 @@ class Problem:
         return float(self.q(x, self.dynamics.parameters)) if callable(self.q) else self.q
 
     def control_cost(self, x: Array) -> Array:
-        """R at x, (m, m)."""
+        """R at x (n,), (m, m); u'Ru/2 is in [cost/s]."""
         return np.asarray(self.R(x), dtype=float) if callable(self.R) else self.R
 
     def _temperature(self) -> float:

@@ -32,7 +32,7 @@ C1, C2, C3, C4 = (np.float32((-1.0) ** k / math.factorial(2 * k)) for k in range
 
 @inlined
 def bits_of(z):  # type: ignore[no-untyped-def]
-    """The 64 random bits that belong to a state of a sequence."""
+    """The 64 random bits, uint64, that belong to a state of a sequence, uint64."""
     z = (z ^ (z >> np.uint64(30))) * MIX_1
     z = (z ^ (z >> np.uint64(27))) * MIX_2
     return z ^ (z >> np.uint64(31))
@@ -40,7 +40,7 @@ def bits_of(z):  # type: ignore[no-untyped-def]
 
 @kernel
 def stream(seed, sample):  # type: ignore[no-untyped-def]
-    """Start of the sequence of one sample."""
+    """Start of the sequence of one sample, the state uint64 that its first draw goes on from."""
     return bits_of(np.uint64(seed) ^ bits_of((np.uint64(sample) + np.uint64(1)) * GOLDEN))
 
 
@@ -53,14 +53,14 @@ def antithetic(sample, first, mirrored):  # type: ignore[no-untyped-def]
 
 @inlined
 def halves(state):  # type: ignore[no-untyped-def]
-    """The random bits of a state as two numbers of 32."""
+    """The random bits of a state, uint64, as two numbers of 32, uint32, the high ones first."""
     bits = bits_of(state)
     return np.uint32(bits >> UPPER), np.uint32(bits)
 
 
 @inlined
 def logarithm(u):  # type: ignore[no-untyped-def]
-    """Natural logarithm of a normal float32."""
+    """Natural logarithm of a positive normal float32, float32 [nats]."""
     bits = np.uint32(as_bits(u) - ROOT_HALF)
     exponent = np.float32(np.int32(bits) >> PLACES)
     m = as_number(np.uint32((bits & MANTISSA) + ROOT_HALF))  # within a factor sqrt(2) of 1
@@ -71,7 +71,7 @@ def logarithm(u):  # type: ignore[no-untyped-def]
 
 @inlined
 def normals_of(high, low):  # type: ignore[no-untyped-def]
-    """Two independent standard normal numbers, float32, from two times 32 random bits."""
+    """Two independent standard normal numbers, float32, from two times 32 random bits, uint32."""
     u = np.float32(np.int32(high >> BIT)) * STEP + FIRST
     radius = math.sqrt(-TWO * logarithm(u))
     angle = np.float32(np.int32(low << np.uint32(2))) * EIGHTH  # within an eighth of a turn of one of four axes
@@ -85,7 +85,7 @@ def normals_of(high, low):  # type: ignore[no-untyped-def]
 
 @inlined
 def normals(state):  # type: ignore[no-untyped-def]
-    """The next state of a sequence and two standard normal numbers."""
+    """The next state of a sequence and two independent standard normal numbers, float32."""
     state = state + GOLDEN
     high, low = halves(state)
     one, other = normals_of(high, low)
@@ -94,6 +94,6 @@ def normals(state):  # type: ignore[no-untyped-def]
 
 @inlined
 def uniform(state):  # type: ignore[no-untyped-def]
-    """The next state of a sequence and a number in [0, 1)."""
+    """The next state of a sequence and a uniform number in [0, 1), float64."""
     state = state + GOLDEN
     return state, np.float64(bits_of(state) >> np.uint64(11)) * UNIT

@@ -39,7 +39,7 @@ class Solver(Protocol):
         """The spacing [m] asked for, or a default; refuses a grid that is too fine or too coarse."""
 
     def grid_of(self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Any:
-        """The solution, a record whose `frame` is a `domain.Frame`."""
+        """The solution for a spacing [m] and a step dt [s] or none, a record whose `frame` is a `domain.Frame`."""
 
 
 # By dynamics: who solves in continuous time, and who with a step. Another kind of problem is another row.
@@ -74,13 +74,13 @@ class Desirability:
     dt: float | None  # step of the problem in discrete time [s]; None: continuous time
     grid: Any  # what `look` reads
     look: Any  # of the solver
-    gain: Array  # lambda R^-1 G_c', (m, m)
+    gain: Array  # lambda R^-1 G_c', (m, m) [control per nats/state]
 
     @classmethod
     def of(
         cls, problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None
     ) -> Desirability:
-        """Solve for psi.
+        """Solve for psi (paper, section III-A, or III-B with a step).
 
         Args:
             problem: of constant q, with dynamics that `SOLVERS` know.
@@ -129,7 +129,7 @@ class Desirability:
         return -self.problem.temperature * self.log_psi(x)
 
     def control(self, x: Array) -> Array:
-        """u* = lambda R^-1 G' grad log psi at one state (n,) or many (k, n), (k, m); 0 in the goal and in walls."""
+        """u* = lambda R^-1 G' grad log psi at one state (n,) or many (k, n), (m,) or (k, m); 0 in the goal."""
         if np.ndim(x) == 2:
             states = np.ascontiguousarray(x, dtype=float)
             controls: Array = self._at(states)[1][:, -len(self.gain) :] @ self.gain.T

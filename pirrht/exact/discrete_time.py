@@ -57,7 +57,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 
 
 def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Lattice:
-    """The solution of a problem with steps of dt [s] on a grid of this spacing [m]."""
+    """The solution (nx, ny) [nats] of a problem with steps of dt [s] on a grid of this spacing [m]."""
     assert not callable(problem.q)
     assert dt is not None
     loss, wall = problem.q * dt / problem.temperature, problem.phi / problem.temperature
@@ -65,12 +65,12 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
 
 
 def solve(domain: Domain, *, deviation: float, loss: float, wall: float, spacing: float) -> Lattice:
-    """Solve the discrete-time problem.
+    """Solve the discrete-time problem for log phi, (nx, ny) [nats].
 
     Args:
         deviation: b sqrt(dt) [m].
         loss: q dt/lambda [nats].
-        wall: phi/lambda; may be infinite.
+        wall: phi/lambda [nats]; may be infinite.
         spacing: h [m].
 
     Raises:

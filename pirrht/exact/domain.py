@@ -30,7 +30,7 @@ class Domain:
 
     @classmethod
     def of(cls, space: FreeSpace) -> Domain:
-        """That of a scene; its clearance is the field's, border included, and FCL's close to obstacles."""
+        """That of a scene; its clearance is the field's, border included, and FCL's close to obstacles [m]."""
 
         def at(points: Array) -> Array:
             out = np.empty(len(points))
@@ -47,10 +47,10 @@ class Frame(NamedTuple):
     """Where the points of a grid lie, and the goal's disc."""
 
     x0: float  # position of point (0, 0) [m]
-    y0: float
+    y0: float  # [m]
     spacing: float  # h [m]
     goal_x: float  # centre of the goal's disc [m]
-    goal_y: float
+    goal_y: float  # [m]
     radius: float  # of the disc [m]
 
 
@@ -62,13 +62,13 @@ def frame_at(corner: Array, spacing: float, goal: Goal) -> Frame:
 
 @inlined
 def in_goal(frame, x):  # type: ignore[no-untyped-def]
-    """Whether the position of x is in the goal's disc."""
+    """Whether the position of x (n,) [m] is in the goal's disc."""
     return (x[0] - frame.goal_x) ** 2 + (x[1] - frame.goal_y) ** 2 <= frame.radius * frame.radius
 
 
 @inlined
 def in_cells(frame, x):  # type: ignore[no-untyped-def]
-    """The position of x in spacings from point (0, 0)."""
+    """The position of x (n,) [m] in spacings from point (0, 0), 2 numbers."""
     return (x[0] - frame.x0) / frame.spacing, (x[1] - frame.y0) / frame.spacing
 
 

@@ -53,7 +53,7 @@ class Rays(NamedTuple):
     fate: NDArray[np.int8]  # (nx, ny, nt) INSIDE or the Outcome; -1 at points in a wall
     share: NDArray[np.float32]  # (nx, ny, nt) share of the ray until then
     own_i: IntArray  # (nx, ny) the free point that speaks for a point in a wall
-    own_j: IntArray
+    own_j: IntArray  # (nx, ny)
     cost: float  # q tau of a whole ray [cost]
     temperature: float  # lambda [cost]
     ceiling: float  # v is cut off there [cost]
@@ -84,7 +84,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 
 
 def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Headings:
-    """Solve for v of a car in continuous time on a grid of this spacing [m].
+    """Solve for v (nx, ny, nt) [cost] of a car in continuous time on a grid of this spacing [m]; dt is unused.
 
     Raises:
         OptionError: the sweeps do not settle.

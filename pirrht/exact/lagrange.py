@@ -7,7 +7,7 @@ from pirrht.compiled.jit import inlined
 
 @inlined
 def polynomial(t, c):  # type: ignore[no-untyped-def]
-    """Value at t of the polynomial that is 1 at point c of -1, 0, 1, 2 and 0 at the others."""
+    """Value at t [spacings] of the cubic polynomial that is 1 at point c of -1, 0, 1, 2 and 0 at the others."""
     if c == -1:
         return -t * (t - 1.0) * (t - 2.0) / 6.0
     if c == 0:
@@ -19,7 +19,7 @@ def polynomial(t, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def derivative(t, c):  # type: ignore[no-untyped-def]
-    """Its derivative at t."""
+    """Its derivative at t [1/spacing]."""
     if c == -1:
         return -(3.0 * t * t - 6.0 * t + 2.0) / 6.0
     if c == 0:

@@ -34,10 +34,10 @@ class Process(NamedTuple):
 
     field: Field
     parameters: Array  # (k,) that the drift reads
-    gain: Array  # lambda R^-1 G_c', (m, m)
-    G: Array  # G_c, (m, m)
-    B: Array  # B_c, (m, m)
-    wall: float  # phi/lambda
+    gain: Array  # lambda R^-1 G_c', (m, m) [control per nats/state]
+    G: Array  # G_c, (m, m) [state/s per control]
+    B: Array  # B_c, (m, m) [state/sqrt(s)]
+    wall: float  # phi/lambda [nats]
     step: float  # of a path [s]; in continuous time at most
 
 
@@ -46,12 +46,13 @@ def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
     """The compiled loop over paths for one kind of grid and dynamics.
 
     Args:
-        look: compiled, (grid, x, slope) -> log psi.
-        drift: f of the dynamics.
+        look: compiled, (grid, x (n,), slope (n,)) -> log psi [nats].
+        drift: f of the dynamics, (x (n,), p (k,), out (n,)) [state/s].
         discrete: paths of the discrete-time problem.
 
     Returns:
-        a kernel: grid, `Process`, markers (M, 2), start (n,), seed; it fills turns (S, M) and outcomes (S,).
+        a kernel: grid, `Process`, markers (M, 2) [m], start (n,), seed; it fills turns (S, M) [turns], zeros
+        before, with those of paths and of the straight lines from their ends to the goal point, and outcomes (S,).
     """
     move = as_jitable(drift)
 

@@ -44,7 +44,7 @@ class Expansion(NamedTuple):
     wavenumber: float  # k [1/m]
     least: float  # a slope is never that of a place nearer to a wall [m]
     owner: IntArray  # (nx, ny) free point that speaks for a grid point; -1 where none is near
-    place: IntArray  # (K, 2) grid indices of the free points
+    place: IntArray  # (K, 2) grid indices of the K free points
     coefficients: Array  # (K, 8) of 1, cos t, sin t, cos 2t, sin 2t, cos 3t, sin 3t, cos 4t
     shift: Array  # (K,) [nats]; -inf where psi is 0
 
@@ -69,7 +69,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 
 
 def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Expansion:
-    """The solution of a problem in continuous time on a grid of this spacing [m]."""
+    """The solution, (K, 8) coefficients, in continuous time on a grid of this spacing [m]; dt is unused."""
     wall = problem.phi / problem.temperature
     return solve(Domain.of(space), wavenumber=wavenumber_of(problem), wall=wall, spacing=spacing)
 
@@ -79,7 +79,7 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
 
     Args:
         wavenumber: k [1/m].
-        wall: phi/lambda; may be infinite.
+        wall: phi/lambda [nats]; may be infinite.
         spacing: h [m].
 
     Raises:
@@ -194,7 +194,7 @@ def _fit(neighbour: IntArray, length: Array, log_end: Array, s: Array, wavenumbe
 
 
 def arm_basis(length: Array, wavenumber: float, spacing: float) -> Array:
-    """The eight solutions at the ends of eight arms, (K, 8) lengths -> (K, 8, 8); rows are arms."""
+    """The eight solutions at the ends of eight arms, lengths (K, 8) [m] -> (K, 8, 8); k [1/m]; rows are arms."""
     unit = ARMS / np.hypot(*ARMS.T)[:, None]
     zeta = (unit[:, 0] + 1j * unit[:, 1]) * length / spacing
     factor = _series((0.5 * wavenumber * length) ** 2)

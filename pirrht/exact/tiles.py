@@ -13,7 +13,15 @@ TILE = 16  # points along each side of a tile
 
 
 def one_round(phi: Array, power: Array, into: Array, known: Array, taps: Array, loss: float) -> tuple[Array, Array]:
-    """One application of `phi = exp(-loss) E[psi]`."""
+    """One application of `phi = exp(-loss) E[psi]` with psi = into phi + known; returns phi and power.
+
+    Args:
+        phi: (nx, ny), scaled tile by tile: what is meant is phi exp(power).
+        power: (nx/TILE, ny/TILE) exponent of each tile [nats].
+        into, known: (nx, ny).
+        taps: (2 R + 1,) weights of the Gaussian along each axis.
+        loss: q dt/lambda [nats].
+    """
     source, first = np.empty_like(phi), np.empty_like(power)
     _combine(phi, power, into, known, source, first)
     middle, second = np.empty_like(phi), np.empty_like(power)
@@ -24,7 +32,7 @@ def one_round(phi: Array, power: Array, into: Array, known: Array, taps: Array, 
 
 
 def logarithm(phi: Array, power: Array) -> Array:
-    """log phi at every point, (nx, ny) [nats]."""
+    """log phi at every point, (nx, ny) [nats], of phi (nx, ny) and power (nx/TILE, ny/TILE) [nats]."""
     with np.errstate(divide="ignore", invalid="ignore"):
         value: Array = np.log(np.maximum(phi, 0.0)) + np.kron(power, np.ones((TILE, TILE)))
     return value

@@ -25,18 +25,18 @@ class Curves:
     start: Array  # (k, 3) x, y [m], heading of travel [rad]
     curvature: Array  # (k, P) counter-clockwise positive [1/m]
     length: Array  # (k, P) [m]
-    cost: Array  # (k,) steering cost of the whole curve
+    cost: Array  # (k,) steering cost of the whole curve [cost]
     tails: Array  # (k, n) first states
     heads: Array  # (k, n) last states
 
     def points(self, spacing: float) -> list[Array]:
-        """Each curve as a polyline (l, 2): ends of straight pieces, points every `spacing` m of arcs."""
+        """Each curve as a polyline (l, 2) [m]: ends of pieces, points at most `spacing` [m] apart on arcs."""
         return [trace(self.start[i], self.curvature[i], self.length[i], spacing) for i in range(self.start.shape[0])]
 
 
 @inlined
 def point_along(x, y, theta, ux, uy, curvature, s):  # type: ignore[no-untyped-def]
-    """Point after arc length s on a piece that sets out in the direction (ux, uy) = (cos theta, sin theta)."""
+    """Point (x, y) [m] after arc length s [m] on a piece that sets out along (ux, uy) = (cos theta, sin theta)."""
     if abs(curvature) * abs(s) < 1e-9:
         return x + s * ux, y + s * uy
     end = theta + curvature * s
@@ -45,26 +45,26 @@ def point_along(x, y, theta, ux, uy, curvature, s):  # type: ignore[no-untyped-d
 
 @kernel
 def along(x, y, theta, curvature, s):  # type: ignore[no-untyped-def]
-    """Pose (x, y, theta) after arc length s on a piece."""
+    """Pose (x, y, theta) [m, m, rad] after arc length s [m] on a piece of a curvature [1/m]."""
     px, py = point_along(x, y, theta, math.cos(theta), math.sin(theta), curvature, s)
     return px, py, theta + curvature * s
 
 
 @inlined
 def center_of(x, y, theta, curvature):  # type: ignore[no-untyped-def]
-    """Centre of the circle that an arc is part of."""
+    """Centre (x, y) [m] of the circle that an arc of curvature not 0 [1/m] is part of."""
     return x - math.sin(theta) / curvature, y + math.cos(theta) / curvature
 
 
 @inlined
 def turns_of_chord(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Angle from a to b seen from the origin, of least magnitude, in whole turns (paper, section IV-A)."""
+    """Angle [turns] from (ax, ay) to (bx, by) [m] seen from the origin, of least magnitude (paper, section IV-A)."""
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by) / TWO_PI
 
 
 @kernel
 def turns_of_piece(x, y, theta, curvature, length, mx, my):  # type: ignore[no-untyped-def]
-    """Angle that a piece turns through as seen from the marker (mx, my), in turns; exact off the marker.
+    """Angle [turns] that a piece turns through as seen from the marker (mx, my) [m]; exact off the marker.
 
     Less than a whole circle closed by its chord is the border of a part of the disc, so from outside the
     circle chord and arc turn through the same angle. From inside, the angle of an arc never turns back, and it has
@@ -89,7 +89,7 @@ def turns_of_piece(x, y, theta, curvature, length, mx, my):  # type: ignore[no-u
 
 @kernel
 def entry_of_piece(x, y, theta, curvature, length, gx, gy, radius):  # type: ignore[no-untyped-def]
-    """Arc length at which a piece first touches the disc, or infinity."""
+    """Arc length [m] at which a piece first touches the disc about (gx, gy) of a radius [m], or infinity."""
     dx, dy = x - gx, y - gy
     gap = dx * dx + dy * dy - radius * radius
     if gap <= 0.0:
@@ -118,7 +118,7 @@ def entry_of_piece(x, y, theta, curvature, length, gx, gy, radius):  # type: ign
 
 @kernel
 def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no-untyped-def]
-    """Arc length at which a curve first touches the disc, or infinity."""
+    """Arc length [m] at which a curve, (3,), (P,), (P,), first touches the disc about (gx, gy) [m], or infinity."""
     x, y, theta = start[0], start[1], start[2]
     done = 0.0
     for p in range(length.shape[0]):
@@ -132,7 +132,7 @@ def entry_of_curve(start, curvature, length, gx, gy, radius):  # type: ignore[no
 
 @kernel
 def truncate(length, limit, out):  # type: ignore[no-untyped-def]
-    """Piece lengths (P,) of the part of a curve before arc length `limit`, written to out."""
+    """Piece lengths (P,) [m] of the part of a curve before arc length `limit` [m], written to out (P,)."""
     left = limit
     for p in range(length.shape[0]):
         out[p] = max(0.0, min(length[p], left))
@@ -140,7 +140,7 @@ def truncate(length, limit, out):  # type: ignore[no-untyped-def]
 
 
 def trace(start: Array, curvature: Array, length: Array, spacing: float) -> Array:
-    """One curve as a polyline (l, 2) [m]; points on arcs are at most `spacing` m apart."""
+    """One curve, (3,), (P,), (P,), as a polyline (l, 2) [m]; points on arcs are at most `spacing` [m] apart."""
     x, y, theta = (float(v) for v in start)
     points = [(x, y)]
     for kappa, total in zip(curvature, length, strict=True):

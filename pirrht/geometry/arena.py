@@ -22,7 +22,7 @@ class Arena(NamedTuple):
 
     @classmethod
     def of(cls, field: Field, goal: Goal) -> Arena:
-        """The arena of a field and a goal."""
+        """The arena of a field and a goal of centre (2,) [m]."""
         return cls(field, (float(goal.center[0]), float(goal.center[1])), float(goal.radius))
 
     def at(self, time: float) -> Arena:
@@ -32,5 +32,5 @@ class Arena(NamedTuple):
 
 @inlined
 def at(arena, time):  # type: ignore[no-untyped-def]
-    """The same for kernels. Every world stands still so far, so it is the same at all times."""
+    """The same for kernels, time in [s]. Every world stands still so far, so it is the same at all times."""
     return arena

@@ -33,7 +33,7 @@ def _refused(field, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """FREE, BLOCKED or UNSURE for the segment ab: discs of certified clearance must cover it."""
+    """FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m]: certified discs must cover it."""
     length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
     if length == 0.0:
         return FREE if clearance(field, ax, ay) > 0.0 else UNSURE
@@ -51,13 +51,13 @@ def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def certify_point(field, x, y):  # type: ignore[no-untyped-def]
-    """FREE, BLOCKED or UNSURE for one position."""
+    """FREE, BLOCKED or UNSURE for one position (x, y) [m]."""
     return FREE if clearance(field, x, y) > 0.0 else _refused(field, x, y)
 
 
 @kernel
 def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
-    """FREE, BLOCKED or UNSURE for one curve: discs of certified clearance must cover it.
+    """FREE, BLOCKED or UNSURE for one curve, (3,), (P,) [1/m], (P,) [m]: discs of certified clearance must cover it.
 
     Where they do not, the walk goes on in small steps: most such curves soon enter an obstacle beyond doubt.
     """
@@ -83,7 +83,7 @@ def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-d
 
 @kernel
 def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def]
-    """Whether the field alone certifies a curve; it does not tell blocked from unsure."""
+    """Whether the field alone certifies a curve, (3,), (P,) [1/m], (P,) [m]; it does not tell blocked from unsure."""
     x, y, theta = start[0], start[1], start[2]
     for p in range(length.shape[0]):
         kappa, total = curvature[p], length[p]

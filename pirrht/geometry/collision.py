@@ -72,7 +72,7 @@ class Collision:
         FCL is asked about solids for which no closed form is known.
 
         Returns:
-            The distances, at most `reach`, and which group is nearest, -1 beyond reach.
+            The two distances (k,), at most `reach` [m], and which group is nearest (k,), -1 beyond reach.
         """
         known = np.full(len(points), reach)
         found = Found(known, known.copy(), np.full(len(points), -1, dtype=np.int64))
@@ -127,11 +127,11 @@ class Collision:
         return nearest
 
     def free(self, points: Array) -> BoolArray:
-        """Whether the robot touches no obstacle and is strictly inside the border, (k, 2) -> (k,)."""
+        """Whether the robot touches no obstacle and is strictly inside the border, (k, 2) [m] -> (k,)."""
         return self.segments_free(points, points)
 
     def segments_free(self, tails: Array, heads: Array) -> BoolArray:
-        """Whether the robot can go straight from tails to heads, 2 x (k, 2) -> (k,); a swept capsule each."""
+        """Whether the robot can go straight from tails to heads, 2 x (k, 2) [m] -> (k,); a swept capsule each."""
         result = self._inside(tails) & self._inside(heads)
         middles = self._lift(0.5 * (tails + heads))
         spans, radius = heads - tails, self.footprint.radius

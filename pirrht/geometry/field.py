@@ -30,7 +30,7 @@ class Grid(NamedTuple):
     """Clearance of the robot's centre on a grid of nx * ny points, as numbers that kernels can take cheaply."""
 
     x0: float  # position of grid point (0, 0) [m]
-    y0: float
+    y0: float  # [m]
     spacing: float  # h [m]
     per: float  # 1/h [1/m]
     nx: int
@@ -39,9 +39,9 @@ class Grid(NamedTuple):
     second: int  # address of float32 (nx, ny): clearance to the second nearest component [m]
     label: int  # address of int32 (nx, ny): index of the nearest component
     left: float  # border of the workspace [m]
-    low: float
-    right: float
-    high: float
+    low: float  # [m]
+    right: float  # [m]
+    high: float  # [m]
 
 
 class Field(Grid):
@@ -51,7 +51,7 @@ class Field(Grid):
 
     @classmethod
     def of(cls, world: World, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
-        """Take hold of values (nx, ny) that start at the workspace's least corner."""
+        """Take hold of values (nx, ny), clearances [m] and labels, that start at the workspace's least corner."""
         arrays = (
             np.ascontiguousarray(nearest, dtype=np.float32),
             np.ascontiguousarray(second, dtype=np.float32),
@@ -65,7 +65,7 @@ class Field(Grid):
 
 
 def build_field(collision: Collision, groups: Sequence[Sequence[int]]) -> Field:
-    """Sample FCL near the obstacles, coarser farther away; `groups` are the components (lists of obstacles)."""
+    """Sample FCL's clearances [m], coarser far from obstacles; `groups` are the components (lists of obstacles)."""
     world, r = collision.world, collision.footprint.radius
     span = world.upper - world.lower
     h = float(max(r / 8.0, span.max() / 4000.0))
@@ -159,13 +159,13 @@ def _fill(margin: Array) -> Array:
 
 @inlined
 def border(field, x, y):  # type: ignore[no-untyped-def]
-    """Distance of (x, y) to the border of the workspace, negative outside [m]."""
+    """Distance of (x, y) [m] to the border of the workspace, negative outside [m]."""
     return min(min(x - field.left, field.right - x), min(y - field.low, field.high - y))
 
 
 @inlined
 def cell_of(field, x, y):  # type: ignore[no-untyped-def]
-    """Index of the cell's first grid point, and where (x, y) lies in the cell, each from 0 to 1."""
+    """Index i ny + j of the cell's first grid point, and where (x, y) [m] lies in the cell, each from 0 to 1."""
     fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
     i = min(max(np.int32(fx), np.int32(0)), np.int32(field.nx - 2))
     j = min(max(np.int32(fy), np.int32(0)), np.int32(field.ny - 2))
@@ -174,14 +174,14 @@ def cell_of(field, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def bilinear(a, b, c, d, u, v):  # type: ignore[no-untyped-def]
-    """Value in a cell with corner values a, b in the first column and c, d in the second."""
+    """Value at (u, v) in a cell, each from 0 to 1; corner values a, b in the first column and c, d in the second."""
     low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
     return low * (ONE - u) + high * u
 
 
 @inlined
 def bilinear_slope(a, b, c, d, u, v, per):  # type: ignore[no-untyped-def]
-    """The same and its gradient, with `per` cells per meter."""
+    """The same and its gradient (d/dx, d/dy) [value/m], with `per` cells per meter [1/m]."""
     low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
     return low * (ONE - u) + high * u, (high - low) * per, ((b - a) * (ONE - u) + (d - c) * u) * per
 
@@ -195,21 +195,21 @@ def _corners(field, grid, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
-    """Bilinear value at (x, y) inside the workspace of the grid at an address, field.nearest or field.second."""
+    """Bilinear value [m] at (x, y) [m] in the workspace of the grid at an address, field.nearest or field.second."""
     a, b, c, d, u, v = _corners(field, grid, x, y)
     return bilinear(a, b, c, d, u, v)
 
 
 @inlined
 def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
-    """The same and its gradient."""
+    """The same and its gradient (d/dx, d/dy) [m/m]."""
     a, b, c, d, u, v = _corners(field, grid, x, y)
     return bilinear_slope(a, b, c, d, u, v, field.per)
 
 
 @inlined
 def closest(field, x, y):  # type: ignore[no-untyped-def]
-    """Indices of the grid point closest to (x, y)."""
+    """Indices (i, j) of the grid point closest to (x, y) [m]."""
     i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
     j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
     return i, j
@@ -217,14 +217,14 @@ def closest(field, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
-    """Component that is nearest at the grid point closest to (x, y)."""
+    """Component that is nearest at the grid point closest to (x, y) [m]; -1 where none is near."""
     i, j = closest(field, x, y)
     return load_int32(field.label, i * field.ny + j)
 
 
 @inlined
 def clearance(field, x, y):  # type: ignore[no-untyped-def]
-    """A lower bound of the clearance at (x, y), border included [m]."""
+    """A lower bound [m] of the clearance at (x, y) [m], border included."""
     edge = border(field, x, y)
     if edge <= 0.0:
         return edge

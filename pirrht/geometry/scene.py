@@ -32,9 +32,9 @@ class Obstacle:
     kind: Kind
     size: Array  # (3,) MuJoCo's sizes of the kind [m]; unused for a mesh
     position: Array  # (3,) centre [m]
-    rotation: Array  # (3, 3) body axes in world coordinates
+    rotation: Array  # (3, 3) body axes in world coordinates, as columns
     vertices: Array | None = None  # (k, 3) corners of a mesh's convex hull in its own frame [m]
-    faces: NDArray[np.int64] | None = None  # (l, 3) triangles of that hull
+    faces: NDArray[np.int64] | None = None  # (l, 3) triangles of that hull, indices of corners
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,7 +45,7 @@ class Goal:
     radius: float  # [m]
 
     def contains(self, position: Array) -> NDArray[np.bool_]:
-        """Whether positions (..., 2) lie in the closed disc, (...,)."""
+        """Whether positions (..., 2) [m] lie in the closed disc, (...,)."""
         inside: NDArray[np.bool_] = np.hypot(*np.moveaxis(position - self.center, -1, 0)) <= self.radius
         return inside
 
@@ -58,7 +58,7 @@ class World(NamedTuple):
     obstacles: tuple[Obstacle, ...]
 
     def contains(self, position: Array) -> bool:
-        """Whether a robot centre (2,) lies strictly inside the workspace."""
+        """Whether a robot centre (2,) [m] lies strictly inside the workspace."""
         return bool(np.all(position > self.lower) and np.all(position < self.upper))
 
 
@@ -103,10 +103,10 @@ class Scene:
 
     @property
     def world(self) -> World:
-        """Bounds and obstacles."""
+        """Bounds, 2 x (2,) [m], and obstacles."""
         return World(self.lower, self.upper, self.obstacles)
 
     @property
     def footprint(self) -> Footprint:
-        """Radius and height of the robot."""
+        """Radius and height of the robot [m]."""
         return Footprint(self.robot_radius, self.robot_height)

@@ -27,13 +27,13 @@ class Solids(NamedTuple):
     form: NDArray[np.int64]  # (M,) index in FORMS, -1 for a solid without a closed form
     size: Array  # (M, 3) MuJoCo's sizes [m]
     position: Array  # (M, 3) centres [m]
-    rotation: Array  # (M, 3, 3) body axes in world coordinates
+    rotation: Array  # (M, 3, 3) body axes in world coordinates, as columns
     low: Array  # (M, 2) rectangles around them seen from above [m]
-    high: Array  # (M, 2)
+    high: Array  # (M, 2) [m]
 
     @classmethod
     def of(cls, obstacles: Sequence[Obstacle]) -> Solids:
-        """Gather M obstacles."""
+        """Gather M obstacles into arrays (M, ...) [m]."""
         M = len(obstacles)
         boxes = np.array([_rectangle(o) for o in obstacles]).reshape(M, 2, 2)
         return cls(
@@ -80,7 +80,7 @@ def _outside(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
-    """Distance from solid m, which has a closed form, to a point [m]; 0 inside."""
+    """Distance from solid m of `Solids`, which has a closed form, to a point (x, y, z) [m]; 0 inside."""
     dx, dy, dz = x - solids.position[m, 0], y - solids.position[m, 1], z - solids.position[m, 2]
     R, size = solids.rotation[m], solids.size[m]
     d = _outside(
@@ -102,7 +102,7 @@ class Found(NamedTuple):
 
 @jitable
 def improve(first: Array, second: Array, which: NDArray[np.int64], i: int, g: int, d: float) -> None:
-    """Take note in the arrays of `Found` that a member of group g lies at distance d [m] from point i."""
+    """Take note in the arrays (k,) of `Found` that a member of group g lies at distance d [m] from point i."""
     if g == which[i]:
         first[i] = min(d, first[i])
     elif d < first[i]:
@@ -116,11 +116,13 @@ def nearest_two(solids, members, group, points, rows, height, found):  # type: i
     """Improve what is known of the nearest groups (`Found`) by `members`, for some rows of points, in place.
 
     Args:
-        members: solids with a closed form.
+        solids: `Solids`.
+        members: (l,) indices of solids with a closed form.
         group: (M,) the group of each solid.
         points: (k, 2) [m].
-        rows: those of the points that are asked.
+        rows: indices of the points that are asked.
         height: of all points [m].
+        found: `Found`.
     """
     low, high = solids.low, solids.high
     first, second, which = found
@@ -137,7 +139,7 @@ def nearest_two(solids, members, group, points, rows, height, found):  # type: i
 
 
 def tiles(points: Array, width: float) -> Iterator[tuple[NDArray[np.int64], Array, Array]]:
-    """Points (k, 2) by square tiles: rows, and the least and greatest corner of what lies in the tile."""
+    """Points (k, 2) [m] by square tiles of a width [m]: rows (l,), least and greatest corner (2,) of those."""
     if not len(points):
         return
     tile = np.floor((points - points.min(axis=0)) / width).astype(np.int64)

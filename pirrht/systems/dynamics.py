@@ -37,11 +37,11 @@ class Dynamics(ABC):
 
     @abstractmethod
     def twist(self, x: Array, rate: Array) -> Array:
-        """Velocity command (2,) of the robot for rates (m,) of the actuated states, in the robot's own terms."""
+        """Velocity command (2,) of the robot at x (n,), in its own terms, for rates (m,) [state/s] of x_c."""
 
     @property
     def constant(self) -> bool:
-        """Whether neither G nor B depends on the state."""
+        """Whether neither G nor B depends on the state; then both are arrays (m, m)."""
         return isinstance(self.control_block, np.ndarray) and isinstance(self.diffusion_block, np.ndarray)
 
     @property
@@ -51,21 +51,21 @@ class Dynamics(ABC):
 
     @cached_property
     def position(self) -> tuple[int, int]:
-        """Indices of x and y in a state."""
+        """Indices of x and y [m] in a state (n,)."""
         return self.states.index("x"), self.states.index("y")
 
     @cached_property
     def angles(self) -> tuple[int, ...]:
-        """Indices of the headings in a state."""
+        """Indices of the headings [rad] in a state (n,)."""
         return tuple(i for i, name in enumerate(self.states) if name == "heading")
 
     @cached_property
     def clock(self) -> int | None:
-        """Index of the time in a state, if it is one of the components."""
+        """Index of the time [s] in a state (n,), if it is one of the components."""
         return self.states.index("t") if "t" in self.states else None
 
     def difference(self, x: Array, y: Array) -> Array:
-        """x - y of states (..., n), headings within half a turn of zero, (..., n)."""
+        """x - y of states (..., n), headings from -pi to pi [rad], (..., n)."""
         off: Array = x - y
         for i in self.angles:
             off[..., i] = (off[..., i] + np.pi) % (2.0 * np.pi) - np.pi
@@ -79,7 +79,7 @@ class Dynamics(ABC):
         return x
 
     def box(self, scene: Scene) -> tuple[Array, Array]:
-        """Least and greatest state, 2 x (n,), to probe between: the workspace, all headings, -1 to 1 for the rest."""
+        """Least and greatest state, 2 x (n,), to probe between: workspace [m], headings [rad], -1 to 1 else."""
         upper = np.ones(self.n)
         upper[list(self.angles)] = np.pi
         lower = -upper
@@ -128,20 +128,20 @@ class Dynamics(ABC):
         return out
 
     def G_c(self, x: Array) -> Array:
-        """Actuated block of G at x, (m, m)."""
+        """Actuated block of G at x (n,), (m, m) [state/s per control]."""
         return self._block(self.control_block, x)
 
     def B_c(self, x: Array) -> Array:
-        """Actuated block of B at x, (m, m)."""
+        """Actuated block of B at x (n,), (m, m) [state/sqrt(s)]."""
         return self._block(self.diffusion_block, x)
 
     def rate(self, x: Array, u: Array, dw: Array, dt: float) -> Array:
-        """Rates (m,) of the actuated states under control u and Brownian increment dw over dt."""
+        """Rates (m,) [state/s] of the actuated states at x (n,), for u (m,) and noise dw (m,) [sqrt(s)] over dt [s]."""
         actuated: Array = self.f(x)[self.n - self.m :] + self.G_c(x) @ u + self.B_c(x) @ dw / dt
         return actuated
 
     def step(self, x: Array, u: Array, dw: Array, dt: float) -> Array:
-        """One Euler-Maruyama step from x (n,) with the increment dw (m,) [sqrt(s)] handed in, (n,)."""
+        """One Euler-Maruyama step of dt [s] from x (n,) under u (m,), increment dw (m,) [sqrt(s)] handed in, (n,)."""
         dx = self.f(x) * dt
         dx[self.n - self.m :] = self.rate(x, u, dw, dt) * dt
         moved: Array = x + dx
@@ -157,7 +157,7 @@ class Dynamics(ABC):
 
 @jitable
 def no_drift(x, p, out):  # type: ignore[no-untyped-def]
-    """f = 0."""
+    """f = 0 at x (n,), written to out (n,) [state/s]."""
     for i in range(out.shape[0]):
         out[i] = 0.0
 

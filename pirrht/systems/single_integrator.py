@@ -13,7 +13,11 @@ from pirrht.systems.dynamics import Dynamics, _check_noise, no_drift
 
 @dataclass(frozen=True, eq=False)
 class SingleIntegrator(Dynamics):
-    """A point that is pushed around: dx = u dt + b dw (paper, first example)."""
+    """A point that is pushed around: dx = u dt + b dw, x (2,) [m], u (2,) [m/s] (paper, first example).
+
+    Raises:
+        OptionError: b is not a positive number.
+    """
 
     b: float = 0.1  # noise [m/sqrt(s)]
 
@@ -27,14 +31,14 @@ class SingleIntegrator(Dynamics):
 
     @cached_property
     def control_block(self) -> Array:  # type: ignore[override]
-        """G_c = I."""
+        """G_c = I, (2, 2); controls are velocities [m/s]."""
         return np.eye(2)
 
     @cached_property
     def diffusion_block(self) -> Array:  # type: ignore[override]
-        """B_c = b I."""
+        """B_c = b I, (2, 2) [m/sqrt(s)]."""
         return self.b * np.eye(2)
 
     def twist(self, x: Array, rate: Array) -> Array:
-        """World velocities (vx, vy) [m/s]."""
+        """World velocities (vx, vy), (2,) [m/s]."""
         return rate

@@ -15,7 +15,7 @@ from pirrht.systems.dynamics import Dynamics, _check_noise
 
 @jitable
 def unicycle_drift(x, p, out):  # type: ignore[no-untyped-def]
-    """f = [V cos theta, V sin theta, 0] with p = [V]."""
+    """f = [V cos theta, V sin theta, 0] at x (3,), written to out (3,) [m/s, m/s, rad/s], with p = [V], (1,)."""
     out[0] = p[0] * np.cos(x[2])
     out[1] = p[0] * np.sin(x[2])
     out[2] = 0.0
@@ -23,7 +23,13 @@ def unicycle_drift(x, p, out):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, eq=False)
 class Unicycle(Dynamics):
-    """A car of constant speed V steered by its turn rate: dtheta = u/rho dt + b dw (paper, second example)."""
+    """A car of constant speed V steered by its turn rate: dtheta = u/rho dt + b dw (paper, second example).
+
+    The state is x, y [m] and heading [rad], (3,).
+
+    Raises:
+        OptionError: V, rho or b is not a positive number.
+    """
 
     V: float = 1.0  # speed [m/s]
     rho: float = 1.0  # turning radius at |u| = 1 and V = 1 [m]
@@ -43,19 +49,19 @@ class Unicycle(Dynamics):
 
     @cached_property
     def parameters(self) -> Array:  # type: ignore[override]
-        """p = [V]."""
+        """p = [V], (1,) [m/s]."""
         return np.array([self.V])
 
     @cached_property
     def control_block(self) -> Array:  # type: ignore[override]
-        """G_c = 1/rho."""
+        """G_c = 1/rho, (1, 1) [1/m]."""
         return np.array([[1.0 / self.rho]])
 
     @cached_property
     def diffusion_block(self) -> Array:  # type: ignore[override]
-        """B_c = b."""
+        """B_c = b, (1, 1) [rad/sqrt(s)]."""
         return np.array([[self.b]])
 
     def twist(self, x: Array, rate: Array) -> Array:
-        """Forward speed [m/s] and turn rate [rad/s]."""
+        """Forward speed [m/s] and turn rate [rad/s], (2,)."""
         return np.array([self.V, rate[0]])

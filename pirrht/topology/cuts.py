@@ -27,19 +27,19 @@ class Index(NamedTuple):
     """Markers by direction from the goal point and by position, as numbers that kernels can take cheaply."""
 
     goal_x: float  # goal point [m]
-    goal_y: float
+    goal_y: float  # [m]
     M: int  # number of markers
     buckets: int  # B sectors of equal width; 1: all markers are always asked
     start: int  # address of int32 (2B+1,): first marker of each sector, twice around
     x: int  # address of float64 (2M,): markers by direction, twice around [m]
-    y: int
+    y: int  # address of float64 (2M,) [m]
     weight: int  # address of int64 (2M,): their additive keys
     marker: int  # address of int32 (2M,): their indices in all signatures
     left: float  # corner of a lattice over the markers [m]
-    low: float
+    low: float  # [m]
     cell: float  # its cells' width [m]
-    columns: int
-    rows: int
+    columns: int  # along x
+    rows: int  # along y
     first: int  # address of int32 (columns * rows + 1,): first member of each cell
     member: int  # address of int32 (M,): indices in the order by direction
 
@@ -51,7 +51,7 @@ class Cuts(Index):
 
     @classmethod
     def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> Cuts:
-        """Sort markers (M, 2) around the goal point (2,); `weights` (M,) are the additive keys of one turn."""
+        """Sort markers (M, 2) around the goal point (2,) [m]; `weights` (M,) are the additive keys of one turn."""
         M = len(markers)
         B = M if M > FEW else 1
         away = np.array([direction(dx, dy) for dx, dy in markers - goal]).reshape(M)
@@ -105,7 +105,7 @@ def direction(dx, dy):  # type: ignore[no-untyped-def]
 
 @inlined
 def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
-    """Range in the order by direction that holds all markers whose cuts the segment from a to c can cross."""
+    """Range, end excluded, by direction of all markers whose cuts the segment (ax, ay) to (cx, cy) [m] can cross."""
     B = cuts.buckets
     if B == 1:
         return 0, cuts.M
@@ -128,9 +128,10 @@ def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 
 @inlined
 def turn_at_cut(mx, my, gx, gy, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
-    """The turn, -1, 0 or 1, that the segment from a to c adds by crossing the cut of the marker (mx, my).
+    """The turn, -1, 0 or 1, that the segment from a to c [m] adds by crossing the cut of the marker (mx, my).
 
-    Points on the cut count as on its right, as in `straight_turns`; counter-clockwise is positive.
+    (gx, gy) is the goal point, all in [m]. Points on the cut count as on its right, as in `straight_turns`;
+    counter-clockwise is positive.
     """
     bx, by = gx - mx, gy - my
     ax, ay, cx, cy = ax - mx, ay - my, cx - mx, cy - my
@@ -145,7 +146,7 @@ def turn_at_cut(mx, my, gx, gy, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 
 @inlined
 def straight_turns(px, py, mx, my, gx, gy):  # type: ignore[no-untyped-def]
-    """Angle that the straight line from p to the goal point g turns through as seen from a marker, in turns."""
+    """Angle [turns] of the straight line from p to the goal point g as seen from a marker (mx, my) [m]."""
     ax, ay, bx, by = px - mx, py - my, gx - mx, gy - my
     # On the cut itself the angle jumps; it counts as the right side, as `cross > 0` does at crossings.
     on_cut = ax * by - ay * bx == 0.0 and ax * bx + ay * by < 0.0
@@ -154,13 +155,13 @@ def straight_turns(px, py, mx, my, gx, gy):  # type: ignore[no-untyped-def]
 
 @kernel
 def key_of_segment(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
-    """Additive key of the turns that the segment from a to c adds."""
+    """Additive key of the turns that the segment from (ax, ay) to (cx, cy) [m] adds."""
     return key_of_step(cuts, ax, ay, cx, cy)
 
 
 @inlined
 def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
-    """The same, inlined for long loops."""
+    """The same, (ax, ay) to (cx, cy) [m], inlined for long loops."""
     key = np.int64(0)
     begin, end = sector(cuts, ax, ay, cx, cy)
     for i in range(begin, end):

@@ -9,7 +9,7 @@ from pirrht.topology.homology import Homology, integers
 
 
 class Driven:
-    """A drive that started at x (n,)."""
+    """A drive that started at x (n,), whose turns (M,) are kept as it goes on."""
 
     def __init__(self, homology: Homology, x: Array) -> None:
         self._homology = homology
@@ -19,19 +19,19 @@ class Driven:
         self._sure: tuple[Array, Array] | None = None  # turns and position before what is only expected
 
     def observe(self, states: Array) -> None:
-        """Take note of the states (k, n) just driven through; they replace what was expected."""
+        """Take note of the states (k, n), the first two [m], just driven through; they replace what was expected."""
         if self._sure is not None:
             (self._turns, self._last), self._sure = self._sure, None
         self._turns = self._turns + self._homology.turns(np.vstack([self._last, states[:, :2]]))
         self._last = np.array(states[-1, :2])
 
     def expect(self, states: Array) -> None:
-        """Suppose that the robot will drive through the states (k, n) next, whatever was expected before."""
+        """Suppose that the robot drives through the states (k, n) next, positions [m]; replaces what was expected."""
         known = (self._turns, self._last) if self._sure is None else self._sure
         self.observe(states)
         self._sure = known
 
     def winding(self) -> tuple[int, ...]:
-        """Class of the driven path, completed by the straight line to the goal point."""
+        """Class of the driven path, M whole [turns], completed by the straight line to the goal point."""
         here = self._homology.straight(self._last[None, :])[0]
         return integers(self._turns + here - self._start)

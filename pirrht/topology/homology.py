@@ -36,25 +36,25 @@ class Homology:
         return int(self.markers.shape[0])
 
     def straight(self, points: Array) -> Array:
-        """H of the straight lines from points (k, 2) to the goal point, (k, M) [turns], without the leading 1."""
+        """H of the straight lines from points (k, 2) [m] to the goal point, (k, M) [turns], without the leading 1."""
         out = np.empty((len(points), self.M))
         _straight(np.ascontiguousarray(points, dtype=float), self.markers, self.goal, out)
         return out
 
     def turns(self, polyline: Array) -> Array:
-        """H of a polyline (l, 2), (M,) [turns], without the leading 1."""
+        """H of a polyline (l, 2) [m], (M,) [turns], without the leading 1."""
         out = np.zeros(self.M)
         _turns(np.ascontiguousarray(polyline[:, :2], dtype=float), self.markers, out)
         return out
 
     def winding(self, polyline: Array) -> tuple[int, ...]:
-        """Class of a path (l, 2), completed by the straight line from its end to the goal point."""
+        """Class, M [turns], of a path (l, 2) [m], completed by the straight line from its end to the goal point."""
         ends = self.straight(polyline[[0, -1], :2])
         whole = self.turns(polyline) + ends[1] - ends[0]
         return integers(whole)
 
     def signature(self, start: Array, winding: Sequence[int]) -> Array:
-        """The paper's H = 1 + H(sigma) of a class seen from start (2,), (M,)."""
+        """The paper's H = 1 + H(sigma) of a class (M,) seen from start (2,) [m], (M,) [turns]."""
         value: Array = 1.0 + self.straight(start[None, :2])[0] + np.asarray(winding, dtype=float)
         return value
 
@@ -64,7 +64,7 @@ class Homology:
         return _hash_weights(self.M)
 
     def key(self, winding: Sequence[int]) -> int:
-        """The additive key of a class, as kernels carry it (a wrapped 64-bit integer)."""
+        """The additive key of a class (M,), as kernels carry it (a wrapped 64-bit integer)."""
         weights = self.hash_weights
         with np.errstate(over="ignore"):
             return int(np.sum(np.asarray(winding, dtype=np.int64) * weights, dtype=np.int64))
@@ -77,13 +77,13 @@ def _hash_weights(M: int) -> IntArray:
 
 
 def integers(whole: Array | IntArray) -> tuple[int, ...]:
-    """A class as plain integers, from numbers (M,) that are whole but for rounding."""
+    """A class as M plain integers, from numbers (M,) [turns] that are whole but for rounding."""
     winding: tuple[int, ...] = tuple(np.rint(whole).astype(np.int64).tolist())
     return winding
 
 
 def class_id(winding: Sequence[int]) -> str:
-    """The public name of a class: its integers joined by commas; "-" where there is nothing to wind around."""
+    """The public name of a class (M,): its integers joined by commas; "-" where there is nothing to wind around."""
     return _name(tuple(winding))
 
 

@@ -32,7 +32,7 @@ class Component:
 
 
 def components(collision: Collision) -> tuple[Component, ...]:
-    """Topological obstacles of a world, ordered by their first member; those out of reach are left out.
+    """Topological obstacles of a world, markers (2,) [m], ordered by their first member; without those out of reach.
 
     A joint is certified by a common point of two inflated shapes. A gap that is only micrometres narrower
     than the robot may count as a passage.

@@ -21,17 +21,17 @@ class Turns(NamedTuple):
     """Whole turns of k curves; those of curve i are the pairs first[i] to first[i+1]."""
 
     first: NDArray[np.int64]  # (k+1,)
-    marker: NDArray[np.int32]  # (pairs,)
-    turn: NDArray[np.int16]  # (pairs,)
+    marker: NDArray[np.int32]  # (pairs,) index in all signatures
+    turn: NDArray[np.int16]  # (pairs,) [turns]
 
     def dense(self, i: int, M: int) -> NDArray[np.int64]:
-        """The integers of curve i for all markers, (M,)."""
+        """The integers of curve i for all markers, (M,) [turns]."""
         part = slice(self.first[i], self.first[i + 1])
         return spread(self.marker[part], self.turn[part], M)
 
 
 def spread(marker: NDArray[np.int32], turn: NDArray[np.int16], M: int) -> NDArray[np.int64]:
-    """Pairs as integers for all markers, (M,)."""
+    """Pairs, 2 x (pairs,), as integers for all markers, (M,) [turns]."""
     whole = np.zeros(M, dtype=np.int64)
     np.add.at(whole, marker, turn)
     return whole
@@ -41,7 +41,7 @@ class Piece(NamedTuple):
     """One arc or straight piece of a curve."""
 
     x: float  # where it begins [m]
-    y: float
+    y: float  # [m]
     theta: float  # direction there [rad]
     curvature: float  # [1/m]
     length: float  # [m]
@@ -105,10 +105,10 @@ def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn
 
     Args:
         cuts: the markers' (`Cuts`).
-        start, curvature, length: the curve as in `Curves`, (3,), (P,), (P,).
+        start, curvature, length: the curve as in `Curves`, (3,) [m, m, rad], (P,) [1/m], (P,) [m].
         to_goal: whether it goes on straight from its end to the goal point, which crosses no cut.
         hx, hy: the state at its end; used unless `to_goal` [m].
-        marker, turn: the pairs, of arrays that can hold M more per piece.
+        marker, turn: the pairs, 2 x (l,) [turns], of arrays that can hold M more per piece.
         count: pairs that are there already.
     """
     last = length.shape[0] - 1
@@ -130,7 +130,7 @@ def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn
 def summed(total, marker, turn, begin, count):  # type: ignore[no-untyped-def]
     """Sum pairs begin to count of one marker into one, in place, and drop zeros; the new count.
 
-    `total` (M,) are zeros, and zeros again afterwards.
+    Pairs are marker, turn (l,) [turns]; `total` (M,) are zeros, and zeros again afterwards.
     """
     for i in range(begin, count):
         total[marker[i]] += turn[i]
@@ -146,7 +146,7 @@ def summed(total, marker, turn, begin, count):  # type: ignore[no-untyped-def]
 
 @kernel
 def key_of_pairs(marker, turn, begin, count, weights):  # type: ignore[no-untyped-def]
-    """Additive key of pairs begin to count."""
+    """Additive key of pairs begin to count of marker, turn (l,) [turns], by weights (M,)."""
     key = np.int64(0)
     for i in range(begin, count):
         key += turn[i] * weights[marker[i]]
