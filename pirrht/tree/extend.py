@@ -18,7 +18,8 @@ from pirrht.steering.motion import MotionKernels
 from pirrht.topology.cuts import straight_turns
 from pirrht.tree import graph as g
 from pirrht.tree.edges import judge_with
-from pirrht.tree.search import ask_again, reaches, settle
+from pirrht.tree.nodes import ask_again
+from pirrht.tree.search import reaches, settle
 from pirrht.tree.status import ASK, DONE
 
 

@@ -19,7 +19,8 @@ from pirrht.topology.homology import class_id, integers
 from pirrht.tree import graph as g
 from pirrht.tree.edges import NO_EDGES, EdgeChecker, Edges
 from pirrht.tree.extend import Vertices, grow_with, insert, near_count
-from pirrht.tree.search import Best, SearchRules, best_classes, reaches, relax
+from pirrht.tree.nodes import SearchRules
+from pirrht.tree.search import Best, best_classes, reaches, relax
 from pirrht.tree.status import ASK, DONE, NODES_FULL, PAIRS_FULL, QUEUE_FULL
 
 GOAL_SHARE = 0.02  # share of the draws that go to the goal's disc, which uniform draws would rarely hit
