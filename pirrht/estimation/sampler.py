@@ -73,6 +73,7 @@ class PathIntegral:
         times = np.arange(3.0)
         proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
         rollouts = self.rollout(Batch(state=x, times=times, proposals=(proposal,)), 0)
+        self.weighed([replace(rollouts, log_weight=np.zeros(1))])  # whatever became of the sample
         self.replay.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.replay.trace(rollouts, np.zeros(1, dtype=np.int64))
         clearance(self.space.field, x[0], x[1])
