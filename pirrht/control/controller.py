@@ -22,6 +22,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
 from pirrht.guidance.tracking import FEW, Guidance, Guide
+from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.topology.homology import class_id, integers
@@ -122,7 +123,10 @@ class Controller(Policy):
         batch = self.batch(x, references)
         estimate = self._estimate(batch, left)
         ids = tuple(batch.classes.values())
-        law = None if estimate is None or self.pool is None else self._law(self.pool, estimate, batch)
+        law, push = None, None
+        if estimate is not None:
+            push = self.path_integral.push(estimate.rollouts.leads)
+            law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
         return Plan(
             state=x,
             times=batch.times,
@@ -133,7 +137,7 @@ class Controller(Policy):
             fallback="no survivor" if estimate is None else None,
             instead=self._instead(batch, references) if estimate is None else None,
             law=law,
-            push=None if estimate is None else self.path_integral.push(estimate.rollouts.leads),
+            push=push,
             span=self.path_integral.sampling.dt,
             shares=None if law is None else law.weights(x, 0.0),
             followed=self._followed,
@@ -179,11 +183,11 @@ class Controller(Policy):
         self._followed = ids[best]
         return alone(self.problem, estimate, best, {key: name for key, name in names.items() if name == ids[best]})
 
-    def _law(self, pool: ClassPool, estimate: Estimate, batch: Batch) -> ClassMixture:
+    def _law(self, pool: ClassPool, estimate: Estimate, batch: Batch, push: Push) -> ClassMixture:
         """Feedback until the next plan."""
         leads = {one.name: one.lead for one in batch.proposals if one.key is not None and one.lead.follows}
         elapsed, self.drive.since_estimate = self.drive.since_estimate, 0.0
-        return pool.law(estimate, leads, self.path_integral.push(estimate.rollouts.leads), elapsed)
+        return pool.law(estimate, leads, push, elapsed)
 
     def _references(self, x: Array) -> list[Reference]:
         if self.tree is None or self.method.most == 0:

@@ -91,9 +91,7 @@ def resolve(arena, B, step, k, random, f):  # type: ignore[no-untyped-def]
     x, y, nx, ny = np.float64(f[X + k]), np.float64(f[Y + k]), np.float64(f[NX + k]), np.float64(f[NY + k])
     before = np.float64(f[C0 + k]), np.float64(f[E0 + k]), np.float64(f[G0 + k])
     after = np.float64(f[C1 + k]), np.float64(f[E1 + k]), np.float64(f[G1 + k])
-    state, outcome, share = bridge_exit(
-        arena, x, y, nx, ny, before, after, (step, 0.0, step), random[k]
-    )  # fmt: skip
+    state, outcome, share = bridge_exit(arena, x, y, nx, ny, before, after, (step, 0.0, step), random[k])
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
