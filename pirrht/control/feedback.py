@@ -22,8 +22,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate, normalised
-from pirrht.guidance.gates import gates_of
-from pirrht.guidance.leads import Lead, Towards
+from pirrht.guidance.leads import Lead
 from pirrht.problem import Problem
 
 MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
@@ -120,11 +119,6 @@ class ClassPool:
     problem: Problem
     fade: float = MEMORY  # [s]; 0: only the last plan counts
     _last: ClassMixture | None = field(default=None)
-
-    def __post_init__(self) -> None:
-        """Compile what leads are made of."""
-        x = np.zeros(2)
-        Towards(gates_of(np.ones((1, 2)), x, 1.0), 1.0, 1.0)(x, 0.0)
 
     def forget(self) -> None:
         """Start anew."""

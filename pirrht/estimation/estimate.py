@@ -75,7 +75,7 @@ def log_weights(
     H, S = len(number), int(first[-1])
     chosen = slice(0, S) if part is None else slice(*part)
     outcome = paths.outcome[chosen]
-    log_weight = paths.work[chosen] / -problem.temperature
+    log_weight = paths.lasting[chosen] - paths.work[chosen] / problem.temperature
     log_weight[outcome == Outcome.COLLISION] -= problem.phi / problem.temperature
     if rule == "average":
         samples = np.arange(S)[chosen]

@@ -21,18 +21,18 @@ from pirrht.estimation.replay import Replay
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
-from pirrht.guidance.gates import gates_of
-from pirrht.guidance.leads import Batch, Lead, Proposal, Tape, Towards
+from pirrht.guidance.leads import Batch, Climb, Lead, Proposal, Tape
 from pirrht.guidance.tracking import Guidance
 from pirrht.guidance.walls import Push, Scales, window
+from pirrht.guidance.ways import NODES, way_of
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
-from pirrht.rollouts.first_exit import survivors_slope
-from pirrht.rollouts.gates import Gates
 from pirrht.rollouts.records import Kernels, Leads, Origin, Setup, empty_paths
+from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
 
+LEAST = 1.0 / 32.0  # of a step that is split near walls and goal remains at least
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 
 
@@ -77,7 +77,6 @@ class PathIntegral:
         self.replay.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.replay.trace(rollouts, np.zeros(1, dtype=np.int64))
         clearance(self.space.field, x[0], x[1])
-        survivors_slope(self.space.field, 1.0, 1.0, x[0], x[1])
 
     def grid(self, reference_cost: float) -> Array:
         """Ends of the rollout steps (T+1,) [s], up to T_max = (c_ref + 40 lambda) / q_min where a path weighs nothing.
@@ -96,23 +95,24 @@ class PathIntegral:
         return np.concatenate([fine, np.arange(1, steps + 1) * dt])
 
     @property
-    def gated(self) -> bool:
-        """Whether samples head for the corners of references, and are pushed off walls, instead of following tapes."""
+    def climbs(self) -> bool:
+        """Whether samples climb the desirability of references' ways, pushed off walls, instead of following tapes."""
         d = self.problem.dynamics
         return self.sampling.guide == "feedback" and d.n == d.m == 2
 
     def leads(self, x: Array, times: Array, trajectories: Sequence[Trajectory]) -> Sequence[Lead]:
-        """What samples from x (n,) follow: corners of references if `gated`, else tapes over the steps (T+1,) [s]."""
-        if not self.gated:
+        """What samples from x (n,) follow: ways of references if it `climbs`, else tapes over the steps (T+1,) [s]."""
+        if not self.climbs:
             return [Tape(times, trajectory.tape(times)) for trajectory in trajectories]
         goal = self.space.scene.goal.center[None, :]
-        return self.towards(x, [np.vstack([t.path.start[1:, :2], goal]) for t in trajectories])
+        return self.climbing(x, [np.vstack([t.path.start[1:, :2], goal]) for t in trajectories])
 
-    def towards(self, x: Array, lines: Sequence[Array]) -> list[Towards]:
-        """Heading from x (n,) for the corners (k, 2) [m] of each line, the goal point as the last."""
-        scales = self._scales(x)
-        k, speed = scales.decay, scales.speed
-        return [Towards(gates_of(corners, x, k), k, speed) for corners in lines]
+    def climbing(self, x: Array, lines: Sequence[Array]) -> list[Climb]:
+        """Climbing the desirability of ways from x (n,) over the corners (k, 2) [m] of each line to the goal point."""
+        scales, d = self._scales(x), self.problem.dynamics
+        B = d.B_c(x)
+        gain = np.linalg.solve(d.G_c(x), B @ B.T)
+        return [Climb(way_of(self.setup.arena, line, x, scales.decay, scales.reach), gain) for line in lines]
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
@@ -172,20 +172,20 @@ class PathIntegral:
         """The tables that kernels read."""
         x, times, m = batch.state, batch.times, self.problem.dynamics.m
         H, T = len(batch.proposals), len(times) - 1
-        C = max([1, *(proposal.lead.corners for proposal in batch.proposals)])
-        place = np.zeros((H, C, 8))
-        place[..., 2] = 1.0
-        longest, gated, scales = self.sampling.window, self.gated, self._scales(x)
+        C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
+        longest, climbs, scales = self.sampling.window, self.climbs, self._scales(x)
+        bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
         leads = Leads(
             control=np.zeros((H, T, m)),
             drift=np.zeros((H, T, m)),
             times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64),
             first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64),
-            gates=Gates(np.zeros(H, dtype=np.int64), place, scales.decay),
-            speed=scales.speed,
-            reach=scales.reach if gated else 0.0,
-            window=window(scales.noise, self.setup.arena, x, times, longest) if gated else 1,
+            ways=no_ways(H, C, NODES, scales.decay),
+            reach=scales.reach if climbs else 0.0,
+            least=LEAST * self.sampling.dt if bridge and self.sampling.steps == "fitted" else np.inf,
+            weighed=bridge and self.problem.phi > end,
+            window=window(scales.noise, self.setup.arena, x, times, longest) if climbs else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T, 9)),
             led=np.zeros(H, np.int64),

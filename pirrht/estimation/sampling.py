@@ -13,6 +13,7 @@ WEIGHTS = ("balance", "average")
 GUIDES = ("feedback", "open-loop")
 ALLOCATIONS = ("contribution", "equal")
 DRAWS = ("antithetic", "independent")
+STEPS = ("fitted", "uniform")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +25,7 @@ class Sampling:
     """
 
     dt: float = 0.1  # rollout step [s]
+    steps: str = "fitted"  # split near walls and goal, where exits are judged along them, or "uniform" (the paper's)
     first: float | None = None  # the first dt is cut into steps of this length [s]
     samples: int = 200  # N, around each reference
     exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
@@ -51,7 +53,7 @@ class Sampling:
             raise OptionError(f"budget is {self.budget}; it needs a target and at least the {self.samples} samples")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
-        choices = {"exit": EXITS, "weights": WEIGHTS, "guide": GUIDES, "allocation": ALLOCATIONS, "draws": DRAWS}
+        choices = {"exit": EXITS, "weights": WEIGHTS, "guide": GUIDES, "allocation": ALLOCATIONS, "draws": DRAWS, "steps": STEPS}
         for name, known in choices.items():
             if getattr(self, name) not in known:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")

@@ -1,4 +1,4 @@
-"""What samples around one reference follow: its tape, its gates, or the feedback of a guide.
+"""What samples around one reference follow: its tape, the desirability of its way, or the feedback of a guide.
 
 A lead says which control it has at a state and a time, and writes itself into a row of the kernels' tables. The
 likelihood ratio is that of whatever was followed, so any lead leaves psi unbiased.
@@ -14,8 +14,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.guidance.tracking import Guide
-from pirrht.rollouts.gates import Gates, heading
+from pirrht.guidance.ways import Way
 from pirrht.rollouts.records import Leads
+from pirrht.rollouts.ways import Ways, slope_along
 from pirrht.systems.dynamics import Dynamics
 
 
@@ -25,8 +26,8 @@ class Lead(ABC):
     follows = True  # whether it depends on the state
 
     @property
-    def corners(self) -> int:
-        """Number of gates, C."""
+    def sections(self) -> int:
+        """Number of cross-sections, C."""
         return 0
 
     @abstractmethod
@@ -58,28 +59,28 @@ class Tape(Lead):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Towards(Lead):
-    """Heading for the gates of a reference, one after the other, at one speed."""
+class Climb(Lead):
+    """Climbing the desirability of a way, G u = BB' grad log psi; without what the nearest walls add."""
 
-    place: Array  # (C, 8) as a row of `Gates.place`
-    decay: float  # of psi per meter [1/m]
-    speed: float  # [m/s]
+    way: Way
+    gain: Array  # (m, 2) G^-1 BB' [m/s per nat/m]
 
     @property
-    def corners(self) -> int:
-        """Number of gates, C."""
-        return len(self.place)
+    def sections(self) -> int:
+        """Number of cross-sections, C."""
+        return len(self.way.place)
 
     def __call__(self, x: Array, s: float) -> Array:
-        """Velocity (2,) towards the first gate that is not passed at x (2,) [m/s]."""
-        unit = np.empty(2)
-        heading(Gates(np.array([len(self.place)]), self.place[None], self.decay), 0, 0, x[0], x[1], unit)
-        return self.speed * unit
+        """Control (m,) at x (n,); the time s [s] does not matter."""
+        slope, way = np.zeros(2), self.way
+        ways = Ways(np.array([len(way.place)]), way.place[None], way.slope[None], way.decay)
+        slope_along(ways, 0, 0, way.goal, x[0], x[1], slope)
+        return np.asarray(self.gain @ slope)
 
     def pack(self, leads: Leads, h: int) -> None:
-        """The gates, to the first C of `Gates.place` (H, C, 8) [m] in the row, and their number."""
-        leads.gates.count[h] = len(self.place)
-        leads.gates.place[h, : len(self.place)] = self.place
+        """The way, to the first C cross-sections of the row in `Leads.ways`, and their number."""
+        count = leads.ways.count[h] = len(self.way.place)
+        leads.ways.place[h, :count], leads.ways.slope[h, :count] = self.way.place, self.way.slope
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,29 +15,27 @@ from pirrht.arrays import Array
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import Field, clearance
 from pirrht.problem import Problem
-from pirrht.rollouts.first_exit import survivors_slope
+from pirrht.rollouts.first_exit import two_walls, wall_slope
 
-ANTICIPATION = 0.25  # walls push as far as noise carries a path in this time [s]; much longer makes weights uneven
+ANTICIPATION = 0.25  # the wall's part of a guide reaches as far as noise carries a path in this time [s]
 AVERAGED = 0.02  # near walls and goal the control now is averaged over leading steps of this length together [s]
 SHARE = 0.25  # of the time in which noise carries a path to the nearest of them
 SHARPER = 0.2  # of a rollout step's noise: nearer than half of that a wall pushes the robot no harder
 
 
 class Scales(NamedTuple):
-    """Speed, length and noise that a problem has at a state."""
+    """Lengths and noise that a problem has at a state."""
 
-    speed: float  # that balances q against u'Ru/2 [m/s]
     noise: float  # variance per second of an actuated state, their mean [m^2/s or rad^2/s]
-    decay: float  # k of psi = exp(-k r) in free space [1/m]; gates, of points that noise moves, are its only use
+    decay: float  # k of psi = exp(-k r) in free space [1/m]; ways, of points that noise moves, are its only use
     reach: float  # how far noise carries a path in the time over which walls are anticipated [m]
 
     @classmethod
     def of(cls, problem: Problem, x: Array) -> Scales:
         """Those at x (n,)."""
-        R, B = problem.control_cost(x), problem.dynamics.B_c(x)
+        B = problem.dynamics.B_c(x)
         noise = float(np.trace(B @ B.T)) / len(B)
         return cls(
-            speed=float(np.sqrt(2.0 * problem.least_rate / (np.trace(R) / len(R)))),
             noise=noise,
             decay=float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise))),
             reach=float(np.sqrt(2.0 * noise * ANTICIPATION)),
@@ -72,10 +70,11 @@ class Push:
     def __call__(self, x: Array) -> Array:
         """Control (m,) at x (n,)."""
         d = self.problem.dynamics
-        if self.reach <= 0.0 or float(clearance(self.field, x[0], x[1])) >= 3.0 * self.reach:
+        if self.reach <= 0.0:
             return np.zeros(d.m)
         B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
         widest = SHARPER * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
-        slope = np.array(survivors_slope(self.field, self.reach, widest, x[0], x[1])[:2])
-        return np.asarray(np.linalg.solve(d.G_c(x), B @ B.T @ slope))
+        c, nx, ny, far, mx, my = two_walls(self.field, x[0], x[1])
+        slope = wall_slope(max(c, widest), nx, ny, max(far, widest), mx, my, self.reach)
+        return np.asarray(np.linalg.solve(d.G_c(x), B @ B.T @ np.array(slope)))

@@ -11,14 +11,14 @@ import math
 
 import numpy as np
 
-from pirrht.compiled.float32 import HALF, INFINITE, ONE, ZERO
+from pirrht.compiled.float32 import ONE, ZERO
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import normals, uniform
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
 
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
-FAR = 40.0  # exponents beyond this are taken as certain survival
+FAR = 20.0  # exponents beyond this are taken as certain survival
 LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
 
 
@@ -70,59 +70,50 @@ def slope_of(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def survivors_slope(field, reach, widest, x, y):  # type: ignore[no-untyped-def]
-    """Gradient of log erf(c / reach) at (x, y), summed over the two nearest walls [1/m], and the width of the channel
-    between the two [m], infinite if the second is far; c is the clearance.
-
-    Along it, times BB', surviving paths lean away from walls. Nearer than half of `widest`, the deviation of a step,
-    it grows no more.
-    """
+def two_walls(field, x, y):  # type: ignore[no-untyped-def]
+    """The two nearest walls at (x, y) [m], border included: distance [m] and unit vector (x, y) away from it, each."""
     nearest, second = with_slope(field, field.nearest, x, y), with_slope(field, field.second, x, y)
-    return away(field, reach, widest, x, y, nearest, second)
+    return walls_of(field, x, y, nearest, second)
 
 
 @inlined
-def away(field, reach, widest, x, y, nearest, second):  # type: ignore[no-untyped-def]
-    """The same from the clearances [m] of the nearest and second nearest component, each a triple (c, gx, gy).
+def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
+    """The same from the clearances [m] of the two nearest obstacles, each a triple (c, gx, gy).
 
     In single precision, which suffices for a guide.
     """
-    c, gx, gy = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
+    c, nx, ny = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
+    d, mx, my = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
+    one, other = ONE / math.sqrt(nx * nx + ny * ny + TINY), ONE / math.sqrt(mx * mx + my * my + TINY)
+    nx, ny, mx, my = one * nx, one * ny, other * mx, other * my
     left, right = np.float32(x - field.left), np.float32(field.right - x)
     low, high = np.float32(y - field.low), np.float32(field.high - y)
-    per, least = ONE / np.float32(reach), HALF * np.float32(widest)
     beside, below = min(left, right), min(low, high)
-    edge = min(beside, below)
     side, level = ONE if left < right else -ONE, ONE if low < high else -ONE
-    gx = gx if edge >= c else (ZERO if below < beside else side)
-    gy = gy if edge >= c else (level if below < beside else ZERO)
-    c = min(c, edge)
-    scale = _slope(max(c, least), per) / math.sqrt(gx * gx + gy * gy + TINY)
-    d, hx, hy = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
-    far = d * per >= WIDE
-    other = _slope(max(d, least), per) / math.sqrt(hx * hx + hy * hy + TINY)
-    other = ZERO if far else other
-    width = INFINITE if far else c + d
-    return scale * gx + other * hx, scale * gy + other * hy, width
-
-
-WIDE, TINY = np.float32(3.0), np.float32(1e-12)
-ODD = tuple(np.float32(2.0 / (2 * k + 1)) for k in range(1, 9))
+    first, later = beside < c, beside < d
+    d, mx, my = c if first else (beside if later else d), nx if first else (side if later else mx), (
+        ny if first else (ZERO if later else my)
+    )
+    c, nx, ny = beside if first else c, side if first else nx, ZERO if first else ny
+    first, later = below < c, below < d
+    d, mx, my = c if first else (below if later else d), nx if first else (ZERO if later else mx), (
+        ny if first else (level if later else my)
+    )
+    c, nx, ny = below if first else c, ZERO if first else nx, level if first else ny
+    return c, nx, ny, d, mx, my
 
 
 @inlined
-def _slope(c, per):  # type: ignore[no-untyped-def]
-    """Derivative of log erf(c per), within 0.1 % of 1/c: one over the series of erf, which needs no table."""
-    w = (c * per) * (c * per)
-    total = ONE + w * ODD[7]
-    total = ONE + w * ODD[6] * total
-    total = ONE + w * ODD[5] * total
-    total = ONE + w * ODD[4] * total
-    total = ONE + w * ODD[3] * total
-    total = ONE + w * ODD[2] * total
-    total = ONE + w * ODD[1] * total
-    total = ONE + w * ODD[0] * total
-    return ONE / (c * total)
+def wall_slope(c, nx, ny, d, mx, my, reach):  # type: ignore[no-untyped-def]
+    """Gradient (x, y) [1/m] of log(c / (c + reach)) + log(d / (d + reach)) for two walls as `two_walls` gives them.
+
+    Along it, times BB', surviving paths lean away from walls: psi vanishes there like the distance, c > 0 [m].
+    """
+    one, other = reach / (c * (c + reach)), reach / (d * (d + reach))
+    return one * nx + other * mx, one * ny + other * my
+
+
+TINY = np.float32(1e-12)
 
 
 @kernel
@@ -177,12 +168,14 @@ def _behind_rim(arena, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def bridge_exit(arena, x, y, nx, ny, before, after, cov, state):  # type: ignore[no-untyped-def]
+def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state):  # type: ignore[no-untyped-def]
     """How a noisy step from (x, y) to (nx, ny) ends (paper, eq. 3, between the steps).
 
     Args, in order: arena, start (x, y) and end (nx, ny) of the step [m], the `distances` of these before and after it
-        [m], covariance (xx, xy, yy) of the step [m^2], and state of the random sequence.
-    Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit.
+        [m], covariance (xx, xy, yy) of the step [m^2], whether a step that ends in free space is weighed by the
+        probability that it met no wall, instead of being ended with the opposite one, and state of the random sequence.
+    Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit, and the logarithm of
+        that probability [nats].
     """
     field, goal, radius = arena.field, arena.goal, arena.radius
     c0, e0, g0 = before
@@ -199,17 +192,21 @@ def bridge_exit(arena, x, y, nx, ny, before, after, cov, state):  # type: ignore
         g1 = _behind_rim(arena, x, y, nx, ny, g0, g1)
         near_goal = near_goal or g1 < 0.0
     if not (near_wall or near_border or near_goal):
-        return state, INSIDE, 1.0
-    wall_time, goal_time = 2.0, 2.0
+        return state, INSIDE, 1.0, 0.0
+    wall_time, goal_time, lasting = 2.0, 2.0, 0.0
     if near_wall or near_border:
         variance = _towards_wall(field, x, y, cov)
         alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2]) if near_border else 1.0
-        state, u = uniform(state)
+        u = 1.0
+        if not weighed:
+            state, u = uniform(state)
         # Two walls at least as far as the nearest: no need to look where the second is, if this already tells.
         certain = 1.0 - 2.0 * (1.0 - _survival(c0, c1, variance))
         if near_wall and alive > 0.0 and (near_border or u >= certain):
             alive *= _obstacle_survival(field, x, y, nx, ny, c0, c1, variance)
-        if u >= alive:
+        if weighed and alive > 0.0:
+            lasting = math.log(alive)
+        elif u >= alive:
             state, wall_time = first_crossing(max(min(c0, e0), LEAST), min(c1, e1), math.sqrt(variance), state)
     if near_goal:
         ex, ey = (x - goal[0]) / (g0 + radius), (y - goal[1]) / (g0 + radius)
@@ -218,17 +215,30 @@ def bridge_exit(arena, x, y, nx, ny, before, after, cov, state):  # type: ignore
         if u >= _survival(g0, g1, variance):
             state, goal_time = first_crossing(max(g0, LEAST), g1, math.sqrt(variance), state)
     if goal_time > 1.5 and wall_time > 1.5:
-        return state, INSIDE, 1.0
+        return state, INSIDE, 1.0, lasting
     if goal_time <= wall_time:
-        return state, GOAL, goal_time
-    return state, COLLISION, wall_time
+        return state, GOAL, goal_time, goal_time * lasting
+    return state, COLLISION, wall_time, 0.0
+
+
+@inlined
+def fitting(near, rest, least, scale):  # type: ignore[no-untyped-def]
+    """A step [s] that fits the place: noise carries a path over a third of the way to what ends it, or less.
+
+    Args: distance to the nearest wall or the goal [m]; time left in the step of the grid, least step [s]; 1 / (9 times
+        the variance per second) [s/m^2].
+    """
+    wish = max(scale * near * near, least)
+    if wish >= rest:
+        return rest
+    return min(wish, 0.5 * rest)
 
 
 @kernel
 def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type: ignore[no-untyped-def]
     """Displacement of an isotropic bridge at its first crossing; (dx, dy) is that at the end of the step.
 
-    Towards the wall or the goal's disc it is the distance to it; along it the bridge is drawn.
+    Towards the wall or the goal's rim it is the distance to it; along it the bridge is drawn.
     Args, in order: arena, start (x, y) [m], (dx, dy) [m], GOAL or else COLLISION, share of the step until the
         crossing, standard deviation of the whole step [m], and state of the random sequence.
     Returns: next state of the sequence, displacement in x and y [m].
@@ -243,6 +253,8 @@ def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type:
         nx, ny, normal_part = -gx, -gy, max(clearance(field, x, y), 0.0)
     state, z, _ = normals(state)
     along = share * (dy * nx - dx * ny) + deviation * math.sqrt(share * (1.0 - share)) * z
+    if outcome == GOAL and abs(along) < arena.radius:  # the rim is round
+        normal_part = size - math.sqrt(arena.radius * arena.radius - along * along)
     return state, normal_part * nx - along * ny, normal_part * ny + along * nx
 
 

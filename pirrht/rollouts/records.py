@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.arena import Arena
-from pirrht.rollouts.gates import Gates
+from pirrht.rollouts.ways import Ways
 from pirrht.topology.cuts import Cuts
 
 
@@ -28,16 +28,17 @@ class Setup(NamedTuple):
 
 
 class Leads(NamedTuple):
-    """What samples around H references follow, one row each: a tape, gates or a law; kernels read it."""
+    """What samples around H references follow, one row each: a tape, a way or a law; kernels read it."""
 
-    control: Array  # (H, T, m) tapes; zero for references with gates or a law
+    control: Array  # (H, T, m) tapes; zero for references with a way or a law
     drift: Array  # (H, T, m) a = B_c^-1 G_c u, the same in noise units, where the gain is constant
     times: Array  # (T+1,) ends of the steps, from 0 [s]
     active: NDArray[np.int64]  # (H,) number of steps before a row of `control` is zero for good
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
-    gates: Gates  # what to head for, one after the other, instead of the tape
-    speed: float  # towards a gate [m/s]
+    ways: Ways  # whose desirability is climbed, instead of the tape
     reach: float  # walls push within about this distance [m]; 0: they do not
+    least: float  # steps of the grid are split down to this near walls and goal [s]; infinite: they are not
+    weighed: bool  # samples are weighed by the probability that they meet no wall within a step, not ended by it
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T, 9) of a car: a, its slopes in x, y, theta, the state they are for, spread and its log
@@ -69,6 +70,7 @@ class Paths(NamedTuple):
     steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
     now: Array  # (S, m) control now, integrated over the first `window` steps: noise, and the guide at the start
     span: Array  # (S,) time of these steps until the exit [s]
+    lasting: Array  # (S,) log probability that no wall was met within the steps, where that is weighed [nats]
 
 
 def empty_paths(S: int, H: int, m: int) -> Paths:
@@ -81,6 +83,7 @@ def empty_paths(S: int, H: int, m: int) -> Paths:
         steps=np.zeros(S, np.int32),
         now=np.zeros((S, m)),
         span=np.zeros(S),
+        lasting=np.zeros(S),
     )
 
 

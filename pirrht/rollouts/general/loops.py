@@ -32,8 +32,9 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
             while s >= leads.first[h + 1]:
                 h += 1
             keep = KEPT(paths.log_ratio[s], nothing, applied, led_by, base)
-            work, key, outcome, steps, last = one_path(setup, leads, origin, h, s, keep, scratch)
+            work, key, outcome, steps, last, lasting = one_path(setup, leads, origin, h, s, keep, scratch)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
+            paths.lasting[s] = lasting
             for i in range(min(steps, window)):
                 dt = times[i + 1] - times[i]
                 alive = last if i == steps - 1 else dt
@@ -52,7 +53,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
             s, g = number[c], group[c]
             while s >= leads.first[h + 1]:
                 h += 1
-            _, _, _, steps, _ = one_path(setup, leads, origin, h, s, keep, scratch)
+            _, _, _, steps, _, _ = one_path(setup, leads, origin, h, s, keep, scratch)
             for i in range(steps):
                 alive[g, i] += weight[c]
                 for j in range(m):
@@ -65,6 +66,6 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
         for c in range(number.shape[0]):
             keep = KEPT(ratio, states[c], nothing, nothing, base)
             h = np.searchsorted(leads.first, number[c], side="right") - 1
-            _, _, _, steps[c], _ = one_path(setup, leads, origin, h, number[c], keep, scratch)
+            _, _, _, steps[c], _, _ = one_path(setup, leads, origin, h, number[c], keep, scratch)
 
     return Kernels(sample, control, trace)

@@ -24,11 +24,13 @@ from pirrht.rollouts.first_exit import (
     bridge_exit,
     distances,
     endpoint_exit,
-    survivors_slope,
+    fitting,
     sweep_exit,
+    two_walls,
+    wall_slope,
 )
-from pirrht.rollouts.gates import next_gate, towards
 from pirrht.rollouts.homing import STEEP, homing, wrapped
+from pirrht.rollouts.ways import PLACE, uphill
 from pirrht.systems.dynamics import no_drift
 from pirrht.topology.cuts import key_of_step
 
@@ -119,15 +121,17 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     def one_path(setup, leads, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
         """Simulate one sample around reference h and write what of it is to be kept (`Kept`).
 
-        Returns work, class key, outcome, steps taken, time until the exit in the last of them.
+        Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the
+        logarithm of the probability that no wall was met on the way, where that is weighed.
         """
         ratio, states, applied, led_by, base = keep
         arena, p = at(setup.arena, 0.0), setup.parameters
         goal, radius = arena.goal, arena.radius
         cuts, times, drifts, controls = setup.cuts, leads.times, leads.drift, leads.control
-        count, decay, active = leads.gates.count, leads.gates.decay, leads.active
-        place, C = leads.gates.place.ctypes.data, leads.gates.place.shape[1]
-        speed, reach = leads.speed, leads.reach
+        count, decay, active = leads.ways.count, leads.ways.decay, leads.active
+        C, J = leads.ways.slope.shape[1], leads.ways.slope.shape[2]
+        place, slope = leads.ways.place.ctypes.data, leads.ways.slope.ctypes.data
+        reach, least, weighed = leads.reach, leads.least, leads.weighed
         law, led = leads.law, leads.led
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, setup.inverse
@@ -137,159 +141,177 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         xx, xy, yy = covariance(B)
         steep = STEEP * D[0, 0]
         first, sign = antithetic(sample, leads.first[h], leads.mirrored)
-        state, work, key = stream(origin.seed, first), 0.0, np.int64(0)
+        state, work, key, lasting = stream(origin.seed, first), 0.0, np.int64(0), 0.0
         before = distances(arena, x[0], x[1])
         for j in range(n if draw else 0):
             states[0, j] = x[j]
         for i in range(T):
-            dt, arena = times[i + 1] - times[i], at(setup.arena, times[i + 1])
-            root, until = math.sqrt(dt), dt
-            if varying:
-                gain_at(x, p, G)
-                noise_at(x, p, B)
-                solve(B, G, D)
-                xx, xy, yy = covariance(B)
-            if drifting:
-                drift(x, p, f)
-            cov = (xx * dt, xy * dt, yy * dt)
-            # The push B' grad log h away from the nearest wall, h = erf(c / reach): survivors lean that way anyway.
-            near = noisy_position and (0.0 < before[0] < 3.0 * reach or 0.0 < before[1] < 3.0 * reach)
-            hurry = 1.0
-            if near:
-                widest = math.sqrt(max(cov[0], cov[2]))
-                gx, gy, width = survivors_slope(arena.field, reach, widest, x[0], x[1])
-                # psi goes like exp(-sqrt(k^2 + (pi/width)^2) r) in a channel.
-                hurry = math.sqrt(1.0 + (math.pi / (decay * width)) ** 2)
-                for j in range(m):
-                    bx = B[0 - fixed, j] if fixed <= 0 else 0.0
-                    by = B[1 - fixed, j] if fixed <= 1 else 0.0
-                    pushed[j] = bx * gx + by * gy
-            homeward = np.inf  # computed once, if a reference asks for it
-            # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
-            for g in range(0 if weigh else h, H if weigh else h + 1):
-                ends = count[g]
-                if ends > 0:
-                    stage[g], dx, dy = next_gate(place, g * C, ends - 1, stage[g], x[0], x[1], decay)
-                    scale = hurry * speed * towards(dx, dy)
-                    for j in range(m):
-                        a[g, j] = scale * (D[j, 0] * dx + (D[j, 1] * dy if m > 1 else 0.0))
-                elif car and led[g] > i:
-                    drive = law[g, i, 0] + law[g, i, 1] * (x[0] - law[g, i, 4]) + law[g, i, 2] * (x[1] - law[g, i, 5])
-                    drive += law[g, i, 3] * wrapped(x[2] - law[g, i, 6])
-                    a[g, 0] = max(-steep, min(steep, drive))
-                elif car and led[g] > 0:
-                    if homeward == np.inf:
-                        bound = D[0, 0] * B[0, 0]
-                        homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / B[0, 0]
-                    a[g, 0] = homeward
-                else:
-                    for j in range(m):
-                        a[g, j] = 0.0
-                if i < active[g]:
-                    for j in range(m):
-                        a[g, j] += 0.0 if varying else drifts[g, i, j]
-                        for k in range(m if varying else 0):
-                            a[g, j] += D[j, k] * controls[g, i, k]
-                if near:
-                    for j in range(m):
-                        a[g, j] += pushed[j]
+            whole, left, done, arena = times[i + 1] - times[i], times[i + 1] - times[i], 0.0, at(setup.arena, times[i + 1])
             for j in range(m):
-                if j % 2 == 0:
-                    state, z, other = normals(state)
-                else:
-                    z = other
-                z *= sign
-                if car and led[h] > i:
-                    z *= law[h, i, 7]
-                y[j] = z * root + a[h, j] * dt
-            # Where no noise acts on the position, it moves along the heading of the middle of the step, as the robot
-            # does; but a step that enters the goal straight ahead ends before its noise matters.
-            arrived, ahead = False, 1.0
-            if not noisy_position and setup.bridge:
-                far = math.sqrt((x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2) - radius
-                if far < math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt:
-                    exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
-                    arrived = exit == REACHED
-                if arrived:
-                    until = 0.0
+                if i < applied.shape[0]:
+                    applied[i, j] = 0.0
+                if i < led_by.shape[0]:
+                    led_by[i, j] = 0.0
+            exit = INSIDE
+            while left > 0.0 and exit == INSIDE:
+                if varying:
+                    gain_at(x, p, G)
+                    noise_at(x, p, B)
+                    solve(B, G, D)
+                    xx, xy, yy = covariance(B)
+                if drifting:
+                    drift(x, p, f)
+                dt = left
+                if noisy_position and least < left:
+                    near = max(min(min(before[0], before[1]), before[2]), 0.0)
+                    dt = fitting(near, left, least, 1.0 / (9.0 * max(xx, yy)))
+                left -= dt
+                root, until = math.sqrt(dt), dt
+                cov = (xx * dt, xy * dt, yy * dt)
+                # Survivors lean away from walls anyway: the push is B' grad log of what psi is proportional to there.
+                sx, sy = 0.0, 0.0
+                near_walls = noisy_position and reach > 0.0
+                if near_walls:
+                    c, wx, wy, d, vx, vy = two_walls(arena.field, x[0], x[1])
+                    widest = 0.5 * math.sqrt(max(cov[0], cov[2]))
+                    sx, sy = wall_slope(max(c, widest), wx, wy, max(d, widest), vx, vy, reach)
                     for j in range(m):
-                        y[j] = 0.0
-                elif drifting:
-                    for j in range(n):
-                        moved[j] = x[j]
-                    for j in range(m):
-                        for k in range(m):
-                            moved[fixed + j] += 0.5 * B[j, k] * y[k]
-                    drift(moved, p, f)
-            for j in range(n):
-                moved[j] = x[j] + f[j] * dt
-            for j in range(m):
-                for k in range(m):
-                    moved[fixed + j] += B[j, k] * y[k]
-            # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
-            key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
-            if not setup.bridge:
-                exit, share = endpoint_exit(arena, moved[0], moved[1])
-                if reach > 0.0:
-                    before = distances(arena, moved[0], moved[1])
-            elif noisy_position:
-                after = distances(arena, moved[0], moved[1])
-                state, exit, share = bridge_exit(arena, x[0], x[1], moved[0], moved[1], before, after, cov, state)
-                before = after
-                if isotropic and exit != INSIDE and cov[1] == 0.0 and cov[0] == cov[2]:
-                    # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
-                    state, dx, dy = at_crossing(
-                        arena, x[0], x[1], moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt,
-                        exit, share, math.sqrt(cov[0]), state,
-                    )  # fmt: skip
-                    y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
-                    y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
-                    moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
-                    until = dt * share
-            elif arrived:
-                exit, share = REACHED, ahead
-            else:
-                exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1])
-            if weigh:
-                for g in range(H):
-                    if car and led[g] > i:
-                        if until > 0.0:
-                            off = (y[0] - a[g, 0] * dt) / law[g, i, 7]
-                            ratio[g] += 0.5 * (y[0] * y[0] - off * off) / dt - law[g, i, 8]
+                        bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+                        by = B[1 - fixed, j] if fixed <= 1 else 0.0
+                        pushed[j] = bx * sx + by * sy
+                homeward = np.inf  # computed once, if a reference asks for it
+                # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
+                for g in range(0 if weigh else h, H if weigh else h + 1):
+                    if noisy_position and count[g] > 0:
+                        stage[g], sx, sy = uphill(
+                            place + 4 * PLACE * g * C, slope + 8 * g * C * J, count[g] - 1, J, decay, goal,
+                            stage[g], x[0], x[1],
+                        )  # fmt: skip
+                        for j in range(m):
+                            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+                            by = B[1 - fixed, j] if fixed <= 1 else 0.0
+                            a[g, j] = bx * sx + by * sy
+                    elif car and led[g] > i:
+                        drive = law[g, i, 0] + law[g, i, 1] * (x[0] - law[g, i, 4]) + law[g, i, 2] * (x[1] - law[g, i, 5])
+                        drive += law[g, i, 3] * wrapped(x[2] - law[g, i, 6])
+                        a[g, 0] = max(-steep, min(steep, drive))
+                    elif car and led[g] > 0:
+                        if homeward == np.inf:
+                            bound = D[0, 0] * B[0, 0]
+                            homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / B[0, 0]
+                        a[g, 0] = homeward
                     else:
                         for j in range(m):
-                            ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
-            if i < applied.shape[0]:
+                            a[g, j] = 0.0
+                    if i < active[g]:
+                        for j in range(m):
+                            a[g, j] += 0.0 if varying else drifts[g, i, j]
+                            for k in range(m if varying else 0):
+                                a[g, j] += D[j, k] * controls[g, i, k]
+                    if near_walls:
+                        for j in range(m):
+                            a[g, j] += pushed[j]
                 for j in range(m):
-                    column[j, 0] = y[j]
-                if varying:
-                    solve(D, column, carried)
+                    if j % 2 == 0:
+                        state, z, other = normals(state)
+                    else:
+                        z = other
+                    z *= sign
+                    if car and led[h] > i:
+                        z *= law[h, i, 7]
+                    y[j] = z * root + a[h, j] * dt
+                # Where no noise acts on the position, it moves along the heading of the middle of the step, as the
+                # robot does; but a step that enters the goal straight ahead ends before its noise matters.
+                arrived, ahead = False, 1.0
+                if not noisy_position and setup.bridge:
+                    far = math.sqrt((x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2) - radius
+                    if far < math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt:
+                        exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+                        arrived = exit == REACHED
+                    if arrived:
+                        until = 0.0
+                        for j in range(m):
+                            y[j] = 0.0
+                    elif drifting:
+                        for j in range(n):
+                            moved[j] = x[j]
+                        for j in range(m):
+                            for k in range(m):
+                                moved[fixed + j] += 0.5 * B[j, k] * y[k]
+                        drift(moved, p, f)
+                for j in range(n):
+                    moved[j] = x[j] + f[j] * dt
                 for j in range(m):
-                    u = carried[j, 0] if varying else 0.0
-                    for k in range(0 if varying else m):
-                        u += inverse[j, k] * y[k]
-                    applied[i, j] = u / dt
-            if i < led_by.shape[0]:
-                for part in range(2 if i == 0 else 1):
+                    for k in range(m):
+                        moved[fixed + j] += B[j, k] * y[k]
+                # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
+                key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
+                share = 1.0
+                if not setup.bridge:
+                    exit, share = endpoint_exit(arena, moved[0], moved[1])
+                    before = distances(arena, moved[0], moved[1])
+                elif noisy_position:
+                    after = distances(arena, moved[0], moved[1])
+                    state, exit, share, missed = bridge_exit(
+                        arena, x[0], x[1], moved[0], moved[1], before, after, cov, weighed, state
+                    )
+                    lasting += missed
+                    before = after
+                    if isotropic and exit != INSIDE and cov[1] == 0.0 and cov[0] == cov[2]:
+                        # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
+                        state, dx, dy = at_crossing(
+                            arena, x[0], x[1], moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt,
+                            exit, share, math.sqrt(cov[0]), state,
+                        )  # fmt: skip
+                        y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
+                        y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
+                        moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
+                        until = dt * share
+                elif arrived:
+                    exit, share = REACHED, ahead
+                else:
+                    exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1])
+                if weigh:
+                    for g in range(H):
+                        if car and led[g] > i:
+                            if until > 0.0:
+                                off = (y[0] - a[g, 0] * dt) / law[g, i, 7]
+                                ratio[g] += 0.5 * (y[0] * y[0] - off * off) / dt - law[g, i, 8]
+                        else:
+                            for j in range(m):
+                                ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
+                if i < applied.shape[0]:
                     for j in range(m):
-                        column[j, 0] = a[h, j] - (pushed[j] if part == 1 and near else 0.0)
+                        column[j, 0] = y[j]
                     if varying:
                         solve(D, column, carried)
                     for j in range(m):
                         u = carried[j, 0] if varying else 0.0
                         for k in range(0 if varying else m):
-                            u += inverse[j, k] * column[k, 0]
-                        if part == 1:
-                            base[j] = u
-                        else:
-                            led_by[i, j] = u * until / dt
-            work += (q(x, p) if varying_rate else setup.rate) * dt * share
-            for j in range(n):
-                x[j] = moved[j]
+                            u += inverse[j, k] * y[k]
+                        applied[i, j] += u / whole
+                if i < led_by.shape[0]:
+                    for part in range(2 if i == 0 and done == 0.0 else 1):
+                        for j in range(m):
+                            column[j, 0] = a[h, j] - (pushed[j] if part == 1 and near_walls else 0.0)
+                        if varying:
+                            solve(D, column, carried)
+                        for j in range(m):
+                            u = carried[j, 0] if varying else 0.0
+                            for k in range(0 if varying else m):
+                                u += inverse[j, k] * column[k, 0]
+                            if part == 1:
+                                base[j] = u
+                            else:
+                                led_by[i, j] += u * until / whole
+                work += (q(x, p) if varying_rate else setup.rate) * dt * share
+                done += until
+                for j in range(n):
+                    x[j] = moved[j]
             for j in range(n if draw else 0):
                 states[i + 1, j] = x[j]
             if exit != INSIDE:
-                return work, key, exit, i + 1, until
-        return work, key, 0, T, times[T] - times[T - 1]
+                return work, key, exit, i + 1, done, lasting
+        return work, key, 0, T, times[T] - times[T - 1], lasting
 
     return one_path, scratch_of

@@ -19,28 +19,33 @@ from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
 from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
 from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey
-from pirrht.rollouts.point.leads import guide_control, wall_push
+from pirrht.rollouts.point.leads import tape_control, wall_push, way_control
 from pirrht.rollouts.point.stages import (  # fmt: skip
     C0,
     C1,
     CELL,
     CORNER,
+    DT,
     E0,
     E1,
     FLAG,
     G0,
     G1,
-    HURRY,
     KEY,
     LANES,
+    LASTING,
+    LEFT,
     LOST,
     NX,
     NY,
     PUSH0,
     PUSH1,
+    ROOT,
     SAMPLE,
     SIGN,
+    SPENT,
     STAGE,
+    STEP,
     SUM0,
     SUM1,
     WIDE,
@@ -56,6 +61,7 @@ from pirrht.rollouts.point.stages import (  # fmt: skip
     cross,
     draw,
     move,
+    pace,
     row_of,
     scratch_of,
 )
@@ -86,18 +92,22 @@ def is_point(d: Dynamics) -> bool:
 
 
 @kernel
-def resolve(arena, B, step, k, random, f):  # type: ignore[no-untyped-def]
+def resolve(arena, B, weighed, k, random, f):  # type: ignore[no-untyped-def]
     """Whether and where the step of a lane that may have ended on its way did: outcome and share of the step."""
     x, y, nx, ny = np.float64(f[X + k]), np.float64(f[Y + k]), np.float64(f[NX + k]), np.float64(f[NY + k])
     before = np.float64(f[C0 + k]), np.float64(f[E0 + k]), np.float64(f[G0 + k])
     after = np.float64(f[C1 + k]), np.float64(f[E1 + k]), np.float64(f[G1 + k])
-    state, outcome, share = bridge_exit(arena, x, y, nx, ny, before, after, (step, 0.0, step), random[k])
+    variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
+    step = variance * np.float64(f[DT + k])
+    state, outcome, share, lasting = bridge_exit(
+        arena, x, y, nx, ny, before, after, (step, 0.0, step), weighed, random[k]
+    )
+    f[LASTING + k] += np.float32(lasting)
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
         deviation = math.sqrt(step)
         _, dx, dy = at_crossing(arena, x, y, nx - x, ny - y, outcome, share, deviation, state)
-        variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
         f[Z0 + k] = (B[0, 0] * dx + B[1, 0] * dy) / variance
         f[Z1 + k] = (B[0, 1] * dx + B[1, 1] * dy) / variance
         f[NX + k], f[NY + k] = x + dx, y + dy
@@ -132,8 +142,8 @@ class Ending(NamedTuple):
     H: int  # number of references
     h: int  # the one that is followed
     base: tuple[float, float]  # the lead's control at the start without the nearest wall
-    i: int  # step in which it ends
-    share: float  # of that step until then
+    i: int  # step of the grid in which it ends
+    share: float  # of the lane's own step until then
     outcome: int
 
 
@@ -145,16 +155,17 @@ def retire(ending, k, scratch, paths):  # type: ignore[no-untyped-def]
     """Note down in `paths` that the path of lane k ends."""
     rate, times, window, inverse, H, h, base, i, share, outcome = ending
     f, a, ratio, _, long, _, _ = scratch
-    work, log_ratio, key, ended, steps, now, spans = paths
+    work, log_ratio, key, ended, steps, now, spans, lasting = paths
     k = lane(k)
-    s, dt = long[SAMPLE + k], times[i + 1] - times[i]
-    until = dt * share  # at a crossing nothing after it enters dQ/dP
+    s, until = long[SAMPLE + k], np.float64(f[DT + k]) * share  # at a crossing nothing after it enters dQ/dP
     n0, n1, span = np.float64(f[SUM0 + k]), np.float64(f[SUM1 + k]), times[min(i, window)]
     if i < window:
         own = row_of(h, 2) + k
-        n0, n1, span = n0 + f[Z0 + k] - a[own] * until, n1 + f[Z1 + k] - a[own + L] * until, span + until
+        n0, n1 = n0 + f[Z0 + k] - a[own] * until, n1 + f[Z1 + k] - a[own + L] * until
+        span += np.float64(f[SPENT + k]) + until
     likelihood(h, H, until, k, f, a, ratio, log_ratio[s])
-    work[s], key[s], ended[s], steps[s], spans[s] = rate * (times[i] + until), long[KEY + k], outcome, i + 1, span
+    work[s], key[s] = rate * (times[i] + np.float64(f[SPENT + k]) + until), long[KEY + k]
+    ended[s], steps[s], spans[s], lasting[s] = outcome, i + 1, span, f[LASTING + k]
     now[s, 0] = inverse[0, 0] * n0 + inverse[0, 1] * n1 + span * base[0]
     now[s, 1] = inverse[1, 0] * n0 + inverse[1, 1] * n1 + span * base[1]
 
@@ -167,6 +178,9 @@ def compact(k, last, H, leaning, scratch):  # type: ignore[no-untyped-def]
     f[Z0 + k], f[Z1 + k], f[NX + k], f[NY + k] = f[Z0 + last], f[Z1 + last], f[NX + last], f[NY + last]
     f[C1 + k], f[E1 + k], f[G1 + k] = f[C1 + last], f[E1 + last], f[G1 + last]
     f[SUM0 + k], f[SUM1 + k], f[SIGN + k], f[LOST + k] = f[SUM0 + last], f[SUM1 + last], f[SIGN + last], f[LOST + last]
+    f[X + k], f[Y + k], f[C0 + k], f[E0 + k], f[G0 + k] = f[X + last], f[Y + last], f[C0 + last], f[E0 + last], f[G0 + last]
+    f[DT + k], f[LEFT + k], f[SPENT + k], f[LASTING + k] = f[DT + last], f[LEFT + last], f[SPENT + last], f[LASTING + last]
+    short[STEP + k] = short[STEP + last]
     if leaning:
         f[U + k], f[V + k], short[CELL + k] = f[U + last], f[V + last], short[CELL + last]
         for corner in range(4):
@@ -179,12 +193,17 @@ def compact(k, last, H, leaning, scratch):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def record(into, i, h, until, k, first, scratch):  # type: ignore[no-untyped-def]
-    """Write step i of a lane to its row of `into`."""
-    f, a, _, _, long, _, _ = scratch
-    out = into[long[SAMPLE + k] - first, i]
-    out[0], out[1], out[2], out[3], out[6] = f[NX + k], f[NY + k], f[Z0 + k], f[Z1 + k], until
-    out[4], out[5] = a[2 * h * L + k], a[2 * h * L + L + k]
+def record(into, h, share, k, first, scratch):  # type: ignore[no-untyped-def]
+    """Add a share of a lane's own step to the row of `into` for the step of the grid that it is part of."""
+    f, a, _, short, long, _, _ = scratch
+    out = into[long[SAMPLE + k] - first, short[STEP + k]]
+    until = f[DT + k] * np.float32(share)
+    out[0], out[1] = f[NX + k], f[NY + k]
+    out[2] += f[Z0 + k]
+    out[3] += f[Z1 + k]
+    out[4] += a[2 * h * L + k] * until
+    out[5] += a[2 * h * L + L + k] * until
+    out[6] += until
 
 
 @kernel
@@ -196,38 +215,42 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     h, start, stop, chosen = run
     x0 = origin.x
     f, a, ratio, short, long, random, bits = scratch
-    cuts, B, D, around = setup.cuts, setup.diffusion, setup.gain, single(at(setup.arena, 0.0))
-    inverse, times, drift = setup.inverse, leads.times, leads.drift
-    active = leads.active
-    gates, count, decay, window = leads.gates.place, leads.gates.count, leads.gates.decay, leads.window
-    speed, reach, keep, listed = leads.speed, leads.reach, into.shape[0] > 0, chosen.shape[0] > 0
-    H, T, n = drift.shape[0], drift.shape[1], stop - start
+    cuts, B, around = setup.cuts, setup.diffusion, single(at(setup.arena, 0.0))
+    inverse, times, drift, weighed = setup.inverse, leads.times, leads.drift.ctypes.data, leads.weighed
+    active, count, window, goal = leads.active, leads.ways.count, leads.window, around.goal
+    place, slope, decay = leads.ways.place.ctypes.data, leads.ways.slope.ctypes.data, leads.ways.decay
+    C, J = leads.ways.slope.shape[1], leads.ways.slope.shape[2]
+    reach, least, keep, listed = leads.reach, leads.least, into.shape[0] > 0, chosen.shape[0] > 0
+    H, T, n = leads.drift.shape[0], leads.drift.shape[1], stop - start
     variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
-    f[:], short[:], long[:], ratio[:], base = 0.0, 0, 0, 0.0, (0.0, 0.0)
-    f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[HURRY:SUM0] = x0[0], x0[1], x0[0], x0[1], 1.0
+    scale = 1.0 / (9.0 * variance)
+    f[:], short[:], long[:], ratio[:], base, begun = 0.0, 0, 0, 0.0, (0.0, 0.0), False
+    f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[DT:ROOT] = x0[0], x0[1], x0[0], x0[1], 1.0
     for k in range(n):
         first, f[SIGN + k] = antithetic(chosen[start + k] if listed else start + k, leads.first[h], leads.mirrored)
         random[k], long[SAMPLE + k] = stream(origin.seed, first), start + k
     survey(around, f, short, LANES)
     f[C0:C1] = f[C1:PUSH0]
-    for i in range(T):
-        dt = times[i + 1] - times[i]
-        step, full = variance * dt, (n + WIDE - 1) // WIDE * WIDE
+    arena = at(setup.arena, 0.0)
+    while n > 0:
+        full = (n + WIDE - 1) // WIDE * WIDE
+        pace(times, least, scale, f, short, full)
         if reach > 0.0:
-            wall_push(around.field, reach, math.sqrt(step), decay, B, f, short, full)
+            wall_push(around.field, reach, math.sqrt(variance), B, f, short, full)
         for g in range(H):
-            one, two = (drift[g, i, 0], drift[g, i, 1]) if i < active[g] else (0.0, 0.0)
-            guide_control(gates, count[g], decay, speed, g, one, two, D, f, short, a, full)
-        if i == 0:
+            if count[g] > 0:
+                way_control((place, slope, C, J, count[g] - 1, decay), g, goal, B, f, short, a, full)
+            else:
+                tape_control(drift, g, T, active[g], f, short, a, full)
+        if not begun:
             bare0, bare1 = a[2 * h * L] - f[PUSH0], a[2 * h * L + L] - f[PUSH1]
             base = inverse[0, 0] * bare0 + inverse[0, 1] * bare1, inverse[1, 0] * bare0 + inverse[1, 1] * bare1
+            begun = True
         draw(random, bits, f, full)
-        move(h, dt, B, f, a, full)
+        move(h, B, f, a, full)
         cross(cuts, f, long, full)
-        arena = at(setup.arena, times[i + 1])
-        around = single(arena)
         survey(around, f, short, full)
-        flagged = bridge(step, random, f, short, full) if setup.bridge else judge(around, f, short, full)
+        flagged = bridge(variance, weighed, random, f, short, full) if setup.bridge else judge(around, f, short, full)
         for group in range(full - WIDE if flagged > 0 else -1, -1, -WIDE):
             some = 0
             for k in range(group, group + WIDE):
@@ -235,22 +258,25 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
             for k in range(min(group + WIDE, n) - 1 if some > 0 else -1, group - 1, -1):
                 outcome, share = short[FLAG + k], 1.0
                 if outcome == SLOW:
-                    outcome, share = resolve(arena, B, step, k, random, f)
+                    outcome, share = resolve(arena, B, weighed, k, random, f)
                 if outcome != INSIDE:
+                    i = np.int64(short[STEP + k])
                     if keep:
-                        record(into, i, h, dt * share, k, start, scratch)
+                        record(into, h, share, k, start, scratch)
                     retire(ENDING(setup.rate, times, window, inverse, H, h, base, i, share, outcome), k, scratch, paths)
                     n -= 1
                     compact(k, n, H, reach > 0.0, scratch)
-        if n == 0:
-            return
         for k in range(n if keep else 0):
-            record(into, i, h, dt, k, start, scratch)
-        add_log_ratios(h, H, dt, f, a, ratio, full)
-        advance(h, dt, i < window, f, a, full)
-    f[Z0:NX], a[:] = 0.0, 0.0
-    for k in range(n):
-        retire(ENDING(setup.rate, times, window, inverse, H, h, base, T - 1, 1.0, INSIDE), k, scratch, paths)
+            record(into, h, 1.0, k, start, scratch)
+        add_log_ratios(h, H, f, a, ratio, full)
+        most = advance(h, window, f, short, a, full)
+        if most >= T:
+            for k in range(n - 1, -1, -1):
+                if short[STEP + k] >= T:
+                    f[Z0 + k], f[Z1 + k], f[DT + k], f[SPENT + k] = 0.0, 0.0, 0.0, times[T] - times[T - 1]
+                    retire(ENDING(setup.rate, times, window, inverse, H, h, base, T - 1, 1.0, INSIDE), k, scratch, paths)
+                    n -= 1
+                    compact(k, n, H, reach > 0.0, scratch)
 
 
 @kernel

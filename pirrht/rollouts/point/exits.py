@@ -14,7 +14,7 @@ from pirrht.compiled.streams import GOLDEN, bits_of
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import Grid, bilinear, border, cell_of
 from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE
-from pirrht.rollouts.point.stages import C0, C1, CELL, CORNER, E0, E1, FLAG, G0, G1, LANES, NX, NY, L, U, V, X, Y
+from pirrht.rollouts.point.stages import C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, LANES, NX, NY, L, U, V, X, Y
 
 SLOW = 3  # flag of lanes whose step needs a closer look
 FRAME: Any = Grid
@@ -88,30 +88,30 @@ def judge(arena, f, short, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def bridge(variance, random, f, short, n):  # type: ignore[no-untyped-def]
-    """Flag the lanes whose step may have ended on its way; how many.
+def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-def]
+    """Flag the lanes whose step may have ended on its way, or is to be weighed; how many. `variance` is per second.
 
     Most that are merely close to a wall survive for sure: exp(-e) <= (1 + e/16)^-16, and no second wall is nearer.
     """
     n = min(n, LANES)
-    reach, per = np.float32(FAR * variance), np.float32(1.0 / (8.0 * variance))
+    far, per = np.float32(FAR * variance), np.float32(1.0 / (8.0 * variance))
     slow = 0
     for k in range(n):
         c0, c1, e0, e1, g0, g1 = f[C0 + k], f[C1 + k], f[E0 + k], f[E1 + k], f[G0 + k], f[G1 + k]
         dx, dy = f[NX + k] - f[X + k], f[NY + k] - f[Y + k]
-        square = dx * dx + dy * dy
+        square, reach = dx * dx + dy * dy, far * f[DT + k]
         past = (e1 <= ZERO) | (g1 <= ZERO) | (c1 <= ZERO) | (TWO * e0 * e1 < reach) | (TWO * g0 * g1 < reach)
         past |= ((c0 + c1) * (c0 + c1) < square) | ((g0 + g1) * (g0 + g1) < square)
         near = TWO * c0 * c1 < reach
         state = random[k] + GOLDEN
         u = np.float32(np.int32(bits_of(state) >> SHIFT)) * ULP + ULP  # not less than the number that `uniform` draws
-        term = ONE + max(c0 * c1, ZERO) * per
+        term = ONE + max(c0 * c1, ZERO) * per / f[DT + k]
         term *= term
         term *= term
         term *= term
         term *= term
         survives = u * term < term - TWO
-        doubt = past | (near & (not survives))
+        doubt = past | (near & (weighed | (not survives)))
         random[k] = state if near and not doubt else random[k]
         short[FLAG + k] = SLOW if doubt else INSIDE
         slow += 1 if doubt else 0

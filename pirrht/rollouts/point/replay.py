@@ -45,6 +45,7 @@ def _recorded(
     for h, (first, end) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
         for start in range(first, end, LANES):
             stop = min(start + LANES, end)
+            taken[:] = 0.0
             block(setup, leads, origin, Run(h, start, stop, listed), paths, taken, scratch)
             yield h, order[start:stop], paths.steps[start:stop], taken[: stop - start]
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.addresses import load_float64, load_int64
-from pirrht.compiled.float32 import HALF
+from pirrht.compiled.float32 import HALF, ZERO
 from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import GOLDEN, halves, normals_of
 from pirrht.topology.cuts import FEW, key_of_step, turn_at_cut
@@ -24,14 +24,15 @@ L = LANES + WIDE  # from row to row: not a power of two, or rows would compete f
 # Rows of a block's numbers, each of all lanes: position, noise, where the step leads, what is close before and after.
 # Of the grid cells that the steps lead to, place and corners, nearest and second: looked up by lane, since addresses
 # defy vector loads; the next step begins there.
-X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, HURRY, SUM0, SUM1, SIGN, LOST = (L * i for i in range(19))
-U, V, CORNER = 19 * L, 20 * L, 21 * L
-DX, DY = 29 * L, 30 * L
-ROWS = 31
+X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, SUM0, SUM1, SIGN, LOST = (L * i for i in range(18))
+# The step's length and its root, time left in the step of the grid, time spent in it [s], log of what is weighed.
+DT, ROOT, LEFT, SPENT, LASTING = (L * i for i in range(18, 23))
+U, V, CORNER = 23 * L, 24 * L, 25 * L
+ROWS = 33
 MANY = 1 << 32  # no row begins there
 KEY, SAMPLE = 0, L  # rows of its long integers
 HIGH, LOW = 0, L  # rows of its bits
-FLAG, CELL, STAGE = 0, L, 2 * L  # rows of its short integers; gates passed, a row per reference, come last
+FLAG, CELL, STEP, STAGE = (L * i for i in range(4))  # rows of its short integers; cross-sections passed come last
 
 
 def aligned(count: int, kind: type) -> Any:
@@ -45,7 +46,7 @@ def aligned(count: int, kind: type) -> Any:
 def scratch_of(H: int) -> tuple[Any, ...]:
     """Scratch of a block with H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
     numbers = (aligned(rows * L, np.float32) for rows in (ROWS, 2 * H, H))
-    whole = aligned((2 + H) * L, np.int32), aligned(2 * L, np.int64)
+    whole = aligned((3 + H) * L, np.int32), aligned(2 * L, np.int64)
     return *numbers, *whole, aligned(L, np.uint64), aligned(2 * L, np.uint32)
 
 
@@ -73,12 +74,31 @@ def draw(random, bits, f, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def move(h, dt, B, f, a, n):  # type: ignore[no-untyped-def]
+def pace(times, least, scale, f, short, n):  # type: ignore[no-untyped-def]
+    """Steps that fit the places of the lanes, as `fitting` says; where one of the grid is over, the next begins."""
+    n = min(n, LANES)
+    least, scale, half = np.float32(least), np.float32(scale), HALF
+    for k in range(n):
+        if f[LEFT + k] <= ZERO:
+            i = min(np.int64(short[STEP + k]), times.shape[0] - 2)  # lanes that have ended stand beyond
+            f[LEFT + k] = np.float32(times[i + 1] - times[i])
+    for k in range(n):
+        near = max(min(min(f[C0 + k], f[E0 + k]), f[G0 + k]), ZERO)
+        left = f[LEFT + k]
+        wish = max(scale * near * near, least)
+        dt = left if wish >= left else min(wish, half * left)
+        f[DT + k], f[ROOT + k] = dt, math.sqrt(dt)
+        f[LEFT + k] = left - dt
+
+
+@inlined
+def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
     """Where the step leads; its noise Z becomes y = a dt + dw."""
     n = min(n, LANES)
-    row, root, dt = row_of(h, 2), np.float32(math.sqrt(dt)), np.float32(dt)
+    row = row_of(h, 2)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
     for k in range(n):
+        root, dt = f[ROOT + k], f[DT + k]
         y0 = f[Z0 + k] * root + a[row + k] * dt
         y1 = f[Z1 + k] * root + a[row + L + k] * dt
         f[Z0 + k] = y0
@@ -105,38 +125,47 @@ def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def add_log_ratios(h, H, dt, f, a, ratio, n):  # type: ignore[no-untyped-def]
+def add_log_ratios(h, H, f, a, ratio, n):  # type: ignore[no-untyped-def]
     """Add the step to log dQ_h/dP of the lanes that go on, and to what log dQ_g/dP of the others is more.
 
     The sum for h is large where there is little noise; the others are needed only where they are close to it.
     """
     n = min(n, LANES)
-    mine, dt = row_of(h, 2), np.float32(dt)
+    mine = row_of(h, 2)
     for g in range(H):
         row, own = row_of(g, 2), row_of(g, 1)
         if g == h:
             for k in range(n):
-                a0, a1 = a[row + k], a[row + L + k]
+                a0, a1, dt = a[row + k], a[row + L + k], f[DT + k]
                 term = a0 * (f[Z0 + k] - HALF * a0 * dt) + a1 * (f[Z1 + k] - HALF * a1 * dt) + f[LOST + k]
                 total = ratio[own + k] + term
                 f[LOST + k] = term - (total - ratio[own + k])
                 ratio[own + k] = total
         else:
             for k in range(n):
-                a0, a1, b0, b1 = a[row + k], a[row + L + k], a[mine + k], a[mine + L + k]
+                a0, a1, b0, b1, dt = a[row + k], a[row + L + k], a[mine + k], a[mine + L + k], f[DT + k]
                 term = (a0 - b0) * (f[Z0 + k] - HALF * (a0 + b0) * dt)
                 ratio[own + k] += term + (a1 - b1) * (f[Z1 + k] - HALF * (a1 + b1) * dt)
 
 
 @inlined
-def advance(h, dt, averaged, f, a, n):  # type: ignore[no-untyped-def]
-    """The lanes that go on take their step; what noise did is summed up while it is `averaged`."""
+def advance(h, window, f, short, a, n):  # type: ignore[no-untyped-def]
+    """The lanes that go on take their step; what noise did is summed up in the first `window` steps of the grid.
+
+    Returns the most steps of the grid that a lane has behind it.
+    """
     n = min(n, LANES)
-    row, dt = row_of(h, 2), np.float32(dt)
-    if averaged:
-        for k in range(n):
-            f[SUM0 + k] += f[Z0 + k] - a[row + k] * dt
-            f[SUM1 + k] += f[Z1 + k] - a[row + L + k] * dt
+    row, window, most = row_of(h, 2), np.int32(window), np.int32(0)
+    for k in range(n):
+        early = short[STEP + k] < window
+        f[SUM0 + k] += f[Z0 + k] - a[row + k] * f[DT + k] if early else ZERO
+        f[SUM1 + k] += f[Z1 + k] - a[row + L + k] * f[DT + k] if early else ZERO
     for k in range(n):
         f[X + k], f[Y + k] = f[NX + k], f[NY + k]
         f[C0 + k], f[E0 + k], f[G0 + k] = f[C1 + k], f[E1 + k], f[G1 + k]
+        over = f[LEFT + k] <= ZERO
+        f[SPENT + k] = ZERO if over else f[SPENT + k] + f[DT + k]
+        step = np.int32(short[STEP + k] + (np.int32(1) if over else np.int32(0)))
+        short[STEP + k] = step
+        most = max(most, step)
+    return most

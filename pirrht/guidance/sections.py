@@ -1,0 +1,119 @@
+"""Cross-sections of a reference: where they stand, and how far they reach to the walls on both sides.
+
+A cross-section is a straight line across the reference, square to it, or along the bisector of a corner. It ends at a
+wall, or where noise does not carry a path that goes on to the goal. They stand close where walls are, far apart in the
+open, where psi goes on undisturbed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.field import Field, clearance
+
+NEXT = 0.15  # between cross-sections with walls at their ends [m]
+WIDER = 0.5  # of the room beyond their ends is added in the open
+WIDEST = 0.6  # between any two [m]
+APART = 0.06  # no two are closer, so that noise spreads a path over some nodes from one to the next [m]
+DEVIATIONS = 3.0  # of a path's noise that a cross-section reaches to either side
+BESIDE = 0.05  # and so much more [m]
+SHORTEST = 0.05  # noise is taken to have spread for so long a way at least [m]
+TOUCHING = 1e-4  # a wall ends a cross-section where the clearance is less than this [m]
+STRIDE = 2e-3  # of the search for the wall at least [m]
+
+
+class Sections(NamedTuple):
+    """Cross-sections of one reference, C of them, the first through the start, the last before the goal."""
+
+    point: Array  # (C, 2) on the reference [m]
+    ahead: Array  # (C, 2) unit normal in the direction of travel
+    ends: Array  # (C + 1, 2) offset of their ends to the left and to the right [m]; the last: of the goal's rim
+    walled: Array  # (C + 1, 2) whether a wall is what ends them, 1 or 0
+
+
+def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float) -> Sections:
+    """Cross-sections of a reference from x (n,) [m] over corners to the goal point, line (k, 2) [m].
+
+    Args:
+        radius: of the goal's disc [m].
+        decay: k, of psi per meter [1/m].
+    """
+    whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
+    legs = np.hypot(*np.diff(whole, axis=0).T)
+    room = 2 + len(whole) + int(legs.sum() / APART)
+    out = Sections(np.empty((room, 2)), np.empty((room, 2)), np.empty((room + 1, 2)), np.empty((room + 1, 2)))
+    count = _place(field, whole, radius, decay, out)
+    return Sections(out.point[:count], out.ahead[:count], out.ends[: count + 1], out.walled[: count + 1])
+
+
+@kernel
+def _march(field, x, y, ux, uy, far):  # type: ignore[no-untyped-def]
+    """How far one can go from (x, y) along a unit vector, `far` at most [m], and whether a wall is in the way."""
+    s = 0.0
+    while s < far:
+        c = clearance(field, x + s * ux, y + s * uy)
+        if c <= TOUCHING:
+            return s, 1.0
+        s += max(c, STRIDE)
+    return far, 0.0
+
+
+@inlined
+def _spread(s, whole, decay):  # type: ignore[no-untyped-def]
+    """How far a cross-section at s of a reference reaches to either side [m]: noise is that of a bridge."""
+    return DEVIATIONS * math.sqrt(max(s * (whole - s) / whole, SHORTEST) / decay) + BESIDE
+
+
+@kernel
+def _write(field, spread, x, y, ux, uy, c, out):  # type: ignore[no-untyped-def]
+    """Make cross-section c at (x, y), across the unit vector (ux, uy), with ends at most `spread` away [m]."""
+    point, ahead, ends, walled = out
+    ends[c, 0], walled[c, 0] = _march(field, x, y, -uy, ux, spread)
+    ends[c, 1], walled[c, 1] = _march(field, x, y, uy, -ux, spread)
+    if c < point.shape[0]:
+        point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1] = x, y, ux, uy
+
+
+@kernel
+def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
+    """Walk along a reference (k, 2) and write its cross-sections to `Sections`; how many there are."""
+    last, whole = line.shape[0] - 2, 0.0
+    for i in range(last + 1):
+        whole += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
+    count, s, since, ux, uy = 0, 0.0, math.inf, 1.0, 0.0
+    for i in range(last + 1):
+        x, y = line[i, 0], line[i, 1]
+        dx, dy = line[i + 1, 0] - x, line[i + 1, 1] - y
+        leg = math.hypot(dx, dy)
+        if leg <= 0.0:
+            continue
+        vx, vy = dx / leg, dy / leg
+        bx, by = (ux + vx, uy + vy) if count > 0 else (vx, vy)
+        size = math.hypot(bx, by)
+        bx, by = (bx / size, by / size) if size > TOUCHING else (vx, vy)
+        ux, uy = vx, vy
+        end = leg - radius if i == last else leg
+        t = 0.0
+        while t < end or (count == 0):
+            if since >= APART or count == 0:
+                across = _spread(s + t, whole, decay)
+                cx, cy = (bx, by) if t == 0.0 else (ux, uy)
+                _write(field, across, x + t * ux, y + t * uy, cx, cy, count, out)
+                count, since = count + 1, 0.0
+                room = max(clearance(field, x + t * ux, y + t * uy) - across, 0.0)
+                stride = min(NEXT + WIDER * room, WIDEST)
+            else:
+                stride = APART - since
+            left = end - t
+            stride = left if stride >= left else min(stride, max(0.5 * left, APART))
+            t, since = t + stride, since + stride
+        s += leg
+    along = min(radius, math.hypot(line[last + 1, 0] - line[0, 0], line[last + 1, 1] - line[0, 1]))
+    x, y = line[last + 1, 0] - along * ux, line[last + 1, 1] - along * uy
+    _write(field, _spread(whole, whole, decay), x, y, ux, uy, count, out)
+    return count

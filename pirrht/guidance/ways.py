@@ -1,0 +1,202 @@
+"""The desirability of a way: log psi of one class along its reference, from cross-section to cross-section.
+
+With constant q, psi solves `Laplace psi = k^2 psi`. What starts at x reaches a straight line that leaves it on one side
+with the density `k d / (pi r) K1(k r)`, d the distance to the line and r that to the place on it, about
+`sqrt(k / 2 pi r) exp(-k r) cos`. So psi on one cross-section of a reference is an integral over the next one, back from
+the goal. Walls on both sides enter as their mirror images do: a path from a distance c to a distance c' of a flat wall
+misses it with probability 1 - exp(-2 k c c' / r). In a channel these transfers settle to its slowest mode by themselves,
+at its own decay, and behind a corner psi spreads as it is diffracted.
+
+The slope of log psi at the nodes is what samples follow (`rollouts.ways`); psi at the start tells in advance how much
+a class can weigh.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.arena import Arena
+from pirrht.guidance.sections import sections_of
+from pirrht.rollouts.first_exit import two_walls, wall_slope
+from pirrht.rollouts.ways import PLACE
+
+NODES = 24  # of a cross-section
+OPEN = 1e9  # distance to a wall that is not there [m]
+CERTAIN = 30.0  # exponents beyond this are taken as certain survival
+GRAZING = 0.02  # cosines of lines that graze a cross-section are not looked at
+CLOSEST = 1e-3  # nearer to a wall psi is taken to vanish like the distance [m]
+
+
+class Way(NamedTuple):
+    """What is known of psi along one reference, at J nodes on each of C cross-sections."""
+
+    place: NDArray[np.float32]  # (C, 6) as a row of `Ways.place`
+    slope: NDArray[np.float32]  # (C, J, 2) as a row of `Ways.slope`
+    decay: float  # k [1/m]
+    goal: tuple[float, float]  # centre [m]
+    log_psi: float  # of the class at the start [nats]
+
+
+def way_of(arena: Arena, line: Array, x: Array, decay: float, reach: float, nodes: int = NODES) -> Way:
+    """The way of one reference.
+
+    Args:
+        arena: of the world, with the goal's disc.
+        line: corners (k, 2) [m] after x, the goal point as the last.
+        x: state that the reference starts from, (n,).
+        decay: k, of psi per meter [1/m].
+        reach: as `Leads.reach` [m].
+        nodes: J.
+    """
+    cut = sections_of(arena.field, line, x, arena.radius, decay)
+    C = len(cut.point)
+    place, slope = np.zeros((C, PLACE), np.float32), np.zeros((C, nodes, 2), np.float32)
+    log_psi = _transfer(arena, cut, decay, reach, np.asarray(x, dtype=float), place, slope)
+    return Way(place, slope, decay, arena.goal, float(log_psi))
+
+
+@inlined
+def _missed(c, d, rate):  # type: ignore[no-untyped-def]
+    """Probability that a path from a distance c to a distance d of a flat wall misses it; rate: 2 k / r."""
+    exponent = rate * c * d
+    return 1.0 if exponent > CERTAIN else -math.expm1(-exponent)
+
+
+@inlined
+def _push(c, d, rate):  # type: ignore[no-untyped-def]
+    """How fast the logarithm of that grows with c [1/m]."""
+    exponent = rate * c * d
+    return 0.0 if exponent > CERTAIN else rate * d / math.expm1(exponent)
+
+
+@inlined
+def _offset(low, step, j):  # type: ignore[no-untyped-def]
+    return low + (j + 0.5) * step
+
+
+@kernel
+def _look(k, x, y, left, right, nodes, total, out):  # type: ignore[no-untyped-def]
+    """log psi at (x, y), `left` and `right` of it the walls, from what is known at the next cross-section's nodes.
+
+    Args, in order: k; place and distances [m]; per node x, y, distances to the walls, log psi (J, 5) and the normal,
+        point and spacing of the cross-section; scratch (J,). To out (4,) go the slope of log psi without the walls'
+        part, in x and y, and the push of either wall.
+    """
+    node, tx, ty, px, py, step = nodes
+    J, top = node.shape[0], -math.inf
+    for j in range(J):
+        total[j] = node[j, 4] - k * math.hypot(node[j, 0] - x, node[j, 1] - y)
+        top = max(top, total[j])
+    out[:] = 0.0
+    ahead = (px - x) * tx + (py - y) * ty
+    psi, whole = 0.0, 0.0
+    for j in range(J):
+        dx, dy = node[j, 0] - x, node[j, 1] - y
+        r = math.sqrt(dx * dx + dy * dy) + 1e-12
+        along = dx * tx + dy * ty
+        if along < GRAZING * r:
+            continue
+        per = 1.0 / r
+        bend = 0.375 * per / k  # of K1, to first order
+        density = step * math.sqrt(0.5 * k * per / math.pi) * along * per * (1.0 + bend)
+        whole += density * math.exp(min(k * (ahead - r), 0.0))
+        if total[j] < top - CERTAIN:
+            continue
+        rate = 2.0 * k * per
+        weight = density * math.exp(total[j] - top)
+        weight *= _missed(left, node[j, 2], rate) * _missed(right, node[j, 3], rate)
+        push_left, push_right = _push(left, node[j, 2], rate), _push(right, node[j, 3], rate)
+        inward = k + per * (0.5 + bend / (1.0 + bend) + 1.0 + left * push_left + right * push_right)
+        psi += weight
+        out[0] += weight * (inward * dx * per - tx / along)
+        out[1] += weight * (inward * dy * per - ty / along)
+        out[2] += weight * push_left
+        out[3] += weight * push_right
+    if psi <= 0.0:
+        out[:] = 0.0
+        return -math.inf
+    out /= psi
+    # Between nodes that noise hardly spreads over, a sum can exceed what reaches the whole line, exp(-k ahead).
+    return top + math.log(psi / max(whole, 1.0))
+
+
+@kernel
+def _sight(k, x, y, left, right, goal, radius, ends, out):  # type: ignore[no-untyped-def]
+    """The same where the goal is in sight: psi of its disc in the open, and walls up to its rim, `ends` from it."""
+    dx, dy = goal[0] - x, goal[1] - y
+    r = math.sqrt(dx * dx + dy * dy)
+    if r <= radius:
+        out[:] = 0.0
+        return 0.0
+    rate = 2.0 * k / (r - radius + 0.5 / k)
+    out[2], out[3] = _push(left, ends[0], rate), _push(right, ends[1], rate)
+    inward = (k + 0.5 / r) / r
+    out[0], out[1] = inward * dx, inward * dy
+    survival = _missed(left, ends[0], rate) * _missed(right, ends[1], rate)
+    return 0.5 * math.log(radius / r) - k * (r - radius) + math.log(max(survival, 1e-300))
+
+
+@inlined
+def _beside(ux, uy, end, walled, near, c, nx, ny, d, mx, my):  # type: ignore[no-untyped-def]
+    """Unit vector away from the wall on the side to which (ux, uy) points, per unit of its distance along it.
+
+    The wall is the nearest, the second nearest or another, straight across; none where the side is open.
+    """
+    if walled == 0.0:
+        return 0.0, 0.0
+    first, second = -(ux * nx + uy * ny), -(ux * mx + uy * my)
+    if first > near:
+        return nx / first, ny / first
+    if second > near:
+        return mx / second, my / second
+    return -ux, -uy
+
+
+@kernel
+def _transfer(arena, cut, k, reach, start, place, slope):  # type: ignore[no-untyped-def]
+    """Fill `Way.place` and `Way.slope` from `Sections`, from the goal back; returns log psi at the start."""
+    field, goal, radius = arena.field, arena.goal, arena.radius
+    point, ahead, ends, walled = cut
+    C, J = slope.shape[0], slope.shape[1]
+    node, known, total, out = np.zeros((J, 5)), np.zeros((J, 5)), np.zeros(J), np.zeros(4)
+    rim = np.empty(2)
+    for side in range(2):
+        rim[side] = ends[C, side] if walled[C, side] > 0.0 else OPEN
+    at_start = 0.0
+    for c in range(C - 1, -1, -1):
+        px, py, tx, ty = point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1]
+        low, step = -ends[c, 1], max((ends[c, 0] + ends[c, 1]) / J, 1e-6)
+        following = (known, 0.0, 0.0, 0.0, 0.0, 0.0)
+        if c < C - 1:
+            wide = max((ends[c + 1, 0] + ends[c + 1, 1]) / J, 1e-6)
+            following = (known, ahead[c + 1, 0], ahead[c + 1, 1], point[c + 1, 0], point[c + 1, 1], wide)
+        for j in range(-1 if c == 0 else 0, J):
+            beside = 0.0 if j < 0 else _offset(low, step, j)
+            x, y = px - beside * ty, py + beside * tx
+            left = ends[c, 0] - beside if walled[c, 0] > 0.0 else OPEN
+            right = ends[c, 1] + beside if walled[c, 1] > 0.0 else OPEN
+            left, right = max(left, CLOSEST), max(right, CLOSEST)
+            if c == C - 1:
+                log_psi = _sight(k, x, y, left, right, goal, radius, rim, out)
+            else:
+                log_psi = _look(k, x, y, left, right, following, total, out)
+            if j < 0:
+                at_start = log_psi
+                continue
+            node[j, 0], node[j, 1], node[j, 2], node[j, 3], node[j, 4] = x, y, left, right, log_psi
+            near, nx, ny, far, mx, my = two_walls(field, x, y)
+            ax, ay = _beside(-ty, tx, left, walled[c, 0], 0.25, near, nx, ny, far, mx, my)
+            bx, by = _beside(ty, -tx, right, walled[c, 1], 0.25, near, nx, ny, far, mx, my)
+            sx, sy = wall_slope(max(near, CLOSEST), nx, ny, max(far, CLOSEST), mx, my, reach)
+            slope[c, j, 0] = out[0] + out[2] * ax + out[3] * bx - sx
+            slope[c, j, 1] = out[1] + out[2] * ay + out[3] * by - sy
+        known[:] = node
+        place[c, 0], place[c, 1], place[c, 2], place[c, 3] = px, py, tx, ty
+        place[c, 4], place[c, 5] = _offset(low, step, 0), 1.0 / step
+    return at_start

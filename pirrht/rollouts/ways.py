@@ -1,0 +1,110 @@
+"""Climbing the desirability of a way: what a sample does that follows a reference, inside compiled rollouts.
+
+A way is a reference with cross-sections; at nodes on them the slope of log psi of its class is known (`guidance.ways`),
+less what the nearest walls account for. Between two cross-sections it is interpolated, behind the last one the goal
+is in sight, where psi is that of a disc in the open.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.compiled.addresses import load_float32
+from pirrht.compiled.float32 import HALF, ONE, ZERO
+from pirrht.compiled.jit import inlined, kernel
+
+PLACE = 6  # numbers of a cross-section
+AT_ONCE = 8  # cross-sections that a step may pass
+TINY = np.float32(1e-9)
+
+
+class Ways(NamedTuple):
+    """Ways of H references, of at most C cross-sections with J nodes each; plain arrays, so that kernels can take them.
+
+    A cross-section is a point on the reference, the unit normal in the direction of travel, the offset to the left of
+    the first node and the number of nodes per meter.
+    """
+
+    count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) cross-sections, the first at the start; 0: no way
+    place: NDArray[np.float32]  # (H, C, 6) [m], 1, [m], [1/m]
+    slope: NDArray[np.float32]  # (H, C, J, 2) grad log psi at the nodes without the nearest walls' part [1/m]
+    decay: float  # k, of psi per meter in the open [1/m]
+
+
+def no_ways(H: int, C: int, J: int, decay: float) -> Ways:
+    """Room for H ways of at most C cross-sections with J nodes, (H, C, 6) [m] and (H, C, J, 2) [1/m]; none yet."""
+    place, slope = np.zeros((H, C, PLACE), np.float32), np.zeros((H, C, J, 2), np.float32)
+    return Ways(np.zeros(H, np.int64), place, slope, decay)
+
+
+@inlined
+def _beside(place, s, dx, dy):  # type: ignore[no-untyped-def]
+    """How far a place (dx, dy) from the point of cross-section s lies along it, in nodes."""
+    k = PLACE * s
+    left = dy * load_float32(place, k + 2) - dx * load_float32(place, k + 3)
+    return (left - load_float32(place, k + 4)) * load_float32(place, k + 5)
+
+
+@inlined
+def _at_nodes(slope, s, J, node):  # type: ignore[no-untyped-def]
+    """Slope (x, y) on cross-section s, `node` nodes from its first one, linear between two."""
+    node = min(max(node, ZERO), np.float32(J - 1))
+    j = min(np.int64(node), J - 2)
+    share, k = node - np.float32(j), 2 * (s * J + j)
+    gx = load_float32(slope, k) * (ONE - share) + load_float32(slope, k + 2) * share
+    return gx, load_float32(slope, k + 1) * (ONE - share) + load_float32(slope, k + 3) * share
+
+
+@inlined
+def uphill(place, slope, last, J, decay, goal, s, x, y):  # type: ignore[no-untyped-def]
+    """Which cross-section (x, y) [m] has passed, the s-th or one near it, and grad log psi there [1/m].
+
+    Args: addresses of a way's `Ways.place` and `Ways.slope`, number of its last cross-section, J, k [1/m], the goal's
+    centre [m], s, (x, y) [m]. Single precision suffices for a guide, as long as the likelihood ratio is that of what
+    was followed.
+    """
+    x, y = np.float32(x), np.float32(y)
+    k = PLACE * s
+    dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
+    past = dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
+    if past < ZERO and s > 0:
+        s -= 1
+        k -= PLACE
+        dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
+        past = dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
+    for _ in range(AT_ONCE):
+        if s == last:
+            break
+        k = PLACE * (s + 1)
+        ex, ey = x - load_float32(place, k), y - load_float32(place, k + 1)
+        ahead = -ex * load_float32(place, k + 2) - ey * load_float32(place, k + 3)
+        if ahead > ZERO:
+            share = min(max(past / (past + ahead + TINY), ZERO), ONE)
+            ax, ay = _at_nodes(slope, s, J, _beside(place, s, dx, dy))
+            bx, by = _at_nodes(slope, s + 1, J, _beside(place, s + 1, ex, ey))
+            return s, ax + share * (bx - ax), ay + share * (by - ay)
+        s, dx, dy, past = s + 1, ex, ey, -ahead
+    dx, dy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
+    per = ONE / math.sqrt(dx * dx + dy * dy + TINY)
+    rate = (np.float32(decay) + HALF * per) * per
+    return s, rate * dx, rate * dy
+
+
+@kernel
+def slope_along(ways, g, stage, goal, x, y, out):  # type: ignore[no-untyped-def]
+    """Write grad log psi [1/m] at (x, y) [m] on way g, from cross-section `stage` on, to out (2,); returns which it is.
+
+    The goal's centre is (x, y) [m].
+    """
+    H, C, J, _ = ways.slope.shape
+    place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 8 * g * C * J
+    before = -1
+    while stage != before:
+        before = stage
+        stage, out[0], out[1] = uphill(place, slope, ways.count[g] - 1, J, ways.decay, goal, before, x, y)
+    return stage
