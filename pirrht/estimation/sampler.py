@@ -109,10 +109,10 @@ class PathIntegral:
 
     def climbing(self, x: Array, lines: Sequence[Array]) -> list[Climb]:
         """Climbing the desirability of ways from x (n,) over the corners (k, 2) [m] of each line to the goal point."""
-        scales, d = self._scales(x), self.problem.dynamics
+        scales, d, arena = self._scales(x), self.problem.dynamics, self.setup.arena
         B = d.B_c(x)
-        gain = np.linalg.solve(d.G_c(x), B @ B.T)
-        return [Climb(way_of(self.setup.arena, line, x, scales.decay, scales.reach), gain) for line in lines]
+        gain, push = np.linalg.solve(d.G_c(x), B @ B.T), self._push(scales.reach, self.sampling.first or self.sampling.dt)
+        return [Climb(way_of(arena, line, x, scales.decay), gain, push) for line in lines]
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
@@ -162,7 +162,10 @@ class PathIntegral:
 
     def push(self, leads: Leads) -> Push:
         """What the nearest walls add to the control (m,) near samples that followed these leads, for any state (n,)."""
-        return Push(problem=self.problem, field=self.space.field, reach=leads.reach, step=float(leads.times[1]))
+        return self._push(leads.reach, float(leads.times[1]))
+
+    def _push(self, reach: float, step: float) -> Push:
+        return Push(problem=self.problem, field=self.space.field, reach=reach, step=step)
 
     def _scales(self, x: Array) -> Scales:
         """Those at x (n,), which are the same everywhere if G, B and R are."""

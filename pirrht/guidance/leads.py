@@ -14,6 +14,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.guidance.tracking import Guide
+from pirrht.guidance.walls import Push
 from pirrht.guidance.ways import Way
 from pirrht.rollouts.records import Leads
 from pirrht.rollouts.ways import Ways, slope_along
@@ -60,10 +61,11 @@ class Tape(Lead):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Climb(Lead):
-    """Climbing the desirability of a way, G u = BB' grad log psi; without what the nearest walls add."""
+    """Climbing the desirability of a way, G u = BB' grad log psi; without the push of the nearest walls."""
 
     way: Way
     gain: Array  # (m, 2) G^-1 BB' [m/s per nat/m]
+    push: Push
 
     @property
     def sections(self) -> int:
@@ -74,8 +76,8 @@ class Climb(Lead):
         """Control (m,) at x (n,); the time s [s] does not matter."""
         slope, way = np.zeros(2), self.way
         ways = Ways(np.array([len(way.place)]), way.place[None], way.slope[None], way.decay)
-        slope_along(ways, 0, 0, way.goal, x[0], x[1], slope)
-        return np.asarray(self.gain @ slope)
+        slope_along(ways, 0, way.goal, x[0], x[1], self.push.walls(x), slope)
+        return np.asarray(self.gain @ slope) - self.push(x)
 
     def pack(self, leads: Leads, h: int) -> None:
         """The way, to the first C cross-sections of the row in `Leads.ways`, and their number."""

@@ -7,7 +7,7 @@ wall it falls like the share of paths that noise does not carry into it: their m
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from pirrht.geometry.field import Field, clearance
 from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import two_walls, wall_slope
 
-ANTICIPATION = 0.25  # the wall's part of a guide reaches as far as noise carries a path in this time [s]
+
+REACH = 2.0  # decay lengths 1/k within which walls push what follows no way
 AVERAGED = 0.02  # near walls and goal the control now is averaged over leading steps of this length together [s]
 SHARE = 0.25  # of the time in which noise carries a path to the nearest of them
 SHARPER = 0.2  # of a rollout step's noise: nearer than half of that a wall pushes the robot no harder
@@ -35,10 +36,11 @@ class Scales(NamedTuple):
         """Those at x (n,)."""
         B = problem.dynamics.B_c(x)
         noise = float(np.trace(B @ B.T)) / len(B)
+        decay = float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise)))
         return cls(
             noise=noise,
-            decay=float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise))),
-            reach=float(np.sqrt(2.0 * noise * ANTICIPATION)),
+            decay=decay,
+            reach=REACH / decay,
         )
 
 
@@ -73,8 +75,13 @@ class Push:
         if self.reach <= 0.0:
             return np.zeros(d.m)
         B = d.B_c(x)
-        # A robot that reacts between plans may come closer than a rollout's step would let it.
-        widest = SHARPER * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
-        c, nx, ny, far, mx, my = two_walls(self.field, x[0], x[1])
-        slope = wall_slope(max(c, widest), nx, ny, max(far, widest), mx, my, self.reach)
+        slope = wall_slope(*self.walls(x), self.reach)
         return np.asarray(np.linalg.solve(d.G_c(x), B @ B.T @ np.array(slope)))
+
+    def walls(self, x: Array) -> tuple[Any, ...]:
+        """The two nearest walls at x (n,) as `two_walls` gives them, none nearer than they push harder [m]."""
+        B = self.problem.dynamics.B_c(x)
+        # A robot that reacts between plans may come closer than a rollout's step would let it.
+        widest = np.float32(SHARPER * np.sqrt((B @ B.T).diagonal().max() * self.step))
+        c, nx, ny, far, mx, my = two_walls(self.field, x[0], x[1])
+        return max(c, widest), nx, ny, max(far, widest), mx, my

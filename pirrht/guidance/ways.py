@@ -7,8 +7,8 @@ the goal. Walls on both sides enter as their mirror images do: a path from a dis
 misses it with probability 1 - exp(-2 k c c' / r). In a channel these transfers settle to its slowest mode by themselves,
 at its own decay, and behind a corner psi spreads as it is diffracted.
 
-The slope of log psi at the nodes is what samples follow (`rollouts.ways`); psi at the start tells in advance how much
-a class can weigh.
+The slope of log psi at the nodes is what samples follow (`rollouts.ways`); towards a wall at a distance c it is known
+by the length b of `c / (c + b)`. psi at the start tells in advance how much a class can weigh.
 """
 
 from __future__ import annotations
@@ -23,27 +23,29 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arena import Arena
 from pirrht.guidance.sections import sections_of
-from pirrht.rollouts.first_exit import two_walls, wall_slope
-from pirrht.rollouts.ways import PLACE
+from pirrht.rollouts.first_exit import two_walls
+from pirrht.rollouts.ways import KNOWN, PLACE
 
 NODES = 24  # of a cross-section
 OPEN = 1e9  # distance to a wall that is not there [m]
 CERTAIN = 30.0  # exponents beyond this are taken as certain survival
 GRAZING = 0.02  # cosines of lines that graze a cross-section are not looked at
 CLOSEST = 1e-3  # nearer to a wall psi is taken to vanish like the distance [m]
+ASIDE = 0.25  # cosine from which on a wall stands on one side
+MOST = 0.999  # log psi grows hardly faster than log c
 
 
 class Way(NamedTuple):
     """What is known of psi along one reference, at J nodes on each of C cross-sections."""
 
     place: NDArray[np.float32]  # (C, 6) as a row of `Ways.place`
-    slope: NDArray[np.float32]  # (C, J, 2) as a row of `Ways.slope`
+    slope: NDArray[np.float32]  # (C, J, 4) as a row of `Ways.slope`
     decay: float  # k [1/m]
     goal: tuple[float, float]  # centre [m]
     log_psi: float  # of the class at the start [nats]
 
 
-def way_of(arena: Arena, line: Array, x: Array, decay: float, reach: float, nodes: int = NODES) -> Way:
+def way_of(arena: Arena, line: Array, x: Array, decay: float, nodes: int = NODES) -> Way:
     """The way of one reference.
 
     Args:
@@ -51,13 +53,12 @@ def way_of(arena: Arena, line: Array, x: Array, decay: float, reach: float, node
         line: corners (k, 2) [m] after x, the goal point as the last.
         x: state that the reference starts from, (n,).
         decay: k, of psi per meter [1/m].
-        reach: as `Leads.reach` [m].
         nodes: J.
     """
     cut = sections_of(arena.field, line, x, arena.radius, decay)
     C = len(cut.point)
-    place, slope = np.zeros((C, PLACE), np.float32), np.zeros((C, nodes, 2), np.float32)
-    log_psi = _transfer(arena, cut, decay, reach, np.asarray(x, dtype=float), place, slope)
+    place, slope = np.zeros((C, PLACE), np.float32), np.zeros((C, nodes, KNOWN), np.float32)
+    log_psi = _transfer(arena, cut, decay, np.asarray(x, dtype=float), place, slope)
     return Way(place, slope, decay, arena.goal, float(log_psi))
 
 
@@ -143,23 +144,20 @@ def _sight(k, x, y, left, right, goal, radius, ends, out):  # type: ignore[no-un
 
 
 @inlined
-def _beside(ux, uy, end, walled, near, c, nx, ny, d, mx, my):  # type: ignore[no-untyped-def]
-    """Unit vector away from the wall on the side to which (ux, uy) points, per unit of its distance along it.
+def _reach(ux, uy, end, push, walls):  # type: ignore[no-untyped-def]
+    """Reach of the wall towards (ux, uy), `end` away that way, whose push there is known: `wall_slope` gives the same.
 
-    The wall is the nearest, the second nearest or another, straight across; none where the side is open.
+    The wall's own distance is that of the nearest or the second nearest, if one of them stands there.
     """
-    if walled == 0.0:
-        return 0.0, 0.0
+    c, nx, ny, d, mx, my = walls
     first, second = -(ux * nx + uy * ny), -(ux * mx + uy * my)
-    if first > near:
-        return nx / first, ny / first
-    if second > near:
-        return mx / second, my / second
-    return -ux, -uy
+    distance = c if first > ASIDE else (d if second > ASIDE else end)
+    share = min(push * end, MOST)
+    return distance * share / (1.0 - share)
 
 
 @kernel
-def _transfer(arena, cut, k, reach, start, place, slope):  # type: ignore[no-untyped-def]
+def _transfer(arena, cut, k, start, place, slope):  # type: ignore[no-untyped-def]
     """Fill `Way.place` and `Way.slope` from `Sections`, from the goal back; returns log psi at the start."""
     field, goal, radius = arena.field, arena.goal, arena.radius
     point, ahead, ends, walled = cut
@@ -190,12 +188,9 @@ def _transfer(arena, cut, k, reach, start, place, slope):  # type: ignore[no-unt
                 at_start = log_psi
                 continue
             node[j, 0], node[j, 1], node[j, 2], node[j, 3], node[j, 4] = x, y, left, right, log_psi
-            near, nx, ny, far, mx, my = two_walls(field, x, y)
-            ax, ay = _beside(-ty, tx, left, walled[c, 0], 0.25, near, nx, ny, far, mx, my)
-            bx, by = _beside(ty, -tx, right, walled[c, 1], 0.25, near, nx, ny, far, mx, my)
-            sx, sy = wall_slope(max(near, CLOSEST), nx, ny, max(far, CLOSEST), mx, my, reach)
-            slope[c, j, 0] = out[0] + out[2] * ax + out[3] * bx - sx
-            slope[c, j, 1] = out[1] + out[2] * ay + out[3] * by - sy
+            walls = two_walls(field, x, y)
+            slope[c, j, 0], slope[c, j, 1] = out[0], out[1]
+            slope[c, j, 2], slope[c, j, 3] = _reach(-ty, tx, left, out[2], walls), _reach(ty, -tx, right, out[3], walls)
         known[:] = node
         place[c, 0], place[c, 1], place[c, 2], place[c, 3] = px, py, tx, ty
         place[c, 4], place[c, 5] = _offset(low, step, 0), 1.0 / step

@@ -1,8 +1,8 @@
 """Climbing the desirability of a way: what a sample does that follows a reference, inside compiled rollouts.
 
 A way is a reference with cross-sections; at nodes on them the slope of log psi of its class is known (`guidance.ways`),
-less what the nearest walls account for. Between two cross-sections it is interpolated, behind the last one the goal
-is in sight, where psi is that of a disc in the open.
+and over what length psi falls to zero towards the walls on both sides. Between nodes and cross-sections these are
+interpolated, behind the last one the goal is in sight, where psi is that of a disc in the open.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from pirrht.compiled.addresses import load_float32
 from pirrht.compiled.float32 import HALF, ONE, ZERO
 from pirrht.compiled.jit import inlined, kernel
 
-PLACE = 6  # numbers of a cross-section
+PLACE, KNOWN = 6, 4  # numbers of a cross-section, and of a node
+REACH = 2.0  # decay lengths 1/k within which a wall next to the goal matters
 AT_ONCE = 8  # cross-sections that a step may pass
 TINY = np.float32(1e-9)
 
@@ -32,13 +33,14 @@ class Ways(NamedTuple):
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) cross-sections, the first at the start; 0: no way
     place: NDArray[np.float32]  # (H, C, 6) [m], 1, [m], [1/m]
-    slope: NDArray[np.float32]  # (H, C, J, 2) grad log psi at the nodes without the nearest walls' part [1/m]
+    slope: NDArray[np.float32]  # (H, C, J, 4) at the nodes grad log psi without the walls' part [1/m], and the reach of
+    # the walls to the left and to the right, as `wall_slope` takes it [m]
     decay: float  # k, of psi per meter in the open [1/m]
 
 
 def no_ways(H: int, C: int, J: int, decay: float) -> Ways:
-    """Room for H ways of at most C cross-sections with J nodes, (H, C, 6) [m] and (H, C, J, 2) [1/m]; none yet."""
-    place, slope = np.zeros((H, C, PLACE), np.float32), np.zeros((H, C, J, 2), np.float32)
+    """Room for H ways of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
+    place, slope = np.zeros((H, C, PLACE), np.float32), np.zeros((H, C, J, KNOWN), np.float32)
     return Ways(np.zeros(H, np.int64), place, slope, decay)
 
 
@@ -52,21 +54,35 @@ def _beside(place, s, dx, dy):  # type: ignore[no-untyped-def]
 
 @inlined
 def _at_nodes(slope, s, J, node):  # type: ignore[no-untyped-def]
-    """Slope (x, y) on cross-section s, `node` nodes from its first one, linear between two."""
+    """What is known on cross-section s, `node` nodes from its first one, linear between two."""
     node = min(max(node, ZERO), np.float32(J - 1))
     j = min(np.int64(node), J - 2)
-    share, k = node - np.float32(j), 2 * (s * J + j)
-    gx = load_float32(slope, k) * (ONE - share) + load_float32(slope, k + 2) * share
-    return gx, load_float32(slope, k + 1) * (ONE - share) + load_float32(slope, k + 3) * share
+    share, k = node - np.float32(j), KNOWN * (s * J + j)
+    rest = ONE - share
+    gx = load_float32(slope, k) * rest + load_float32(slope, k + 4) * share
+    gy = load_float32(slope, k + 1) * rest + load_float32(slope, k + 5) * share
+    left = load_float32(slope, k + 2) * rest + load_float32(slope, k + 6) * share
+    return gx, gy, left, load_float32(slope, k + 3) * rest + load_float32(slope, k + 7) * share
 
 
 @inlined
-def uphill(place, slope, last, J, decay, goal, s, x, y):  # type: ignore[no-untyped-def]
+def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-def]
+    """Add what walls account for, that reach as far as the ones to the `left` and `right` of (tx, ty) do [m]."""
+    c, nx, ny, d, mx, my = walls
+    first, second = nx * ty - ny * tx > ZERO, mx * ty - my * tx > ZERO  # whether they stand to the left
+    near = left if first else right
+    far = ZERO if first == second else (left if second else right)
+    one, other = near / (c * (c + near) + TINY), far / (d * (d + far) + TINY)
+    return gx + one * nx + other * mx, gy + one * ny + other * my
+
+
+@inlined
+def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[no-untyped-def]
     """Which cross-section (x, y) [m] has passed, the s-th or one near it, and grad log psi there [1/m].
 
     Args: addresses of a way's `Ways.place` and `Ways.slope`, number of its last cross-section, J, k [1/m], the goal's
-    centre [m], s, (x, y) [m]. Single precision suffices for a guide, as long as the likelihood ratio is that of what
-    was followed.
+    centre [m], s, (x, y) [m], `two_walls` there, none closer than they may push. Single precision suffices for a
+    guide, as long as the likelihood ratio is that of what was followed.
     """
     x, y = np.float32(x), np.float32(y)
     k = PLACE * s
@@ -82,29 +98,32 @@ def uphill(place, slope, last, J, decay, goal, s, x, y):  # type: ignore[no-unty
             break
         k = PLACE * (s + 1)
         ex, ey = x - load_float32(place, k), y - load_float32(place, k + 1)
-        ahead = -ex * load_float32(place, k + 2) - ey * load_float32(place, k + 3)
+        tx, ty = load_float32(place, k + 2), load_float32(place, k + 3)
+        ahead = -ex * tx - ey * ty
         if ahead > ZERO:
             share = min(max(past / (past + ahead + TINY), ZERO), ONE)
-            ax, ay = _at_nodes(slope, s, J, _beside(place, s, dx, dy))
-            bx, by = _at_nodes(slope, s + 1, J, _beside(place, s + 1, ex, ey))
-            return s, ax + share * (bx - ax), ay + share * (by - ay)
+            ax, ay, al, ar = _at_nodes(slope, s, J, _beside(place, s, dx, dy))
+            bx, by, bl, br = _at_nodes(slope, s + 1, J, _beside(place, s + 1, ex, ey))
+            gx, gy = ax + share * (bx - ax), ay + share * (by - ay)
+            gx, gy = _with_walls(gx, gy, al + share * (bl - al), ar + share * (br - ar), tx, ty, walls)
+            return s, gx, gy
         s, dx, dy, past = s + 1, ex, ey, -ahead
     dx, dy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
     per = ONE / math.sqrt(dx * dx + dy * dy + TINY)
-    rate = (np.float32(decay) + HALF * per) * per
-    return s, rate * dx, rate * dy
+    rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(REACH / decay)
+    gx, gy = _with_walls(rate * dx, rate * dy, reach, reach, dx, dy, walls)
+    return s, gx, gy
 
 
 @kernel
-def slope_along(ways, g, stage, goal, x, y, out):  # type: ignore[no-untyped-def]
-    """Write grad log psi [1/m] at (x, y) [m] on way g, from cross-section `stage` on, to out (2,); returns which it is.
+def slope_along(ways, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def]
+    """Write grad log psi [1/m] at (x, y) [m] on way g to out (2,).
 
-    The goal's centre is (x, y) [m].
+    The goal's centre is (x, y) [m]; `walls` are as `uphill` takes them.
     """
     H, C, J, _ = ways.slope.shape
-    place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 8 * g * C * J
-    before = -1
-    while stage != before:
+    place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
+    stage, before = 0, -1
+    while stage > before:
         before = stage
-        stage, out[0], out[1] = uphill(place, slope, ways.count[g] - 1, J, ways.decay, goal, before, x, y)
-    return stage
+        stage, out[0], out[1] = uphill(place, slope, ways.count[g] - 1, J, ways.decay, goal, before, x, y, walls)

@@ -30,7 +30,7 @@ from pirrht.rollouts.first_exit import (
     wall_slope,
 )
 from pirrht.rollouts.homing import STEEP, homing, wrapped
-from pirrht.rollouts.ways import PLACE, uphill
+from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.dynamics import no_drift
 from pirrht.topology.cuts import key_of_step
 
@@ -170,11 +170,13 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 cov = (xx * dt, xy * dt, yy * dt)
                 # Survivors lean away from walls anyway: the push is B' grad log of what psi is proportional to there.
                 sx, sy = 0.0, 0.0
+                walls = (np.float32(1.0), np.float32(0.0), np.float32(0.0), np.float32(1.0), np.float32(0.0), np.float32(0.0))
                 near_walls = noisy_position and reach > 0.0
                 if near_walls:
                     c, wx, wy, d, vx, vy = two_walls(arena.field, x[0], x[1])
-                    widest = 0.5 * math.sqrt(max(cov[0], cov[2]))
-                    sx, sy = wall_slope(max(c, widest), wx, wy, max(d, widest), vx, vy, reach)
+                    widest = np.float32(0.5 * math.sqrt(max(cov[0], cov[2])))
+                    walls = (max(c, widest), wx, wy, max(d, widest), vx, vy)
+                    sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, reach)
                     for j in range(m):
                         bx = B[0 - fixed, j] if fixed <= 0 else 0.0
                         by = B[1 - fixed, j] if fixed <= 1 else 0.0
@@ -184,8 +186,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 for g in range(0 if weigh else h, H if weigh else h + 1):
                     if noisy_position and count[g] > 0:
                         stage[g], sx, sy = uphill(
-                            place + 4 * PLACE * g * C, slope + 8 * g * C * J, count[g] - 1, J, decay, goal,
-                            stage[g], x[0], x[1],
+                            place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, count[g] - 1, J, decay, goal,
+                            stage[g], x[0], x[1], walls,
                         )  # fmt: skip
                         for j in range(m):
                             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
@@ -208,7 +210,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             a[g, j] += 0.0 if varying else drifts[g, i, j]
                             for k in range(m if varying else 0):
                                 a[g, j] += D[j, k] * controls[g, i, k]
-                    if near_walls:
+                    if near_walls and count[g] == 0:
                         for j in range(m):
                             a[g, j] += pushed[j]
                 for j in range(m):

@@ -10,8 +10,8 @@ from pirrht.compiled.jit import inlined
 from pirrht.geometry.field import bilinear_slope
 from pirrht.rollouts.first_exit import wall_slope, walls_of
 from pirrht.rollouts.point.exits import corners
-from pirrht.rollouts.point.stages import CORNER, LANES, PUSH0, PUSH1, ROOT, STAGE, STEP, L, U, V, X, Y, row_of
-from pirrht.rollouts.ways import PLACE, uphill
+from pirrht.rollouts.point.stages import CORNER, LANES, PUSH0, PUSH1, ROOT, STAGE, STEP, WALL, L, U, V, X, Y, row_of
+from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 
 
 @inlined
@@ -32,7 +32,10 @@ def wall_push(field, reach, b, B, f, short, n):  # type: ignore[no-untyped-def]
         second = bilinear_slope(f[at + 4 * L], f[at + 5 * L], f[at + 6 * L], f[at + 7 * L], u, v, field.per)
         c, nx, ny, d, mx, my = walls_of(field, f[X + k], f[Y + k], nearest, second)
         widest = half * f[ROOT + k]
-        gx, gy = wall_slope(max(c, widest), nx, ny, max(d, widest), mx, my, reach)
+        c, d = max(c, widest), max(d, widest)
+        f[WALL + k], f[WALL + L + k], f[WALL + 2 * L + k] = c, nx, ny
+        f[WALL + 3 * L + k], f[WALL + 4 * L + k], f[WALL + 5 * L + k] = d, mx, my
+        gx, gy = wall_slope(c, nx, ny, d, mx, my, reach)
         f[PUSH0 + k] = b00 * gx + b10 * gy
         f[PUSH1 + k] = b01 * gx + b11 * gy
 
@@ -56,14 +59,16 @@ def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untype
 
 @inlined
 def way_control(ways, g, goal, B, f, short, a, n):  # type: ignore[no-untyped-def]
-    """Write a_g = B' grad log psi of one reference with a way at the lanes' states, push included."""
+    """Write a_g = B' grad log psi of one reference with a way at the lanes' states."""
     n = min(n, LANES)
     place, slope, C, J, last, decay = ways
     row, stage = row_of(g, 2), STAGE + row_of(g, 1)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
-    place, slope = place + 4 * PLACE * g * C, slope + 8 * g * C * J
+    place, slope = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J
     for k in range(n):
-        s, gx, gy = uphill(place, slope, last, J, decay, goal, np.int64(short[stage + k]), f[X + k], f[Y + k])
+        at = WALL + k
+        walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
+        s, gx, gy = uphill(place, slope, last, J, decay, goal, np.int64(short[stage + k]), f[X + k], f[Y + k], walls)
         short[stage + k] = np.int32(s)
-        a[row + k] = b00 * gx + b10 * gy + f[PUSH0 + k]
-        a[row + L + k] = b01 * gx + b11 * gy + f[PUSH1 + k]
+        a[row + k] = b00 * gx + b10 * gy
+        a[row + L + k] = b01 * gx + b11 * gy

@@ -28,7 +28,8 @@ X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, SUM0, SUM1, SIGN, LO
 # The step's length and its root, time left in the step of the grid, time spent in it [s], log of what is weighed.
 DT, ROOT, LEFT, SPENT, LASTING = (L * i for i in range(18, 23))
 U, V, CORNER = 23 * L, 24 * L, 25 * L
-ROWS = 33
+WALL = 33 * L  # the two nearest walls, six rows
+ROWS = 39
 MANY = 1 << 32  # no row begins there
 KEY, SAMPLE = 0, L  # rows of its long integers
 HIGH, LOW = 0, L  # rows of its bits
