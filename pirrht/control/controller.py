@@ -154,7 +154,7 @@ class Controller(Policy):
         names = [class_id(whole) for whole in self._from_start(references)]
         leads, counts = self._leads(x, times, references)
         if self.allocation is not None:
-            counts = self.allocation.counts(names)
+            counts = self.allocation.counts(names, [lead.promise for lead in leads])
         keys = [self.space.homology.key(reference.winding) for reference in references]
         rows = zip(leads, counts, names, keys, strict=True)
         return Batch(
@@ -216,7 +216,8 @@ class Controller(Policy):
     def _leads(self, x: Array, times: Array, references: list[Reference]) -> tuple[list[Lead], list[int]]:
         """What samples around each reference follow, and how many there are; guides start from the last ones."""
         integral = self.path_integral
-        leads = integral.leads(x, times, [reference.trajectory for reference in references])
+        trajectories = [reference.trajectory for reference in references]
+        leads = integral.leads(x, times, trajectories, sparing=self.allocation is not None)
         if integral.guidance is None:
             return list(leads), [integral.sampling.samples] * len(leads)
         guides, counts = self._guided(integral.guidance, x, times, references)

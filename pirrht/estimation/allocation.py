@@ -2,8 +2,9 @@
 
 The variance of psi is the sum over references of N_h var_h(w), so for a given total it is least with N_h proportional
 to the deviation of a weight around h (Neyman 1934). Estimated is the root mean square, which is no smaller: a
-reference whose samples hardly weigh anything gets few. The counts are fixed before the samples of a plan are drawn, so
-the estimate of psi stays unbiased.
+reference whose samples hardly weigh anything gets few. Before anything is known, what ways promise stands for it; a
+class that is promised less than exp(-16) of another is worth only a few samples that hold its tape. The counts are
+fixed before the samples of a plan are drawn, so the estimate of psi stays unbiased.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
 
 PLANS = 5.0  # contributions are averaged over about so many plans
-LEAST = 0.15  # of N goes to every reference, whatever it contributed
+LEAST = 0.15  # of N goes to every reference that is worth it, whatever it contributed
 FEWEST = 8  # samples that every reference gets, if N allows
 
 
@@ -31,20 +33,34 @@ class Allocation:
         """Start anew, with equal counts."""
         self._contribution = {}
 
-    def counts(self, names: Sequence[str]) -> list[int]:
-        """Samples around each reference, (H,), H N in all; a class seen for the first time counts as an average one."""
-        H, N = len(names), self.samples
+    def counts(self, names: Sequence[str], promised: Sequence[float]) -> list[int]:
+        """Samples around each reference, (H,), N on average over those that are worth it.
+
+        Args:
+            names: of the classes, (H,); one seen for the first time counts as an average one.
+            promised: log psi that is foretold of each, (H,) [nats]; what is promised nothing is worth the fewest.
+        """
+        N, least = self.samples, min(self.samples, max(FEWEST, math.ceil(LEAST * self.samples)))
+        worth = np.isfinite(np.asarray(promised))
+        if not worth.any():
+            worth[:] = True
+        number = np.full(len(names), min(N, FEWEST))
+        number[worth] = self._shared([name for name, some in zip(names, worth, strict=True) if some],
+            np.asarray(promised)[worth], N * int(worth.sum()), least)  # fmt: skip
+        return [int(n) for n in number]
+
+    def _shared(self, names: Sequence[str], promised: Array, total: int, least: int) -> Array:
+        """Shares (l,) of a total number of samples, at least so many each."""
         known = [self._contribution[name] for name in names if name in self._contribution]
         usual = float(np.mean(known)) if known else 0.0
-        if usual <= 0.0:
-            return [N] * H
-        raw = np.array([self._contribution.get(name, usual) for name in names])
-        least = min(N, max(FEWEST, math.ceil(LEAST * N)))
-        exact = least + H * (N - least) * raw / raw.sum()
-        number = np.floor(exact).astype(int)
-        missing = H * N - int(number.sum())
-        number[np.argsort(number - exact, kind="stable")[:missing]] += 1
-        return [int(n) for n in number]
+        if usual > 0.0:
+            raw = np.array([self._contribution.get(name, usual) for name in names])
+        else:
+            raw = np.exp(promised - promised.max()) if np.isfinite(promised).all() else np.ones(len(names))
+        exact = least + (total - least * len(names)) * raw / raw.sum()
+        number: Array = np.floor(exact)
+        number[np.argsort(number - exact, kind="stable")[: total - int(number.sum())]] += 1
+        return number
 
     def learn(self, names: Sequence[str], estimate: Estimate) -> None:
         """Take in what the samples of a plan contributed; `names` (H,) are classes in the order of its samples."""

@@ -8,6 +8,7 @@ visit the classes of the others. Only the estimate of psi is unbiased; u is a ra
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -33,6 +34,7 @@ from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
 
 LEAST = 1.0 / 32.0  # of a step that is split near walls and goal remains at least
+HOPELESS = 16.0  # classes that promise so many nats less than another are worth only a few samples
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 
 
@@ -100,19 +102,35 @@ class PathIntegral:
         d = self.problem.dynamics
         return self.sampling.guide == "feedback" and d.n == d.m == 2
 
-    def leads(self, x: Array, times: Array, trajectories: Sequence[Trajectory]) -> Sequence[Lead]:
-        """What samples from x (n,) follow: ways of references if it `climbs`, else tapes over the steps (T+1,) [s]."""
-        if not self.climbs:
-            return [Tape(times, trajectory.tape(times)) for trajectory in trajectories]
-        goal = self.space.scene.goal.center[None, :]
-        return self.climbing(x, [np.vstack([t.path.start[1:, :2], goal]) for t in trajectories])
+    def leads(
+        self, x: Array, times: Array, trajectories: Sequence[Trajectory], *, sparing: bool = False
+    ) -> Sequence[Lead]:
+        """What samples from x (n,) follow: ways of references if it `climbs`, else tapes over the steps (T+1,) [s].
 
-    def climbing(self, x: Array, lines: Sequence[Array]) -> list[Climb]:
-        """Climbing the desirability of ways from x (n,) over the corners (k, 2) [m] of each line to the goal point."""
-        scales, d, arena = self._scales(x), self.problem.dynamics, self.setup.arena
+        Args:
+            trajectories: the references, cheapest first.
+            sparing: hold the tapes of those that promise less than exp(-HOPELESS) of another's psi.
+        """
+        found: list[Lead] = [Tape(times, trajectory.tape(times)) for trajectory in trajectories]
+        if not self.climbs:
+            return found
+        goal, most = self.space.scene.goal, -math.inf
+        decay = self._scales(x).decay
+        for h, trajectory in enumerate(trajectories):
+            if sparing and -decay * trajectory.length < most - HOPELESS:  # psi is hardly more than without walls
+                continue
+            line = np.vstack([trajectory.path.start[1:, :2], goal.center])
+            lead = self.climbing(x, line)
+            if not sparing or lead.way.log_psi >= most - HOPELESS:
+                found[h], most = lead, max(most, lead.way.log_psi)
+        return found
+
+    def climbing(self, x: Array, line: Array) -> Climb:
+        """Climbing the desirability of the way from x (n,) over the corners of a line (k, 2) [m] to the goal point."""
+        scales, d = self._scales(x), self.problem.dynamics
         B = d.B_c(x)
-        gain, push = np.linalg.solve(d.G_c(x), B @ B.T), self._push(scales.reach, self.sampling.first or self.sampling.dt)
-        return [Climb(way_of(arena, line, x, scales.decay), gain, push) for line in lines]
+        push = self._push(scales.reach, self.sampling.first or self.sampling.dt)
+        return Climb(way_of(self.setup.arena, line, x, scales.decay), np.linalg.solve(d.G_c(x), B @ B.T), push)
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""

@@ -6,6 +6,7 @@ likelihood ratio is that of whatever was followed, so any lead leaves psi unbias
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,6 +31,11 @@ class Lead(ABC):
     def sections(self) -> int:
         """Number of cross-sections, C."""
         return 0
+
+    @property
+    def promise(self) -> float:
+        """log psi of the class that it foretells [nats]; minus infinity where it does not."""
+        return -math.inf
 
     @abstractmethod
     def __call__(self, x: Array, s: float) -> Array:
@@ -71,6 +77,11 @@ class Climb(Lead):
     def sections(self) -> int:
         """Number of cross-sections, C."""
         return len(self.way.place)
+
+    @property
+    def promise(self) -> float:
+        """log psi of the way at its start [nats]."""
+        return self.way.log_psi
 
     def __call__(self, x: Array, s: float) -> Array:
         """Control (m,) at x (n,); the time s [s] does not matter."""

@@ -20,6 +20,8 @@ NEXT = 0.15  # between cross-sections with walls at their ends [m]
 WIDER = 0.5  # of the room beyond their ends is added in the open
 WIDEST = 0.6  # between any two [m]
 APART = 0.06  # no two are closer, so that noise spreads a path over some nodes from one to the next [m]
+CHANNEL = 1.0 / 6.0  # of k w^2 at most in a channel of width w: noise crosses it in about k w^2, and walls must not mix
+LEAST = 0.02  # between any two [m]
 DEVIATIONS = 3.0  # of a path's noise that a cross-section reaches to either side
 BESIDE = 0.05  # and so much more [m]
 SHORTEST = 0.05  # noise is taken to have spread for so long a way at least [m]
@@ -45,7 +47,7 @@ def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float
     """
     whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
     legs = np.hypot(*np.diff(whole, axis=0).T)
-    room = 2 + len(whole) + int(legs.sum() / APART)
+    room = 2 + len(whole) + int(legs.sum() / LEAST)
     out = Sections(np.empty((room, 2)), np.empty((room, 2)), np.empty((room + 1, 2)), np.empty((room + 1, 2)))
     count = _place(field, whole, radius, decay, out)
     return Sections(out.point[:count], out.ahead[:count], out.ends[: count + 1], out.walled[: count + 1])
@@ -85,7 +87,8 @@ def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
     last, whole = line.shape[0] - 2, 0.0
     for i in range(last + 1):
         whole += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
-    count, s, since, ux, uy = 0, 0.0, math.inf, 1.0, 0.0
+    _, _, ends, walled = out
+    count, s, since, apart, ux, uy = 0, 0.0, math.inf, APART, 1.0, 0.0
     for i in range(last + 1):
         x, y = line[i, 0], line[i, 1]
         dx, dy = line[i + 1, 0] - x, line[i + 1, 1] - y
@@ -100,17 +103,21 @@ def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
         end = leg - radius if i == last else leg
         t = 0.0
         while t < end or (count == 0):
-            if since >= APART or count == 0:
+            if since >= apart or count == 0:
                 across = _spread(s + t, whole, decay)
                 cx, cy = (bx, by) if t == 0.0 else (ux, uy)
                 _write(field, across, x + t * ux, y + t * uy, cx, cy, count, out)
-                count, since = count + 1, 0.0
                 room = max(clearance(field, x + t * ux, y + t * uy) - across, 0.0)
-                stride = min(NEXT + WIDER * room, WIDEST)
+                stride, apart = min(NEXT + WIDER * room, WIDEST), APART
+                if walled[count, 0] * walled[count, 1] > 0.0:
+                    width = ends[count, 0] + ends[count, 1]
+                    stride = min(stride, max(CHANNEL * decay * width * width, LEAST))
+                    apart = min(apart, stride)
+                count, since = count + 1, 0.0
             else:
-                stride = APART - since
+                stride = apart - since
             left = end - t
-            stride = left if stride >= left else min(stride, max(0.5 * left, APART))
+            stride = left if stride >= left else min(stride, max(0.5 * left, apart))
             t, since = t + stride, since + stride
         s += leg
     along = min(radius, math.hypot(line[last + 1, 0] - line[0, 0], line[last + 1, 1] - line[0, 1]))

@@ -104,8 +104,8 @@ def _look(k, x, y, left, right, nodes, total, out):  # type: ignore[no-untyped-d
         if along < GRAZING * r:
             continue
         per = 1.0 / r
-        bend = 0.375 * per / k  # of K1, to first order
-        density = step * math.sqrt(0.5 * k * per / math.pi) * along * per * (1.0 + bend)
+        bend = 0.75 * per / k * (k * r + 0.556) / (k * r + 0.655)  # of K1(z)^2 z exp(2 z) from its limit, within 1 %
+        density = step * math.sqrt(0.5 * k * per / math.pi * (1.0 + bend)) * along * per
         whole += density * math.exp(min(k * (ahead - r), 0.0))
         if total[j] < top - CERTAIN:
             continue
@@ -113,7 +113,7 @@ def _look(k, x, y, left, right, nodes, total, out):  # type: ignore[no-untyped-d
         weight = density * math.exp(total[j] - top)
         weight *= _missed(left, node[j, 2], rate) * _missed(right, node[j, 3], rate)
         push_left, push_right = _push(left, node[j, 2], rate), _push(right, node[j, 3], rate)
-        inward = k + per * (0.5 + bend / (1.0 + bend) + 1.0 + left * push_left + right * push_right)
+        inward = k + per * (1.5 + 0.5 * bend / (1.0 + bend) + left * push_left + right * push_right)
         psi += weight
         out[0] += weight * (inward * dx * per - tx / along)
         out[1] += weight * (inward * dy * per - ty / along)

@@ -23,13 +23,13 @@ def batch_of(
     guides: Sequence[Guide | None] | None = None,
     classes: Mapping[int, str] | None = None,
 ) -> Batch:
-    """Samples from x (n,) around guides where there are any, else towards corners (k, 2), else along tapes (T, m)."""
+    """Samples from x (n,) around guides where there are any, else on ways over corners (k, 2), else along tapes (T, m)."""
 
     def lead(h: int) -> Lead:
         if guides is not None and (guide := guides[h]) is not None:
             return Along(guide, integral.problem.dynamics)
-        if corners is not None and integral.gated and len(corners[h]):
-            return integral.towards(x, [np.asarray(corners[h])])[0]
+        if corners is not None and integral.climbs and len(corners[h]):
+            return integral.climbing(x, np.asarray(corners[h]))
         return Tape(times, np.asarray(tapes[h], dtype=float))
 
     H = len(tapes)
