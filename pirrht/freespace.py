@@ -44,7 +44,7 @@ class FreeSpace:
         return cls(
             scene=scene,
             collision=collision,
-            field=build_field(collision, [part.members for part in parts]),
+            field=build_field(collision, sorted(i for part in parts for i in part.members)),
             obstacles=encircled,
             homology=Homology(markers=markers, goal=scene.goal.center.astype(float)),
         )

@@ -14,10 +14,11 @@ from typing import Any
 import fcl
 import numpy as np
 
-from pirrht.arrays import Array, BoolArray, IntArray
+from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.fcl_shapes import ball, capsule, shell_of, solid_of, tree_of
 from pirrht.geometry.scene import Footprint, Kind, World
-from pirrht.geometry.shapes import PROBE, Found, Solids, distance_from, improve, nearest_two, tiles
+from pirrht.geometry.shapes import PROBE, Solids, distance_from
+from pirrht.geometry.walls import Answer, Found, nearest_walls
 
 TOLERANCE = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]
 SHORTEST = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]
@@ -40,7 +41,8 @@ class Collision:
         self._all_solids, self._all_shells = tree_of(self._solids), tree_of(self._shells)
         self._all_doubtful = tree_of([s for s, doubt in zip(self._solids, doubtful, strict=True) if doubt])
         self._probe = ball(np.zeros(3), PROBE)
-        self._distance_request, self._collision_request = fcl.DistanceRequest(), fcl.CollisionRequest()
+        self._distance_request = fcl.DistanceRequest(enable_nearest_points=True)
+        self._collision_request = fcl.CollisionRequest()
         self._border: tuple[float, ...] = (*world.lower.tolist(), *world.upper.tolist())
         self._slack = 2 * TOLERANCE if self._doubtful else 1e-9
         self._forms = Solids.of(world.obstacles)
@@ -61,51 +63,13 @@ class Collision:
         """From the robot's centre to `obstacles[index]`, (k, 2) -> (k,) [m]; 0 inside."""
         return np.array([self._from_one(index, point) for point in self._lift(points)], dtype=float)
 
-    def nearest_groups(self, points: Array, groups: Sequence[Sequence[int]], reach: float) -> Found:
-        """Distances to the nearest and the second-nearest group of obstacles, and which group is nearest.
+    def nearest_walls(self, points: Array, members: Sequence[int], reach: float) -> Found:
+        """The nearest of the solids `members` and the nearest that stands in another direction, points (k, 2) [m].
 
-        Args:
-            points: robot centres, (k, 2) [m].
-            groups: disjoint lists of obstacle indices; obstacles in none of them are ignored.
-            reach: no distance above this is told [m].
-
-        FCL is asked about solids for which no closed form is known.
-
-        Returns:
-            The two distances (k,), at most `reach` [m], and which group is nearest (k,), -1 beyond reach.
+        No distance above `reach` [m] is told. FCL is asked about solids for which no closed form is known.
         """
-        known = np.full(len(points), reach)
-        found = Found(known, known.copy(), np.full(len(points), -1, dtype=np.int64))
-        group = np.full(len(self._solids), -1, dtype=np.int64)
-        for g, members in enumerate(groups):
-            group[list(members)] = g
-        closed, asked = (group >= 0) & self._confirmed, (group >= 0) & ~self._confirmed
-        for rows, low, high in tiles(points, reach):
-            gap = np.maximum(np.maximum(self._lowest - high, low - self._highest), 0.0)
-            near = (gap * gap).sum(axis=1) < reach * reach
-            plain, others = np.flatnonzero(near & closed), np.flatnonzero(near & asked)
-            nearest_two(self._forms, plain, group, points, rows, self.footprint.height, found)
-            if len(others):
-                self._ask_nearest(points, rows, others, group, reach, found)
-        return found
-
-    def _ask_nearest(
-        self, points: Array, rows: IntArray, members: IntArray, group: IntArray, reach: float, found: Found
-    ) -> None:
-        """Improve what is known of the nearest groups, in place, by members that FCL is asked about."""
-        lifted = self._lift(points[rows])
-        bounds = self._lower_bounds(lifted, members)
-        at, columns = np.nonzero(bounds < reach)
-        values = bounds[at, columns]
-        order = np.lexsort((values, at))  # nearest first, so that most pairs are decided by their bound
-        first, second, which = found
-        for i, member, bound in zip(
-            at[order].tolist(), members[columns[order]].tolist(), values[order].tolist(), strict=True
-        ):
-            row, g = rows[i], group[member]
-            if bound >= second[row] or (g == which[row] and bound >= first[row]):
-                continue
-            improve(first, second, which, row, g, self._from_one(member, lifted[i]))
+        counted = np.array(members, dtype=np.int64)
+        return nearest_walls(self._forms, self._confirmed, counted, self._answer, points, self.footprint.height, reach)
 
     @cached_property
     def _confirmed(self) -> BoolArray:
@@ -185,15 +149,6 @@ class Collision:
         lifted[:, 2] = self.footprint.height
         return lifted
 
-    def _lower_bounds(self, points: Array, members: IntArray) -> Array:
-        """Distances from points (k, 2) to the members' rectangles, (k, m) [m]."""
-        low, high = self._lowest[members], self._highest[members]
-        x, y = points[:, :1], points[:, 1:2]
-        dx = np.maximum(np.maximum(low[:, 0] - x, x - high[:, 0]), 0.0)
-        dy = np.maximum(np.maximum(low[:, 1] - y, y - high[:, 1]), 0.0)
-        bounds: Array = np.sqrt(dx * dx + dy * dy)
-        return bounds
-
     def _nearest(self, point: Array) -> float:
         probe, request = self._probe, self._distance_request
         probe.setTranslation(point)
@@ -214,10 +169,24 @@ class Collision:
             return d
         return self._corrected(point, d, lambda body: self._hits(self._all_doubtful, body))
 
-    def _from_one(self, index: int, point: Array) -> float:
+    def _answer(self, index: int, point: Array) -> Answer:
+        """How far one solid is from a point (3,) [m], for `nearest_walls`."""
+        result = fcl.DistanceResult()
+        d = self._from_one(index, point, result)
+        if d <= 0.0:
+            return 0.0, 0.0, 0.0
+        obstacle = self.world.obstacles[index]
+        if obstacle.kind is Kind.MESH:  # FCL tells that of a mesh first, and in the mesh's own frame
+            near = obstacle.rotation @ result.nearest_points[0] + obstacle.position
+        else:
+            near = result.nearest_points[1]
+        return d, float(point[0] - near[0]), float(point[1] - near[1])
+
+    def _from_one(self, index: int, point: Array, result: Any = None) -> float:
         self.calls += 1
         self._probe.setTranslation(point)
-        d: float = PROBE + fcl.distance(self._probe, self._shells[index], self._distance_request, fcl.DistanceResult())
+        result = fcl.DistanceResult() if result is None else result
+        d: float = PROBE + fcl.distance(self._probe, self._shells[index], self._distance_request, result)
         if d <= PROBE:
             return 0.0
         if not self._is_doubtful[index]:

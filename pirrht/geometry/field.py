@@ -3,6 +3,8 @@
 The distance to a convex solid is convex with second derivatives of at most 1/distance, so bilinear interpolation
 of the distance to the nearest of several solids is too high by at most h^2 / (4 d). That bound is subtracted: the
 field never claims more clearance than there is. The border of the workspace is exact and kept out of the grid.
+
+The second wall is the nearest solid in another direction; where another solid takes over, its clearance may jump.
 """
 
 from __future__ import annotations
@@ -23,7 +25,11 @@ from pirrht.geometry.scene import World
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
 BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
 REACH = 1.0  # the field tells no clearance above this [m]; exits and bridges are decided far below it
+SHARP = 4.0  # where walls change that are less than this many robot radii away, the change is refined
 NOTHING = 1e6  # clearance where there are no obstacles at all [m]
+
+Mask = NDArray[np.bool_]  # (nx, ny)
+Values = tuple[Array, Array, NDArray[np.int64]]  # nearest, second and label at the points of a grid, (nx, ny)
 
 
 class Grid(NamedTuple):
@@ -35,9 +41,9 @@ class Grid(NamedTuple):
     per: float  # 1/h [1/m]
     nx: int
     ny: int
-    nearest: int  # address of float32 (nx, ny): clearance to the nearest component, never too high [m]
-    second: int  # address of float32 (nx, ny): clearance to the second nearest component [m]
-    label: int  # address of int32 (nx, ny): index of the nearest component
+    nearest: int  # address of float32 (nx, ny): clearance to the nearest solid, never too high [m]
+    second: int  # address of float32 (nx, ny): clearance to the nearest that stands in another direction [m]
+    label: int  # address of int32 (nx, ny): index of the nearest solid
     left: float  # border of the workspace [m]
     low: float  # [m]
     right: float  # [m]
@@ -64,55 +70,60 @@ class Field(Grid):
         return field
 
 
-def build_field(collision: Collision, groups: Sequence[Sequence[int]]) -> Field:
-    """Sample FCL's clearances [m], coarser far from obstacles; `groups` are the components (lists of obstacles)."""
+def build_field(collision: Collision, members: Sequence[int]) -> Field:
+    """Sample FCL's clearances [m] from the solids that count, coarser far from obstacles."""
     world, r = collision.world, collision.footprint.radius
     span = world.upper - world.lower
     h = float(max(r / 8.0, span.max() / 4000.0))
     coarse = h * 2 ** (LEVELS - 1)
     shape = np.ceil(span / coarse).astype(int) + 1
-    level = _Level(collision, groups)
-    known = np.ones(tuple(shape), dtype=bool)
-    nearest, second, label = level.at(coarse, known, None)
+    level = _Level(collision, members)
+    every = np.ones(tuple(shape), dtype=bool)
+    nearest, second, label = level.at(coarse, every, ~every, None)
     width = coarse
     for _ in range(LEVELS - 1):
-        margin = width**2 / (4.0 * np.maximum(_least(nearest) + r - np.sqrt(2.0) * width, 0.5 * r))
-        refine = _refine(nearest, width)
+        least, most = _least(nearest), -_least(-nearest)
+        margin = width**2 / (4.0 * np.maximum(least + r - np.sqrt(2.0) * width, 0.5 * r))
+        shallow, near = most > -1.5 * width, SHARP * r
+        refine = _within(shallow & (least < BAND * width))
+        change = _within(_change(shallow & (least < near), second, label, width, near))
         width /= 2.0
         near_guess, second_guess = _upsample(nearest) - _fill(margin), _upsample(second)
         label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[: near_guess.shape[0], : near_guess.shape[1]]
         guess = (near_guess, second_guess, label_guess.copy())
         guess[0][::2, ::2] = nearest
-        nearest, second, label = level.at(width, refine, guess)
+        nearest, second, label = level.at(width, refine, change, guess)
     final = width**2 / (4.0 * np.maximum(nearest + r, r) - 4.0 * np.sqrt(2.0) * width)
     return Field.of(world, float(width), nearest - final, second - final, label)
 
 
 class _Level:
-    """Asks FCL for the grid points of one level that a mask selects."""
+    """Asks FCL for the grid points of one level that masks select."""
 
-    def __init__(self, collision: Collision, groups: Sequence[Sequence[int]]) -> None:
-        self.collision, self.groups = collision, groups
+    def __init__(self, collision: Collision, members: Sequence[int]) -> None:
+        self.collision, self.members = collision, members
 
-    def at(
-        self, width: float, mask: NDArray[np.bool_], guess: tuple[Array, Array, NDArray[np.int64]] | None
-    ) -> tuple[Array, Array, NDArray[np.int64]]:
-        index = np.argwhere(mask)
-        points = self.collision.world.lower + index * width
-        r = self.collision.footprint.radius
-        reach = REACH
+    def at(self, width: float, refine: Mask, change: Mask, guess: Values | None) -> Values:
+        """Values at the points to refine, and the second wall and the label where these change; elsewhere the guess."""
         if guess is None:
-            shape = mask.shape
-            far = REACH if self.groups else NOTHING
-            guess = (np.full(shape, far), np.full(shape, far), np.full(shape, -1, dtype=np.int64))
+            shape, far = refine.shape, REACH if self.members else NOTHING
+            reach, guess = REACH, (np.full(shape, far), np.full(shape, far), np.full(shape, -1, dtype=np.int64))
         else:
-            reach = min(REACH, 2.0 * (BAND + 1.5) * width)  # no nearest component of a refined cell is farther
-        nearest, second, label = guess
-        if len(points) and self.groups:
-            one, two, which = self.collision.nearest_groups(points, self.groups, reach + r)
-            nearest[mask], label[mask] = one - r, which
-            second[mask] = np.where(two < reach + r, two - r, np.maximum(second[mask], reach))
-        return nearest, second, label
+            reach = min(REACH, 2.0 * (BAND + 1.5) * width)  # no nearest solid of a refined cell is farther
+        if self.members:
+            near = max(reach, min(REACH, SHARP * self.collision.footprint.radius + 3.0 * width))
+            self.ask(width, refine & ~change, refine, reach, guess)
+            self.ask(width, change, refine, near, guess)
+        return guess
+
+    def ask(self, width: float, mask: Mask, refine: Mask, reach: float, values: Values) -> None:
+        """Put what is found within reach [m] into the values, in place."""
+        (nearest, second, label), at, r = values, np.nonzero(mask), self.collision.footprint.radius
+        points = self.collision.world.lower + np.column_stack(at) * width
+        one, two, which, _ = self.collision.nearest_walls(points, self.members, reach + r)
+        nearest[at] = np.where(refine[at], one - r, nearest[at])  # a guess is what it has to be: never too high
+        label[at] = which
+        second[at] = np.where(two < reach + r, two - r, np.maximum(second[at], reach))
 
 
 def _least(values: Array) -> Array:
@@ -123,12 +134,20 @@ def _least(values: Array) -> Array:
     return least
 
 
-def _refine(nearest: Array, width: float) -> NDArray[np.bool_]:
-    """Which points of the next finer grid lie in a cell that holds, or is close to, the surface."""
-    cell = _least(nearest) < BAND * width
-    deep = -_least(-nearest) < -1.5 * width
-    cell &= ~deep
-    fine = np.zeros(tuple(2 * s - 1 for s in nearest.shape), dtype=bool)
+def _change(cells: Mask, second: Array, label: NDArray[np.int64], width: float, near: float) -> Mask:
+    """In which of these cells another solid takes over as one of two near walls."""
+    i, j = np.nonzero(cells)
+    corners = (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)
+    values, labels = np.array([second[at] for at in corners]), np.array([label[at] for at in corners])
+    changes = np.zeros_like(cells)
+    changes[i, j] = (np.ptp(values, axis=0) > 1.5 * width) & (values.min(axis=0) < near)
+    changes[i, j] |= np.ptp(labels, axis=0) > 0
+    return changes
+
+
+def _within(cell: Mask) -> Mask:
+    """Points of the next finer grid that lie in cells, less those of this one."""
+    fine = np.zeros(tuple(2 * s + 1 for s in cell.shape), dtype=bool)
     block = np.repeat(np.repeat(cell, 2, axis=0), 2, axis=1)
     for i in (0, 1):
         for j in (0, 1):
@@ -217,7 +236,7 @@ def closest(field, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
-    """Component that is nearest at the grid point closest to (x, y) [m]; -1 where none is near."""
+    """Solid that is nearest at the grid point closest to (x, y) [m]; -1 where none is near."""
     i, j = closest(field, x, y)
     return load_int32(field.label, i * field.ny + j)
 

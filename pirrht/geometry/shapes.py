@@ -1,4 +1,4 @@
-"""Distances from boxes, cylinders, spheres and capsules in closed form, and the two nearest of many of them.
+"""Distances from boxes, cylinders, spheres and capsules in closed form.
 
 FCL computes the same numbers one at a time, through four Python calls; a clearance field needs a million.
 `Collision` uses a closed form only where FCL has confirmed it for the solid at hand.
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, jitable, kernel
+from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.scene import Kind, Obstacle
 
 PROBE = 1e-6  # radius of the sphere that stands for the robot's centre; nearer than this counts as inside [m]
@@ -78,64 +78,48 @@ def _outside(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
     return math.sqrt(x * x + y * y + z * z) - a
 
 
-@kernel
-def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
-    """Distance from solid m of `Solids`, which has a closed form, to a point (x, y, z) [m]; 0 inside."""
+@inlined
+def _in_frame(solids, m, x, y, z):  # type: ignore[no-untyped-def]
+    """A point (x, y, z) as solid m's own frame has it [m]."""
     dx, dy, dz = x - solids.position[m, 0], y - solids.position[m, 1], z - solids.position[m, 2]
-    R, size = solids.rotation[m], solids.size[m]
-    d = _outside(
-        solids.form[m], size[0], size[1], size[2],
+    R = solids.rotation[m]
+    return (
         R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
         R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
         R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
-    )  # fmt: skip
-    return max(d, 0.0)
-
-
-class Found(NamedTuple):
-    """Nearest groups of obstacles to k points, as far as they are known."""
-
-    first: Array  # (k,) distance to the nearest group [m]
-    second: Array  # (k,) distance to the second nearest [m]
-    which: NDArray[np.int64]  # (k,) index of the nearest, -1 where none is known
-
-
-@jitable
-def improve(first: Array, second: Array, which: NDArray[np.int64], i: int, g: int, d: float) -> None:
-    """Take note in the arrays (k,) of `Found` that a member of group g lies at distance d [m] from point i."""
-    if g == which[i]:
-        first[i] = min(d, first[i])
-    elif d < first[i]:
-        first[i], second[i], which[i] = d, first[i], g
-    else:
-        second[i] = min(d, second[i])
+    )
 
 
 @kernel
-def nearest_two(solids, members, group, points, rows, height, found):  # type: ignore[no-untyped-def]
-    """Improve what is known of the nearest groups (`Found`) by `members`, for some rows of points, in place.
+def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
+    """Distance from solid m of `Solids`, which has a closed form, to a point (x, y, z) [m]; 0 inside."""
+    size = solids.size[m]
+    x, y, z = _in_frame(solids, m, x, y, z)
+    return max(_outside(solids.form[m], size[0], size[1], size[2], x, y, z), 0.0)
 
-    Args:
-        solids: `Solids`.
-        members: (l,) indices of solids with a closed form.
-        group: (M,) the group of each solid.
-        points: (k, 2) [m].
-        rows: indices of the points that are asked.
-        height: of all points [m].
-        found: `Found`.
-    """
-    low, high = solids.low, solids.high
-    first, second, which = found
-    for i in rows:
-        x, y = points[i, 0], points[i, 1]
-        for m in members:
-            dx = max(max(low[m, 0] - x, x - high[m, 0]), 0.0)
-            dy = max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
-            known = first[i] if group[m] == which[i] else second[i]
-            if dx * dx + dy * dy >= known * known:
-                continue
-            d = distance_from(solids, m, x, y, height)
-            improve(first, second, which, i, group[m], 0.0 if d <= PROBE else d)
+
+@inlined
+def _offset(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
+    """Vector from a solid's nearest point to a point outside, in the solid's own frame [m]."""
+    if form == 0:
+        return x - min(max(x, -a), a), y - min(max(y, -b), b), z - min(max(z, -c), c)
+    if form == 1:
+        r = math.sqrt(x * x + y * y)
+        share = 1.0 - a / r if r > a else 0.0
+        return share * x, share * y, z - min(max(z, -b), b)
+    if form == 3:
+        z = z - min(max(z, -b), b)
+    share = 1.0 - a / math.sqrt(x * x + y * y + z * z)
+    return share * x, share * y, share * z
+
+
+@kernel
+def offset_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
+    """The same as a planar vector (x, y) from the solid's nearest point [m], for points outside only."""
+    size, R = solids.size[m], solids.rotation[m]
+    x, y, z = _in_frame(solids, m, x, y, z)
+    ex, ey, ez = _offset(solids.form[m], size[0], size[1], size[2], x, y, z)
+    return R[0, 0] * ex + R[0, 1] * ey + R[0, 2] * ez, R[1, 0] * ex + R[1, 1] * ey + R[1, 2] * ez
 
 
 def tiles(points: Array, width: float) -> Iterator[tuple[NDArray[np.int64], Array, Array]]:
@@ -145,5 +129,6 @@ def tiles(points: Array, width: float) -> Iterator[tuple[NDArray[np.int64], Arra
     tile = np.floor((points - points.min(axis=0)) / width).astype(np.int64)
     number = tile[:, 0] * (tile[:, 1].max() + 1) + tile[:, 1]
     order = np.argsort(number, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(number[order])) + 1):
-        yield rows, points[rows].min(axis=0), points[rows].max(axis=0)
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(number[order])) + 1))
+    least, most = (extreme.reduceat(points[order], starts, axis=0) for extreme in (np.minimum, np.maximum))
+    yield from zip(np.split(order, starts[1:]), least, most, strict=True)

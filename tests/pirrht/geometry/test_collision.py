@@ -220,20 +220,19 @@ def test_positive_clearance_means_free(seed):
 
 
 @pytest.mark.parametrize("reach", [0.4, 3.0, 50.0])
-def test_nearest_groups_are_the_nearest_of_all(reach):
+def test_the_nearest_wall_is_the_nearest_of_the_solids_that_count(reach):
     rng = np.random.default_rng(7)
     collision = mixed(rng)
-    groups = [(0, 5), (1,), (2, 3, 9), (8, 4), (11,)]
+    members = [0, 1, 2, 3, 4, 5, 8, 9, 11]
     points = rng.uniform(-7, 7, (200, 2))
-    single = np.array([collision.obstacle_distance(i, points) for i in range(12)])
-    every = np.array([single[list(group)].min(axis=0) for group in groups])
-    first, second, which = collision.nearest_groups(points, groups, reach)
-    ordered = np.minimum(np.sort(every, axis=0), reach)
-    assert first == pytest.approx(ordered[0], abs=1e-5)
-    assert second == pytest.approx(ordered[1], abs=1e-5)
-    assert np.array_equal(which < 0, ordered[0] >= reach)
-    near = which >= 0
-    assert every[which[near], np.flatnonzero(near)] == pytest.approx(ordered[0, near], abs=1e-5)
+    every = np.array([collision.obstacle_distance(i, points) for i in range(12)])
+    found = collision.nearest_walls(points, members, reach)
+    least = every[members].min(axis=0)
+    assert found.first == pytest.approx(np.minimum(least, reach), abs=1e-5)
+    assert np.all(found.second >= found.first)
+    near = found.which >= 0
+    assert np.array_equal(near, least < reach)
+    assert every[found.which[near], np.flatnonzero(near)] == pytest.approx(least[near], abs=1e-5)
 
 
 def test_the_distance_of_a_scene_is_the_least_of_its_obstacles():

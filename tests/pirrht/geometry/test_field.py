@@ -102,7 +102,7 @@ def test_the_border_is_exact_and_belongs_to_the_centre():
         assert clearance(space.field, scene.upper[0] + 0.2, y) == pytest.approx(-0.2)
 
 
-def test_the_nearest_component_is_nearer_than_the_second():
+def test_the_nearest_wall_is_nearer_than_the_second():
     space = cluttered(None)
     points = points_in(space, 1000, 5)
     nearest = np.array([interpolate(space.field, space.field.nearest, x, y) for x, y in points])

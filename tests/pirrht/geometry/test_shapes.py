@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pirrht.arrays import Array
 from pirrht.geometry.collision import PROBE, Collision
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.geometry.shapes import FORMS, Solids, distance_from, tiles
@@ -49,34 +48,12 @@ def test_closed_forms_are_the_distances_that_fcl_finds(kind: Kind) -> None:
     assert inside > 10
 
 
-def dense(collision: Collision, points: Array, groups: list[list[int]], reach: float) -> tuple[Array, Array, Array]:
-    """The two nearest groups by asking FCL for every pair."""
-    each = np.array([np.min([collision.obstacle_distance(m, points) for m in group], axis=0) for group in groups])
-    order = np.sort(each, axis=0)
-    which = np.where(order[0] < reach, np.argmin(each, axis=0), -1)
-    return np.minimum(order[0], reach), np.minimum(order[1], reach), which
-
-
-@pytest.mark.parametrize("reach", [0.3, 1.2])
-def test_the_two_nearest_groups_are_those_that_fcl_finds_pair_by_pair(reach: float) -> None:
-    where = scene([*FORMS, Kind.ELLIPSOID, Kind.ELLIPSOID, *FORMS], 3)
-    collision, points = checker(where), np.random.default_rng(4).uniform(0, 4, (400, 2))
-    groups = [[0, 7], [1], [2, 4], [3, 5], [6], [8]]
-    first, second, which = collision.nearest_groups(points, groups, reach)
-    expected = dense(collision, points, groups, reach)
-    np.testing.assert_allclose(first, expected[0], atol=1e-5)
-    np.testing.assert_allclose(second, expected[1], atol=1e-5)
-    apart = expected[1] - expected[0] > 1e-4
-    np.testing.assert_array_equal(which[apart], expected[2][apart])
-    assert len(set(which)) == 7
-
-
 def test_fcl_is_asked_little_about_solids_with_a_closed_form_and_always_about_others() -> None:
     points = np.random.default_rng(5).uniform(0, 4, (2000, 2))
     asked = []
     for kind in (Kind.CYLINDER, Kind.ELLIPSOID):
         collision = checker(scene([kind] * 5, 6))
-        collision.nearest_groups(points, [[i] for i in range(5)], 1.0)
+        collision.nearest_walls(points, range(5), 1.0)
         asked.append(collision.calls)
     assert asked[0] <= 5 * 16
     assert asked[1] > 1000
@@ -86,9 +63,9 @@ def test_a_closed_form_that_fcl_contradicts_is_not_used() -> None:
     collision = checker(scene([Kind.BOX, Kind.SPHERE], 7))
     collision._forms.size[0] *= 1.01
     points = np.random.default_rng(8).uniform(0, 4, (200, 2))
-    first, _, _ = collision.nearest_groups(points, [[0], [1]], 1.0)
-    expected = dense(collision, points, [[0], [1]], 1.0)[0]
-    np.testing.assert_allclose(first, expected, atol=1e-9)
+    first = collision.nearest_walls(points, range(2), 1.0).first
+    expected = np.min([collision.obstacle_distance(m, points) for m in range(2)], axis=0)
+    np.testing.assert_allclose(first, np.minimum(expected, 1.0), atol=1e-9)
     assert list(collision._confirmed) == [False, True]
 
 

@@ -1,0 +1,188 @@
+"""The two nearest walls: the nearest of many solids, and the nearest that stands in another direction.
+
+Sampled paths are killed at both, each taken as flat. The next box of a wall made of several adds nothing to that;
+the facing wall of a passage does, and so does the other side of a concave corner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array, BoolArray, IntArray
+from pirrht.compiled.jit import jitable, kernel
+from pirrht.geometry.shapes import PROBE, Solids, distance_from, offset_from, tiles
+
+APART = 0.5  # cosine of the angle from which on two directions are those of two walls
+LEVEL = 0.15  # sine of the angle by which a solid has to rise from the plane of the nearer wall
+
+Answer = tuple[float, float, float]  # distance and planar vector (x, y) from the nearest point [m], all 0 inside
+Ask = Callable[[int, Array], Answer]  # of a solid, at a point (3,) [m]
+
+
+class Found(NamedTuple):
+    """Nearest walls of k points."""
+
+    first: Array  # (k,) distance to the nearest solid [m]
+    second: Array  # (k,) distance to the nearest that stands elsewhere [m]
+    which: NDArray[np.int64]  # (k,) index of the nearest solid, -1 where none is known
+    away: Array  # (k, 2) planar vector from its nearest point [m], zero inside
+
+
+@jitable
+def stands_apart(ex: float, ey: float, ax: float, ay: float) -> bool:
+    """Whether a solid is a wall of its own beside a nearer one, by vectors from the nearest points e and a [m].
+
+    Their directions are more than 60 degrees apart, and the point rises from the plane of the nearer wall, as that of
+    a box does not which stands in line with it further on. From within a solid and from below all are apart.
+    """
+    along, square, other = ex * ax + ey * ay, ax * ax + ay * ay, ex * ex + ey * ey
+    if along <= 0.0:
+        return True
+    rise, between = square - along, square - 2.0 * along + other  # the rise times the nearer distance
+    if rise <= 0.0 or rise * rise < LEVEL * LEVEL * square * between:
+        return False
+    return along * along < APART * APART * square * other
+
+
+@kernel
+def _nearest_of(solids, members, points, rows, height, found):  # type: ignore[no-untyped-def]
+    """Put the nearest of `members` (l,), which have closed forms, into `found` at the rows of points (k, 2) [m]."""
+    low, high = solids.low, solids.high
+    first, _, which, away = found
+    for i in rows:
+        x, y = points[i, 0], points[i, 1]
+        best, at = first[i], which[i]
+        for m in members:
+            dx = max(max(low[m, 0] - x, x - high[m, 0]), 0.0)
+            dy = max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
+            if dx * dx + dy * dy >= best * best:
+                continue
+            d = distance_from(solids, m, x, y, height)
+            d = 0.0 if d <= PROBE else d
+            if d < best:
+                best, at = d, m
+        first[i], which[i] = best, at
+        if at >= 0 and best > 0.0:
+            away[i, 0], away[i, 1] = offset_from(solids, at, x, y, height)
+
+
+@kernel
+def _second_of(solids, members, points, rows, height, found):  # type: ignore[no-untyped-def]
+    """The same for the nearest of `members` that stands apart from the nearest of all solids, which is known."""
+    low, high = solids.low, solids.high
+    _, second, which, away = found
+    for i in rows:
+        x, y = points[i, 0], points[i, 1]
+        best = second[i]
+        for m in members:
+            dx = max(max(low[m, 0] - x, x - high[m, 0]), 0.0)
+            dy = max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
+            if dx * dx + dy * dy >= best * best or m == which[i]:
+                continue
+            d = distance_from(solids, m, x, y, height)
+            if d <= PROBE:
+                best = 0.0
+            elif d < best:
+                ex, ey = offset_from(solids, m, x, y, height)
+                if stands_apart(ex, ey, away[i, 0], away[i, 1]):
+                    best = d
+        second[i] = best
+
+
+@kernel
+def _both_of(solids, members, points, rows, height, found):  # type: ignore[no-untyped-def]
+    """Both in one call, where there is nothing to ask."""
+    _nearest_of(solids, members, points, rows, height, found)
+    _second_of(solids, members, points, rows, height, found)
+
+
+def nearest_walls(
+    solids: Solids, closed: BoolArray, members: IntArray, ask: Ask, points: Array, height: float, reach: float
+) -> Found:
+    """The two nearest walls of each point.
+
+    Args:
+        solids: M obstacles.
+        closed: whether a solid's closed form is used, (M,); otherwise it is asked about.
+        members: indices of the solids that count, (l,).
+        ask: says how far a solid is from a point.
+        points: robot centres, (k, 2) [m], all at one height [m].
+        height: of all points [m].
+        reach: no distance above this is told [m].
+    """
+    k = len(points)
+    lifted = np.column_stack((points, np.full(k, height)))
+    found = Found(np.full(k, reach), np.full(k, reach), np.full(k, -1, dtype=np.int64), np.zeros((k, 2)))
+    for rows, low, high in tiles(points, reach):
+        gap = np.maximum(np.maximum(solids.low[members] - high, low - solids.high[members]), 0.0)
+        near = members[(gap * gap).sum(axis=1) < reach * reach]
+        plain, others = near[closed[near]], near[~closed[near]]
+        if not len(others):
+            if len(plain):
+                _both_of(solids, plain, points, rows, height, found)
+            continue
+        asked = _Asked(solids, others, ask, lifted, rows, reach)
+        _nearest_of(solids, plain, points, rows, height, found)
+        asked.nearest_of(found)
+        _second_of(solids, plain, points, rows, height, found)
+        asked.second_of(found)
+    return found
+
+
+class _Asked:
+    """Pairs of a point and a solid that is asked about, each at most once."""
+
+    def __init__(self, solids: Solids, members: IntArray, ask: Ask, points: Array, rows: IntArray, reach: float):
+        bounds = _lower_bounds(solids, members, points[rows])
+        at, columns = np.nonzero(bounds < reach)
+        values = bounds[at, columns]
+        order = np.lexsort((values, at))  # nearest first, so that most pairs are decided by their bound
+        self.rows: list[int] = rows[at[order]].tolist()
+        self.members: list[int] = members[columns[order]].tolist()
+        self.bounds: list[float] = values[order].tolist()
+        self.ask, self.points = ask, points
+        self.answers: dict[tuple[int, int], Answer] = {}
+
+    def nearest_of(self, found: Found) -> None:
+        """What `_nearest_of` does."""
+        first, _, which, away = found
+        for row, m in self.closer_than(first):
+            d, x, y = self.answers[row, m] = self.ask(m, self.points[row])
+            if d < first[row]:
+                first[row], which[row], away[row] = d, m, (x, y)
+
+    def second_of(self, found: Found) -> None:
+        """What `_second_of` does."""
+        _, second, which, away = found
+        for row, m in self.closer_than(second):
+            if m == which[row]:
+                continue
+            d, x, y = self.answer(row, m)
+            if d < second[row] and stands_apart(x, y, *away[row]):
+                second[row] = d
+
+    def closer_than(self, known: Array) -> Iterator[tuple[int, int]]:
+        """Pairs (row, solid) that may be closer than what is known (k,) [m], which may shrink on the way."""
+        for row, m, bound in zip(self.rows, self.members, self.bounds, strict=True):
+            if bound < known[row]:
+                yield row, m
+
+    def answer(self, row: int, m: int) -> Answer:
+        known = self.answers.get((row, m))
+        if known is None:
+            known = self.answers[row, m] = self.ask(m, self.points[row])
+        return known
+
+
+def _lower_bounds(solids: Solids, members: IntArray, points: Array) -> Array:
+    """Distances from points (k, 2) to the members' rectangles, (k, l) [m]."""
+    low, high = solids.low[members], solids.high[members]
+    x, y = points[:, :1], points[:, 1:2]
+    dx = np.maximum(np.maximum(low[:, 0] - x, x - high[:, 0]), 0.0)
+    dy = np.maximum(np.maximum(low[:, 1] - y, y - high[:, 1]), 0.0)
+    bounds: Array = np.sqrt(dx * dx + dy * dy)
+    return bounds
