@@ -2,9 +2,8 @@
 
 With constant q, psi solves `Laplace psi = k^2 psi`. What starts at x reaches a straight line that leaves it on one side
 with the density `k d / (pi r) K1(k r)`, d the distance to the line and r that to the place on it, about
-`sqrt(k / 2 pi r) exp(-k r) cos`. So psi on one cross-section of a reference is an integral over the next one, back from
-the goal. Walls on both sides enter as their mirror images do: a path from a distance c to a distance c' of a flat wall
-misses it with probability 1 - exp(-2 k c c' / r). In a channel these transfers settle to its slowest mode by themselves,
+`sqrt(k / 2 pi r) exp(-k r) cos` far away. So psi on one cross-section of a reference is an integral over the next one, back from
+the goal. Walls on both sides take off what would come from their mirror images. In a channel these transfers settle to its slowest mode by themselves,
 at its own decay, and behind a corner psi spreads as it is diffracted.
 
 The slope of log psi at the nodes is what samples follow (`rollouts.ways`); towards a wall at a distance c it is known
@@ -28,7 +27,8 @@ from pirrht.rollouts.ways import KNOWN, PLACE
 
 NODES = 24  # of a cross-section
 OPEN = 1e9  # distance to a wall that is not there [m]
-CERTAIN = 30.0  # exponents beyond this are taken as certain survival
+CERTAIN = 30.0  # exponents beyond this count as infinite
+TINY = 1e-12  # shares below this count as so much
 GRAZING = 0.02  # cosines of lines that graze a cross-section are not looked at
 CLOSEST = 1e-3  # nearer to a wall psi is taken to vanish like the distance [m]
 ASIDE = 0.25  # cosine from which on a wall stands on one side
@@ -63,17 +63,34 @@ def way_of(arena: Arena, line: Array, x: Array, decay: float, nodes: int = NODES
 
 
 @inlined
-def _missed(c, d, rate):  # type: ignore[no-untyped-def]
-    """Probability that a path from a distance c to a distance d of a flat wall misses it; rate: 2 k / r."""
-    exponent = rate * c * d
-    return 1.0 if exponent > CERTAIN else -math.expm1(-exponent)
+def _bend(z):  # type: ignore[no-untyped-def]
+    """K1(z)^2 2 z exp(2 z) / pi, by which it differs from its limit for great z, less one; within 2 %."""
+    return 0.75 * (z + 0.556) / (z * (z + 0.655))
 
 
 @inlined
-def _push(c, d, rate):  # type: ignore[no-untyped-def]
-    """How fast the logarithm of that grows with c [1/m]."""
-    exponent = rate * c * d
-    return 0.0 if exponent > CERTAIN else rate * d / math.expm1(exponent)
+def _fall(k, r, bend):  # type: ignore[no-untyped-def]
+    """How fast the logarithm of K1(k r) / r falls with r [1/m]."""
+    return k + (1.5 + 0.5 * bend / (1.0 + bend)) / r
+
+
+@inlined
+def _wall(k, r, bend, fall, c, d):  # type: ignore[no-untyped-def]
+    """What a flat wall at distances c and d of both ends of a line of length r leaves: a share f of what passes.
+
+    The wall takes off what would come from the mirror image, which is farther away.
+    Returns: f, how fast log f grows with c [1/m], and how fast it falls with r [1/m].
+    """
+    far = math.sqrt(r * r + 4.0 * c * d)
+    if k * (far - r) > CERTAIN:
+        return 1.0, 0.0, 0.0
+    other, ratio = _bend(k * far), r / far
+    image = math.exp(-k * (far - r)) * math.sqrt((1.0 + other) / (1.0 + bend) * ratio) * ratio
+    left = 1.0 - image
+    if left < TINY:
+        return TINY, 1.0 / c, 0.0
+    odds, steep = image / left, _fall(k, far, other)
+    return left, odds * steep * 2.0 * d / far, odds * (fall - steep * ratio)
 
 
 @inlined
@@ -103,17 +120,16 @@ def _look(k, x, y, left, right, nodes, total, out):  # type: ignore[no-untyped-d
         along = dx * tx + dy * ty
         if along < GRAZING * r:
             continue
-        per = 1.0 / r
-        bend = 0.75 * per / k * (k * r + 0.556) / (k * r + 0.655)  # of K1(z)^2 z exp(2 z) from its limit, within 1 %
+        per, bend = 1.0 / r, _bend(k * r)
+        fall = _fall(k, r, bend)
         density = step * math.sqrt(0.5 * k * per / math.pi * (1.0 + bend)) * along * per
         whole += density * math.exp(min(k * (ahead - r), 0.0))
         if total[j] < top - CERTAIN:
             continue
-        rate = 2.0 * k * per
-        weight = density * math.exp(total[j] - top)
-        weight *= _missed(left, node[j, 2], rate) * _missed(right, node[j, 3], rate)
-        push_left, push_right = _push(left, node[j, 2], rate), _push(right, node[j, 3], rate)
-        inward = k + per * (1.5 + 0.5 * bend / (1.0 + bend) + left * push_left + right * push_right)
+        one, push_left, nearer = _wall(k, r, bend, fall, left, node[j, 2])
+        two, push_right, too = _wall(k, r, bend, fall, right, node[j, 3])
+        weight = density * math.exp(total[j] - top) * one * two
+        inward = fall + nearer + too
         psi += weight
         out[0] += weight * (inward * dx * per - tx / along)
         out[1] += weight * (inward * dy * per - ty / along)
@@ -135,12 +151,13 @@ def _sight(k, x, y, left, right, goal, radius, ends, out):  # type: ignore[no-un
     if r <= radius:
         out[:] = 0.0
         return 0.0
-    rate = 2.0 * k / (r - radius + 0.5 / k)
-    out[2], out[3] = _push(left, ends[0], rate), _push(right, ends[1], rate)
+    length = r - radius + 0.5 / k
+    bend = _bend(k * length)
+    one, out[2], _ = _wall(k, length, bend, 0.0, left, ends[0])
+    two, out[3], _ = _wall(k, length, bend, 0.0, right, ends[1])
     inward = (k + 0.5 / r) / r
     out[0], out[1] = inward * dx, inward * dy
-    survival = _missed(left, ends[0], rate) * _missed(right, ends[1], rate)
-    return 0.5 * math.log(radius / r) - k * (r - radius) + math.log(max(survival, 1e-300))
+    return 0.5 * math.log(radius / r) - k * (r - radius) + math.log(one * two)
 
 
 @inlined

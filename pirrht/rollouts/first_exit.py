@@ -84,6 +84,7 @@ def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
     """
     c, nx, ny = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
     d, mx, my = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
+    d = d if mx * mx + my * my < JUMP else AWAY
     one, other = ONE / math.sqrt(nx * nx + ny * ny + TINY), ONE / math.sqrt(mx * mx + my * my + TINY)
     nx, ny, mx, my = one * nx, one * ny, other * mx, other * my
     left, right = np.float32(x - field.left), np.float32(field.right - x)
@@ -114,6 +115,7 @@ def wall_slope(c, nx, ny, d, mx, my, reach):  # type: ignore[no-untyped-def]
 
 
 TINY = np.float32(1e-12)
+JUMP, AWAY = np.float32(2.0), np.float32(1e6)  # steeper than a distance can be: another wall is second from there on
 
 
 @kernel
@@ -127,12 +129,15 @@ def _towards_wall(field, x, y, cov):  # type: ignore[no-untyped-def]
 
 @kernel
 def _obstacle_survival(field, x, y, nx, ny, c0, c1, variance):  # type: ignore[no-untyped-def]
-    """Probability that a bridge misses the obstacles: each of the two nearest components is a wall of its own."""
+    """Probability that a bridge misses the obstacles: the two nearest that stand apart are a flat wall each."""
     if c1 <= 0.0:
         return 0.0
     d0, d1 = interpolate(field, field.second, x, y), interpolate(field, field.second, nx, ny)
     if nearest_label(field, x, y) != nearest_label(field, nx, ny):
-        return _survival(c0, d1, variance) * _survival(d0, c1, variance)
+        _, gx, gy = with_slope(field, field.nearest, x, y)
+        _, hx, hy = with_slope(field, field.nearest, nx, ny)
+        if gx * hx + gy * hy < 0.5 * math.sqrt((gx * gx + gy * gy) * (hx * hx + hy * hy)):
+            return _survival(c0, d1, variance) * _survival(d0, c1, variance)
     return _survival(c0, c1, variance) * _survival(d0, d1, variance)
 
 
