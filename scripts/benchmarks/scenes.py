@@ -8,6 +8,7 @@ apart in closed form, and scenes be judged before anything is loaded.
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -117,10 +118,10 @@ def scene_of(seed: int) -> Scene:
         return load(write_scene(seed, Path(folder))).scene
 
 
-def scenario_of(seed: int, most: int = 8, robot: str | None = None, **given: Any) -> Scenario:
-    """A random scene ready to be planned in, under settings by name."""
+def scenario_of(seed: int, given: Mapping[str, Any], *, most: int = 8, **task: Any) -> Scenario:
+    """A random scene ready to be planned in, under settings by name; `task` may name robot and radius [m]."""
     with tempfile.TemporaryDirectory() as folder:
-        return prepare(write_scene(seed, Path(folder), most), robot=robot, given=given)
+        return prepare(write_scene(seed, Path(folder), most), given=given, **task)
 
 
 def random_states(space: FreeSpace, count: int, seed: int) -> Array:
