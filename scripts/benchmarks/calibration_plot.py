@@ -16,7 +16,7 @@ from sim.scenarios import prepare
 NOMINAL = 0.9545  # of errors within two standard errors
 LEAST, MOST = 0.5, 8.0  # of the colours of the map: error over standard error
 ROOMS = 0.02, 30.0  # axis of room
-SCORES = 0.01, 300.0  # axis of errors over standard errors
+SCORES = 0.05, 300.0  # axis of errors over standard errors
 
 
 def draw(path: Path, states: list[dict[str, Any]]) -> None:
@@ -75,7 +75,7 @@ def _scatter(axes: Any, states: list[dict[str, Any]], which: str) -> None:
         room = np.concatenate([np.full(len(s["plans"]), s["room"]) for s in own])
         score = np.concatenate([_scores(s, which).reshape(len(s["plans"]), -1).max(axis=1) for s in own])
         axes.plot(
-            room, np.clip(score, *SCORES), ".", color=COLORS[i], ms=2.5, alpha=0.35, mew=0, label=f"b = {noise:g}"
+            room, np.clip(score, *SCORES), ".", color=COLORS[i], ms=3.5, alpha=0.35, mew=0, label=f"b = {noise:g}"
         )
         tops = [np.quantile(_scores(s, which), 0.95) for s in own]
         axes.plot([s["room"] for s in own], np.clip(tops, *SCORES), "o", mfc="none", color=COLORS[i], ms=4.5, mew=1.0)
@@ -88,7 +88,7 @@ def _scatter(axes: Any, states: list[dict[str, Any]], which: str) -> None:
     axes.set_xlabel(r"room: clearance / (b $\sqrt{1\,\mathrm{s}}$)")
     worst = ", the worse component" if which == "u" else ""
     axes.set_ylabel(f"|error of {which}| / its s.e.{worst}")
-    axes.set_title("dots: plans; circles: 95 % quantile of a state; lines: 1, 2, 3", fontsize=10)
+    axes.set_title("dots: plans; rings: 95 % quantile of a state; lines: 1, 2, 3", fontsize=10)
     _plain(axes)
 
 
