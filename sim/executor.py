@@ -44,7 +44,7 @@ class Advance:
     time: float  # until the exit or the end of the period [s]
     cost: float  # integral of q + u'Ru/2
     length: float  # of the path [m]
-    clearance: float  # least room around the robot after any step [m]; at most 0 after a collision
+    clearance: float  # least room around the robot after any step [m]; 0 after a collision
     states: Array  # (k, n) after each step
     controls: Array  # (k, m)
     noise: Array  # (k, m) Brownian increments [sqrt(s)]
@@ -242,7 +242,7 @@ class _Loop:
             time=k * h,
             cost=cost,
             length=length,
-            clearance=min(room.least, 0.0) if outcome is Outcome.COLLISION else room.least,
+            clearance=0.0 if outcome is Outcome.COLLISION else room.least,
             states=states[:k],
             controls=controls[:k],
             noise=noise[:k],
