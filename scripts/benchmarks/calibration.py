@@ -34,7 +34,7 @@ from pirrht.exact.desirability import Desirability
 from sim.scenarios import Scenario, prepare
 
 NOISES = (0.1, 0.2, 0.3)
-SCENES, STATES, PLANS = 20, 6, 20
+SCENES, STATES, PLANS = 30, 12, 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

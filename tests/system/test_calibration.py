@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import calibration, calibration_table, scenes
+from benchmarks import calibration, calibration_car, calibration_table, scenes
 
 from pirrht import FreeSpace
 from sim import present
@@ -92,3 +92,15 @@ def test_the_table_has_coverage_by_room_and_a_picture(tmp_path: Path):
     assert values["truth"][0]["v"] < 0.01
     json.dumps(present.plain(values))
     assert OPTIONS.png.stat().st_size > 10_000
+
+
+def test_the_cars_bias_is_that_of_its_plans_less_a_million_samples_and_unclear_truth_does_not_count():
+    said = [{"v": v, "v_error": 0.1, "ess": 50.0, "ms": 1.0} for v in (2.1, 2.15, 2.3)]
+    clear = {"fine": {"v": 2.0, "v_error": 0.0, "ess": 1e4}, "coarse": {"v": 2.05, "v_error": 0.01, "ess": 1e4}}
+    unclear = {"fine": {"v": 9.0, "v_error": 1.0, "ess": 3.0}, "coarse": {"v": 2.0, "v_error": 0.0, "ess": 3.0}}
+    row = calibration_car.summary([{**truth, "plans": said, "without": 0} for truth in (clear, unclear)])
+    assert (row["states"], row["unclear"], row["plans"]) == (2, 1, 3)
+    assert row["bias"] == pytest.approx(0.55 / 3)
+    assert row["steps"] == pytest.approx(0.05)
+    assert row["v2"] == pytest.approx(2 / 3)
+    assert len(calibration_car._text({"noise": 0.1, "scene": "all", **row})) == len(calibration_car.HEADER)
