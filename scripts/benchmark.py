@@ -46,7 +46,7 @@ def main() -> int:
     parser.add_argument("--png", type=Path, help="draw `calibration`, or the parts samples and drives of `quality`")
     random = parser.add_argument_group("calibration")
     random.add_argument("--scenes", type=int, help="random scenes (30; of the car 4)")
-    random.add_argument("--states", type=int, help="random states in each (12; of the car 8)")
+    random.add_argument("--states", type=int, help="random states in each (12; of the car 6)")
     random.add_argument("--plans", type=int, help="plans at each state and noise level (20)")
     random.add_argument("--first-seed", type=int, default=0, help="of the scenes, which count up from it (0)")
     random.add_argument("--noises", type=float, nargs="+", metavar="b", help="levels (0.1 0.2 0.3; the car's own)")

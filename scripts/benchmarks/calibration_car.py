@@ -23,7 +23,7 @@ from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario
 
 NOISES = (0.03, 0.1)  # the default, and more
-SCENES, STATES, PLANS = 4, 8, 20
+SCENES, STATES, PLANS = 4, 6, 20
 MOST = 4  # solids of an open scene
 RADIUS = 0.15  # of the car [m]
 FINE = 0.02  # [s]
