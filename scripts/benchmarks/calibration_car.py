@@ -22,8 +22,8 @@ from pirrht.errors import NoReference, SceneError
 from pirrht.tree.homology_tree import HomologyTree
 from sim.scenarios import Scenario
 
-NOISES = (0.03, 0.1)  # the default, and more
-SCENES, STATES, PLANS = 4, 6, 20
+NOISES = (0.03,)  # the default; more takes longer paths
+SCENES, STATES, PLANS = 3, 8, 20
 MOST = 4  # solids of an open scene
 RADIUS = 0.15  # of the car [m]
 FINE = 0.02  # [s]
