@@ -6,6 +6,8 @@
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
     python scripts/benchmark.py ess         effective samples along a drive of the car, and log psi against a million
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
+    python scripts/benchmark.py calibration  plans at random states of random scenes: how often is the truth within the
+                                            standard errors that they claim? --part car: v of the car
 
 Times depend on the machine: quote ratios from one run.
 """
@@ -16,13 +18,15 @@ import argparse
 import importlib
 from pathlib import Path
 
+from pirrht.errors import PirrhtError
 from sim import present
 
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
     "speed": (None, "rollouts", "planners", "drive"),
+    "calibration": (None, "car"),
 }
-TABLES = ("speed", "obstacles", "choice", "ess", "quality")
+TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration")
 
 
 def main() -> int:
@@ -34,10 +38,20 @@ def main() -> int:
     parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` and `ess` (1)")
     parser.add_argument(
         "--part",
-        help="of `quality`: " + ", ".join(map(str, PARTS["quality"])) + "; of `speed`: rollouts, planners, drive (all)",
+        help="of `quality`: "
+        + ", ".join(map(str, PARTS["quality"]))
+        + "; of `speed`: rollouts, planners, drive (all); of `calibration`: car",
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
-    parser.add_argument("--png", type=Path, help="draw the parts samples and drives of `quality`")
+    parser.add_argument("--png", type=Path, help="draw `calibration`, or the parts samples and drives of `quality`")
+    random = parser.add_argument_group("calibration")
+    random.add_argument("--scenes", type=int, help="random scenes (30; of the car 3)")
+    random.add_argument("--states", type=int, help="random states in each (12; of the car 8)")
+    random.add_argument("--plans", type=int, help="plans at each state and noise level (20)")
+    random.add_argument("--first-seed", type=int, default=0, help="of the scenes, which count up from it (0)")
+    random.add_argument("--noises", type=float, nargs="+", metavar="b", help="levels (0.1 0.2 0.3; the car's own)")
+    random.add_argument("--at", type=float, nargs="+", action="append", metavar="X", help="a state of --scene; repeat")
+    random.add_argument("--workers", type=int, default=1, help="processes; more than one plan on a single thread (1)")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     known = PARTS.get(options.what, (None,))
@@ -46,9 +60,14 @@ def main() -> int:
         parser.error(
             f"`{options.what}` has no part {options.part!r}; it has {', '.join(filter(None, known)) or 'none'}"
         )
+    if options.png is not None:
+        present.check_writable(options.png, "--png")
     table = importlib.import_module(f"benchmarks.{options.what}")
-    header, rows, values = table.rows(options)
-    print(present.table(header, rows))
+    try:
+        header, rows, values = table.rows(options)
+    except PirrhtError as error:
+        parser.error(str(error))
+    print(present.table(header, rows, present.width()))
     if options.json:
         present.write_json(options.json, values)
     return 0

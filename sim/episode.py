@@ -125,7 +125,7 @@ class Tally:
             self.switches += 1
         if frame.plan.fallback is None:
             self.favourite = frame.plan.favourite
-        self.min_clearance = min(self.min_clearance, frame.clearance)
+        self.min_clearance = min(self.min_clearance, frame.clearance, frame.advance.clearance)
         self.plan_seconds.append(frame.plan_seconds)
         if frame.timing is None:
             self.misses += frame.plan_seconds > self.period

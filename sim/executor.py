@@ -4,6 +4,7 @@ Noise enters with the control. Every physics step of length h draws one incremen
 the method and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`. With deadbeat servos a
 step of MuJoCo is then the Euler-Maruyama step of the equation, and the displacement has covariance B B' t.
 Wheels with slow servos follow it up to their lag; models/robots/diffdrive.xml says how far.
+A step of white noise may be longer than a wall is thick: the way between two steps is judged as well as their ends.
 """
 
 from __future__ import annotations
@@ -18,12 +19,16 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.geometry.collision import Collision
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf import Loaded
 from sim.robots import STATES
+from sim.room import Room
 from sim.stance import stance_of
+
+FOOTPRINT = "robot/footprint"  # geom of every robot
 
 Control = Callable[[Array, float], Array]  # state (n,), time since the start of the period [s] -> control (m,)
 
@@ -39,6 +44,7 @@ class Advance:
     time: float  # until the exit or the end of the period [s]
     cost: float  # integral of q + u'Ru/2
     length: float  # of the path [m]
+    clearance: float  # least room around the robot after any step [m]; 0 after a collision
     states: Array  # (k, n) after each step
     controls: Array  # (k, m)
     noise: Array  # (k, m) Brownian increments [sqrt(s)]
@@ -85,6 +91,10 @@ class Executor:
         self._command, self._twist = loaded.command, problem.dynamics.twist
         self._rate = commanded_rate(problem.dynamics, self._loop.step)
         self._obstacles = loaded.obstacle_geoms
+        # FCL moves its objects when it is asked, and in real time the planner asks its own meanwhile.
+        self._room = Room(Collision(loaded.scene.world, loaded.scene.footprint).clearance)
+        # Where the footprint is what collides, white noise may carry it through a wall within a step; others are slow.
+        self._sweeps = bool(self._model.geom(FOOTPRINT).contype[0] | self._model.geom(FOOTPRINT).conaffinity[0])
         self.reset(problem.dynamics.state_of(problem.scene.start))
 
     @property
@@ -113,7 +123,7 @@ class Executor:
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period; see `Plant.advance`."""
-        return self._loop.drive(self.state, self._move, self._touching, control_at, rng)
+        return self._loop.drive(self.state, self._move, self._touching, self._room, control_at, rng)
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """One step, cut after its position stage, so that the contacts are those of the new state."""
@@ -123,9 +133,11 @@ class Executor:
         self._state = self._stance.read(self._data, x)
         return self._state
 
-    def _touching(self, x: Array) -> bool:
+    def _touching(self, before: Array, x: Array) -> bool:
         # Nothing but the robot moves, so whatever touches an obstacle is the robot.
-        return bool(self._data.ncon > 0 and self._obstacles[self._data.contact.geom].any())
+        if self._data.ncon > 0 and self._obstacles[self._data.contact.geom].any():
+            return True
+        return self._sweeps and self._room.blocked(before, x)
 
 
 class Analytic:
@@ -143,7 +155,7 @@ class Analytic:
         physics_step: float = 0.002,
     ) -> None:
         self._loop = _Loop(problem, period, physics_step)
-        self._clearance = clearance
+        self._room = Room(clearance)
         self._step = problem.dynamics.step
         self._n = problem.dynamics.n
         self.reset(problem.dynamics.state_of(problem.scene.start))
@@ -164,14 +176,14 @@ class Analytic:
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period; see `Plant.advance`."""
-        return self._loop.drive(self.state, self._move, self._touching, control_at, rng)
+        return self._loop.drive(self.state, self._move, self._touching, self._room, control_at, rng)
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         self._state = self._step(x, u, dw, step)
         return self._state
 
-    def _touching(self, x: Array) -> bool:
-        return not self._clearance(x[None, :2])[0] > 0
+    def _touching(self, before: Array, x: Array) -> bool:
+        return not self._room.at(x) > 0 or self._room.blocked(before, x)
 
 
 def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:
@@ -200,17 +212,19 @@ class _Loop:
         self,
         x: Array,
         move: Callable[[Array, Array, Array, float], Array],
-        touching: Callable[[Array], bool],
+        touching: Callable[[Array, Array], bool],
+        room: Room,
         control_at: Control,
         rng: np.random.Generator,
     ) -> Advance:
-        """Up to one period from x; `move` makes a step, `touching` tells a collision at its end."""
+        """Up to one period from x; `move` makes a step, `touching` tells a collision on it, `room` takes note."""
         h, problem = self.step, self.problem
         m = problem.dynamics.m
         noise = self.deviation * rng.standard_normal((self.count, m))
         controls = np.empty((self.count, m))
         states = np.empty((self.count, len(x)))
         outcome, cost, length, k = None, 0.0, 0.0, 0
+        room.begin()
         while k < self.count and outcome is None:
             u = controls[k]
             u[:] = control_at(x, k * h)
@@ -218,7 +232,8 @@ class _Loop:
             before = x
             x = states[k] = move(x, u, noise[k], h)
             length += hypot(x[0] - before[0], x[1] - before[1])
-            outcome = self._judge(x, touching)
+            room.note(x)
+            outcome = self._judge(before, x, touching)
             k += 1
         if not np.isfinite(cost):
             raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; mend them")
@@ -227,15 +242,16 @@ class _Loop:
             time=k * h,
             cost=cost,
             length=length,
+            clearance=0.0 if outcome is Outcome.COLLISION else room.least,
             states=states[:k],
             controls=controls[:k],
             noise=noise[:k],
         )
 
-    def _judge(self, x: Array, touching: Callable[[Array], bool]) -> Outcome | None:
+    def _judge(self, before: Array, x: Array, touching: Callable[[Array, Array], bool]) -> Outcome | None:
         px, py = float(x[0]), float(x[1])
         left, low, right, high = self.bounds
-        if not (left < px < right and low < py < high) or touching(x):
+        if not (left < px < right and low < py < high) or touching(before, x):
             return Outcome.COLLISION
         gx, gy, radius = self.goal
         return Outcome.GOAL if hypot(px - gx, py - gy) <= radius else None

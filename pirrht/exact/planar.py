@@ -4,36 +4,37 @@ It is `Laplace psi = k^2 psi`, and psi is, near every grid point, a sum of I_n(k
 Stencil weights are those that are exact for the eight lowest of these (Trefftz, or flexible local approximation:
 Tsukerman, IEEE Trans. Magnetics 2005), so that plane exponentials exp(k.x) of every direction are solved almost
 exactly on a grid as coarse as their decay length, where differences of psi or upwinding would err by tens of per
-cent. An arm of a stencil that is cut by a wall or by the rim of the goal ends there, at the place that FCL's
-clearance tells: no boundary is moved to the grid.
+cent. An arm of a stencil that is cut by a wall or by the rim of the goal ends there: no boundary is moved to the grid.
 Unknowns are chi = psi exp(s) with s a length to the goal in units of 1/k, since psi itself falls below 1e-300.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
-from pirrht.arrays import Array, BoolArray, IntArray
+from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
+from pirrht.exact.arms import ARMS, CLOSE, HUG, ends_of_arms
 from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_cells, in_goal
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 
+ComplexArray = NDArray[np.complex128]
+
 FINEST = 1.0  # default spacing in decay lengths 1/k of psi ...
 COARSEST = 0.2  # ... but at most this share of the robot's radius
-ARMS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
+WHOLE = ARMS @ np.array([1.0, 1j])  # the same as x + iy
 NEAR = 2.5  # a point of the plane is spoken for by a free grid point at most so many cells away
-SECANTS = 20  # steps of the search for the end of an arm at most
-CLOSE = 1e-7  # of that end [m]
+TINY = 1e-300
 LEAST = 1e-5  # a control is never that of a place nearer to a wall [m]
 
 
@@ -95,14 +96,19 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
     place = index[free]
     target = place[:, None, :] + ARMS
     flat = target[:, :, 0] * ny + target[:, :, 1]
-    neighbour, length = number[flat], np.broadcast_to(spacing * np.hypot(*ARMS.T), flat.shape).copy()
-    log_end = np.zeros(flat.shape)
-    cut = np.argwhere(neighbour < 0)
-    tails, heads = points[free][cut[:, 0]], points[flat[neighbour < 0]]
-    length[neighbour < 0], at_goal = _ends_of_arms(domain, tails, heads, free_by[free][cut[:, 0]])
-    log_end[neighbour < 0] = np.where(at_goal, 0.0, -wall)
-    s = _lengths(neighbour, length, log_end, wavenumber)
-    coefficients = _fit(neighbour, length, log_end, s, wavenumber, spacing)
+    neighbour, arms, log_end = number[flat], np.broadcast_to(WHOLE, flat.shape).copy(), np.zeros(flat.shape)
+    cut = neighbour < 0
+    rows, heads = np.nonzero(cut)[0], points[flat[cut]]
+    ends, at_goal = ends_of_arms(domain, points[free], free_by[free], rows, heads, spacing)
+    arms[cut] = (ends - points[free][rows]) @ [1.0, 1j] / spacing
+    log_end[cut] = np.where(at_goal, 0.0, -wall)
+    s = _lengths(neighbour, spacing * np.abs(arms), log_end, wavenumber)
+    coefficients, below = _fit(neighbour, arms, log_end, s, wavenumber * spacing)
+    # In a narrow corner psi is a smaller share of what is around it than the distance to the wall is of the spacing.
+    gap = free_by[free] / spacing
+    if np.any((below > 0.0) & (below > np.where(gap < HUG, gap, 0.0))):
+        raise OptionError(f"the grid of {spacing:g} m is too coarse for this scene; choose a smaller spacing")
+    number[free] = np.where(below > 0.0, -1, number[free])
     return Expansion(
         frame=frame_at(lower, spacing, goal),
         wavenumber=wavenumber,
@@ -112,42 +118,6 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
         coefficients=coefficients,
         shift=-s,
     )
-
-
-def _ends_of_arms(domain: Domain, tails: Array, heads: Array, free_by: Array) -> tuple[Array, BoolArray]:
-    """Lengths (k,) [m] at which arms from tails (k, 2), free by (k,) [m], meet a wall or the goal's rim; if the rim."""
-    clearance, goal = domain.clearance, domain.goal
-    span = heads - tails
-    full = np.hypot(*span.T)
-    unit = span / full[:, None]
-    to_goal = goal.center - tails
-    along = np.sum(to_goal * unit, axis=1)
-    inside = goal.radius**2 - (np.sum(to_goal**2, axis=1) - along**2)
-    to_rim = np.where(inside > 0.0, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
-    to_rim[(to_rim < 0.0) | (to_rim > full + CLOSE)] = np.inf
-    to_wall = _first_zero(lambda k, t: clearance(tails[k] + t[:, None] * unit[k]), free_by, clearance(heads), full)
-    return np.clip(np.minimum(to_rim, to_wall), CLOSE, full), to_rim <= to_wall
-
-
-def _first_zero(f: Callable[[IntArray, Array], Array], at_0: Array, at_end: Array, end: Array) -> Array:
-    """Zeros (k,) of functions that are positive at 0, in (0, end]; infinite where there is none (Illinois rule)."""
-    low, high, f_low, f_high = np.zeros(len(end)), end.copy(), at_0.copy(), at_end.copy()
-    side = np.zeros(len(end))
-    zero = np.where(at_end <= CLOSE, end, np.inf)
-    busy = np.flatnonzero(at_end < 0.0)
-    for _ in range(SECANTS):
-        t = low[busy] + (high - low)[busy] * f_low[busy] / (f_low - f_high)[busy]
-        value = f(busy, t)
-        zero[busy] = t
-        up, down = busy[value > 0.0], busy[value <= 0.0]
-        f_high[up[side[up] > 0.0]] *= 0.5
-        f_low[down[side[down] < 0.0]] *= 0.5
-        low[up], f_low[up], side[up] = t[value > 0.0], value[value > 0.0], 1.0
-        high[down], f_high[down], side[down] = t[value <= 0.0], value[value <= 0.0], -1.0
-        busy = busy[np.abs(value) > CLOSE]
-        if len(busy) == 0:
-            break
-    return zero
 
 
 def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: float) -> Array:
@@ -163,42 +133,45 @@ def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: flo
     return found
 
 
-def _fit(neighbour: IntArray, length: Array, log_end: Array, s: Array, wavenumber: float, spacing: float) -> Array:
-    """Coefficients (K, 8) of chi = psi exp(s) around every free point, found by one sparse solution."""
+def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: float) -> tuple[Array, Array]:
+    """Coefficients of chi = psi exp(s) around every free point, (K, 8), by one sparse solution; how far it is below 0.
+
+    The latter, (K,), is a share of the greatest psi around a point.
+    """
     K = len(neighbour)
     finite = np.where(np.isfinite(s), s, 0.0)
     inner = neighbour >= 0
     whole = inner.all(axis=1)
-    common = np.linalg.inv(arm_basis(spacing * np.hypot(*ARMS.T)[None, :], wavenumber, spacing))[0]
-    own = np.linalg.inv(arm_basis(length[~whole], wavenumber, spacing))
+    common, own = np.linalg.inv(arm_basis(WHOLE[None, :], kh))[0], np.linalg.inv(arm_basis(arms[~whole], kh))
     weight = np.empty((K, len(ARMS)))
     weight[whole], weight[~whole] = common[0], own[:, 0]
-    rows, arms = np.nonzero(inner)
-    columns = neighbour[rows, arms]
+    rows, which = np.nonzero(inner)
+    columns = neighbour[rows, which]
     known = np.where(inner, 0.0, np.exp(log_end + np.where(inner, 0.0, finite[:, None])))
     known[~np.isfinite(s)] = 0.0
-    coupling = -weight[rows, arms] * np.exp(finite[rows] - finite[columns])
+    coupling = -weight[rows, which] * np.exp(finite[rows] - finite[columns])
     diagonal = np.arange(K)
     entries = np.concatenate([np.ones(K), coupling])
     matrix = csc_matrix((entries, (np.concatenate([diagonal, rows]), np.concatenate([diagonal, columns]))))
     factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     chi = factors.solve(np.sum(weight * known, axis=1))
-    if np.any(chi[np.isfinite(s)] <= 0.0):
-        raise OptionError(f"the grid of {spacing:g} m is too coarse for this scene; choose a smaller spacing")
     ends = known
-    ends[rows, arms] = chi[columns] * np.exp(finite[rows] - finite[columns])
+    ends[rows, which] = chi[columns] * np.exp(finite[rows] - finite[columns])
     coefficients = np.empty((K, len(ARMS)))
     coefficients[whole] = ends[whole] @ common.T
     coefficients[~whole] = np.einsum("kij,kj->ki", own, ends[~whole])
-    return coefficients
+    most = np.maximum(ends.max(axis=1), TINY)
+    below = np.maximum(np.minimum(-chi, most) / most, TINY)
+    return coefficients, np.where((chi > 0.0) | ~np.isfinite(s), 0.0, below)
 
 
-def arm_basis(length: Array, wavenumber: float, spacing: float) -> Array:
-    """The eight solutions at the ends of eight arms, lengths (K, 8) [m] -> (K, 8, 8); k [1/m]; rows are arms."""
-    unit = ARMS / np.hypot(*ARMS.T)[:, None]
-    zeta = (unit[:, 0] + 1j * unit[:, 1]) * length / spacing
-    factor = _series((0.5 * wavenumber * length) ** 2)
-    powers = [zeta**n * factor[n] for n in range(5)]
+def arm_basis(arms: ComplexArray, kh: float) -> Array:
+    """The eight solutions at the ends of eight arms, x + iy in spacings (K, 8) -> (K, 8, 8); kh is k times h.
+
+    Rows are arms.
+    """
+    factor = _series((0.5 * kh * np.abs(arms)) ** 2)
+    powers = [arms**n * factor[n] for n in range(5)]
     columns = [powers[0].real]
     for n in (1, 2, 3):
         columns += [powers[n].real, powers[n].imag]

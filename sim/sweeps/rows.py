@@ -37,7 +37,7 @@ cost             float64 cost  integral of q + u'Ru/2 up to the exit, phi not in
 path_length      float64 m     driven
 steps            int64   1     control steps
 vertices         int64   1     of the tree
-min_clearance    float64 m     least room around the robot
+min_clearance    float64 m     least room around the robot after any physics step, 0 after a collision
 value_estimate   float64 cost  v at the start: estimated, of the method optimal exact; infinite if no sample survived
 executed_class   string  -     homology class of the driven path; null unless the goal was reached
 class_switches   int64   1     control steps whose class of greatest weight differs from the one before

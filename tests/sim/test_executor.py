@@ -9,6 +9,7 @@ import pytest
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.geometry.collision import Collision
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
@@ -16,6 +17,7 @@ from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from sim.executor import Analytic, Executor, commanded_rate
 from sim.mjcf import Loaded, load
+from sim.room import Room
 
 QUIET = 1e-12  # a noise level that is as good as none
 STEP = 0.002
@@ -205,6 +207,56 @@ def test_a_drive_ends_at_its_first_contact(tmp_path, speed):
         assert end.states[-2, 0] <= 0.5 + 1e-9 < end.states[-1, 0] + 2e-9
         assert end.time == pytest.approx(STEP * len(end.states))
     assert abs(len(ends[0].states) - len(ends[1].states)) <= 1  # a contact at distance zero may count or not
+
+
+THIN = '<geom name="thin" type="box" size="0.002 3 0.3" pos="0.15 0 0.3"/>'  # a step of b = 0.5 is 22 mm
+
+
+def test_nothing_passes_a_wall_within_a_step(tmp_path):
+    """A wall of 4 mm, a robot of 2 cm: most steps of 0.1 to 0.2 m end beyond what would touch, on either side."""
+    loaded = load(scene_file(tmp_path, world=THIN), radius=0.02)
+    problem = problem_of(loaded, SingleIntegrator(b=0.5))
+    clearance = Collision(loaded.scene.world, loaded.scene.footprint).clearance
+    plants = (
+        Executor(loaded, problem, period=10 * STEP),
+        Analytic(problem, clearance, period=10 * STEP, physics_step=STEP),
+    )
+    for plant in plants:
+        passed = 0
+        for seed in range(40):
+            plant.reset(np.zeros(2))
+            rng, outcome = np.random.default_rng(seed), None
+            for _ in range(30):
+                end = plant.advance(lambda x, s: np.array([5.0, 0.0]), rng)
+                outcome = end.outcome
+                before_last = end.states[:-1] if outcome else end.states
+                assert np.all(before_last[:, 0] < 0.13)
+                if outcome is not None:
+                    break
+            assert outcome is Outcome.COLLISION
+            assert end.clearance == 0.0
+            passed += end.states[-1, 0] > 0.172
+        assert passed > 0  # the ends alone would not have told
+
+
+def test_the_least_room_is_that_after_every_step(tmp_path):
+    loaded = load(scene_file(tmp_path, world=WALL))
+    clearance = Collision(loaded.scene.world, loaded.scene.footprint).clearance
+    plant = Executor(loaded, problem_of(loaded, SingleIntegrator(b=0.2)), period=0.1)
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        end = plant.advance(lambda x, s: np.array([1.0 - 4.0 * x[0], 0.0]), rng)
+        assert end.outcome is None
+        assert end.clearance == pytest.approx(clearance(end.states).min(), abs=1e-12)
+
+
+def test_the_way_between_two_free_places_is_blocked_by_what_is_between_and_not_by_what_is_beside():
+    room = Room(lambda points: np.hypot(*points.T) - 0.5)
+    assert room.blocked(np.array([-1.0, 0.0]), np.array([1.0, 0.1]))
+    room.begin()
+    assert not room.blocked(np.array([-1.0, 0.501]), np.array([1.0, 0.501]))
+    assert room.least == pytest.approx(0.001, abs=1e-3)
+    assert room.blocked(np.array([-1.0, 0.499]), np.array([1.0, 0.499]))
 
 
 def test_the_unicycle_collides_with_its_body_inside_the_footprint(tmp_path):

@@ -1,0 +1,179 @@
+"""Are the standard errors right? Plans at random states of random scenes against the exact grid.
+
+Every plan begins a drive of its own: what an earlier one learned would make them depend on each other. A state's
+room is its clearance over b sqrt(1 s), what noise moves the robot in a second: little room is hard. An error is
+"within 2" if it is less than twice the standard error that the same plan claims; 68.3, 95.4 and, for beyond 3,
+0.3 % are nominal for each of v, u_x and u_y, 91.1 % for both components of u within 2. Biases are means over plans,
+that of u along u*. A bad state is one where more than a tenth of the plans lie beyond 3.
+Truth has an error of its own: the last lines hold it against a grid of half the spacing in the first scene, and
+tell the greatest difference there, and the greatest in standard errors of a plan (under `over 3`).
+With --part car truth is a million samples, see `calibration_car`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks import calibration_plot
+from benchmarks.calibration_table import HEADER, summaries, text_of, truth_errors, truth_text
+from benchmarks.scenes import random_states, scenario_of
+from tqdm import tqdm
+
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.errors import NoReference, OptionError
+from pirrht.exact.desirability import Desirability
+from sim.scenarios import Scenario, prepare
+
+NOISES = (0.1, 0.2, 0.3)
+SCENES, STATES, PLANS = 30, 12, 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One scene and what is asked there; scenes do not depend on each other."""
+
+    seed: int  # of the scene, its states, its tree and its plans
+    file: str | None  # a scene instead
+    at: tuple[tuple[float, ...], ...]  # states of it, instead of random ones
+    states: int
+    plans: int
+    noises: tuple[float, ...]
+    threads: int | None
+    check: bool  # whether truth is held against a finer grid
+
+    def scenario(self) -> Scenario:
+        """The scene under default settings."""
+        given = {"seed": self.seed, "threads": self.threads}
+        return scenario_of(self.seed, given) if self.file is None else prepare(self.file, given=given)
+
+
+def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
+    """Header, table and JSON; with --png also a picture."""
+    if options.part == "car":
+        from benchmarks import calibration_car
+
+        return calibration_car.rows(options)
+    states = collect(options)
+    found = summaries(states)
+    if options.png is not None:
+        calibration_plot.draw(options.png, states)
+    truth = truth_errors(states)
+    table = [text_of(row) for row in found] + [truth_text(row) for row in truth]
+    return HEADER, table, {"table": found, "truth": truth, "states": states}
+
+
+def jobs(options: argparse.Namespace) -> list[Job]:
+    """One per scene."""
+    shared = {
+        "plans": options.plans or PLANS,
+        "states": options.states or STATES,
+        "noises": tuple(options.noises or NOISES),
+        "threads": 1 if options.workers > 1 else None,
+        "at": tuple(map(tuple, options.at or ())),
+    }
+    if options.scene is not None:
+        return [Job(seed=options.first_seed, file=str(options.scene), check=True, **shared)]
+    if options.at:
+        raise OptionError("--at needs the scene that it lies in: give --scene")
+    seeds = range(options.first_seed, options.first_seed + (options.scenes or SCENES))
+    return [Job(seed=seed, file=None, check=seed == seeds[0], **shared) for seed in seeds]
+
+
+def collect(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """One record per state and noise."""
+    todo, found = jobs(options), []
+    with tqdm(total=len(todo) * len(todo[0].noises), desc="scenes x noises", leave=False, disable=None) as bar:
+        if options.workers > 1:
+            with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+                for records in pool.map(_all, todo):
+                    found += records
+                    bar.update(len(todo[0].noises))
+            return found
+        for job in todo:
+            for records in looked_at(job):
+                found += records
+                bar.update()
+    return found
+
+
+def _all(job: Job) -> list[dict[str, Any]]:
+    return [record for records in looked_at(job) for record in records]
+
+
+def looked_at(job: Job) -> Iterator[list[dict[str, Any]]]:
+    """Records of a scene's states, noise by noise; the tree is grown once."""
+    quiet = job.scenario()
+    tree = quiet.grown_tree()
+    points = np.array(job.at) if job.at else random_states(quiet.space, job.states, job.seed)
+    for noise in job.noises:
+        scenario = quiet.with_settings(noise=noise)
+        truth = Desirability.of(scenario.problem, scenario.space)
+        controller = scenario.controller(tree)
+        assert isinstance(controller, Controller)
+        controller.path_integral.warm_up()
+        records = [_record(scenario, truth, controller, x, job) for x in points]
+        if job.check:
+            _hold_against_finer(scenario, truth, points, records)
+        yield records
+
+
+def _record(scenario: Scenario, truth: Desirability, controller: Controller, x: Array, job: Job) -> dict[str, Any]:
+    """What `job.plans` plans say at x (2,), each the first of a drive, and what is true there."""
+    plans = [_plan(controller, x) for _ in range(job.plans)]
+    clearance, noise = scenario.space.clearance(x), scenario.settings.noise
+    return {
+        "scene": Path(job.file).stem if job.file else f"random{job.seed}",
+        "file": job.file,
+        "seed": job.seed,
+        "x": x.tolist(),
+        "noise": noise,
+        "radius": scenario.loaded.scene.robot_radius,
+        "clearance": clearance,
+        "room": clearance / noise,
+        "v": float(truth.value(x)),
+        "u": truth.control(x).tolist(),
+        "finer": None,
+        "plans": [plan for plan in plans if plan is not None],
+        "without": sum(plan is None for plan in plans),
+    }
+
+
+def _plan(controller: Controller, x: Array) -> dict[str, Any] | None:
+    """What one plan claims; None without a reference or a survivor."""
+    controller.begin(x)
+    began = time.perf_counter()
+    try:
+        e = controller.plan(x).estimate
+    except NoReference:
+        return None
+    seconds = time.perf_counter() - began
+    if e is None:
+        return None
+    return {
+        "v": e.value,
+        "v_error": e.value_error,
+        "u": e.control.tolist(),
+        "u_error": e.control_error.tolist(),
+        "ess": e.ess,
+        "samples": sum(part.size for part in e.parts),
+        "ms": 1e3 * seconds,
+    }
+
+
+def _hold_against_finer(scenario: Scenario, truth: Desirability, points: Array, records: list[dict[str, Any]]) -> None:
+    """Note value and control of a grid of half the spacing, where one can be had."""
+    try:
+        finer = Desirability.of(scenario.problem, scenario.space, spacing=0.5 * truth.spacing)
+    except OptionError:
+        return
+    for x, record in zip(points, records, strict=True):
+        record["finer"] = {"v": float(finer.value(x)), "u": finer.control(x).tolist()}

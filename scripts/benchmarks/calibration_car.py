@@ -1,0 +1,163 @@
+"""The value of the car at random states of open random scenes against a million samples of small steps.
+
+The car's exact grid cannot resolve little noise, so truth is sampled: in parts, with steps of FINE, and v from the
+mean of their psi, which is unbiased; its error is the scatter of the parts. A million samples of default steps tell
+what the steps do; plans of default size what few samples do besides. States without a reference are left out, and
+those where truth has fewer than ENOUGH effective samples are counted, not judged.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+import numpy as np
+from benchmarks.scenes import random_states, scenario_of
+from tqdm import tqdm
+
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.errors import NoReference, SceneError
+from pirrht.tree.homology_tree import HomologyTree
+from sim.scenarios import Scenario
+
+NOISES = (0.03,)  # the default; more takes longer paths
+SCENES, STATES, PLANS = 3, 8, 20
+MOST = 4  # solids of an open scene
+RADIUS = 0.15  # of the car [m]
+FINE = 0.02  # [s]
+MANY, PARTS = 1_000_000, 10
+ENOUGH = 100.0
+HEADER = ["b, scene", "states", "unclear", "plans", "in 1", "in 2", "over 3", "bias", "its s.e.", "rms", "s.e."]
+HEADER += ["steps' bias", "its s.e.", "worst", "in s.e.", "ESS", "none", "ms"]
+
+
+def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
+    """Header, table and JSON."""
+    found = collect(options)
+    table, values = [], []
+    for noise in sorted({s["noise"] for s in found}):
+        own = [s for s in found if s["noise"] == noise]
+        groups = {name: [s for s in own if s["scene"] == name] for name in dict.fromkeys(s["scene"] for s in own)}
+        for name, some in [*groups.items(), ("all", own)]:
+            values.append({"noise": noise, "scene": name, **summary(some)})
+            table.append(_text(values[-1]))
+    return HEADER, table, {"table": values, "states": found}
+
+
+def collect(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """One record per state and noise."""
+    scenes, states, plans = options.scenes or SCENES, options.states or STATES, options.plans or PLANS
+    noises, found, seed, used = options.noises or NOISES, [], options.first_seed, 0
+    with tqdm(total=scenes * len(noises) * states, desc="states", leave=False, disable=None) as bar:
+        while used < scenes:
+            try:
+                quiet = scenario_of(seed, {"seed": seed}, most=MOST, robot="unicycle", radius=RADIUS)
+            except SceneError:  # the car is larger than the robot that the scene was made for
+                seed += 1
+                continue
+            tree = quiet.grown_tree()
+            for noise in noises:
+                scenario = quiet.with_settings(noise=noise)
+                for x in _states(scenario, tree, states, seed):
+                    found.append({"scene": f"random{seed}", "noise": noise, **_record(scenario, tree, x, plans)})
+                    bar.update()
+            seed, used = seed + 1, used + 1
+    return found
+
+
+def _states(scenario: Scenario, tree: HomologyTree, count: int, seed: int) -> list[Array]:
+    """Random positions and headings, (3,), from which there is a way."""
+    headings = np.random.default_rng([seed, 54]).uniform(-np.pi, np.pi, 20 * count)
+    places = random_states(scenario.space, 20 * count, seed)
+    out: list[Array] = []
+    for place, heading in zip(places, headings, strict=False):
+        x = np.append(place, heading)
+        try:
+            tree.references(x)
+        except NoReference:
+            continue
+        out.append(x)
+        if len(out) == count:
+            break
+    return out
+
+
+def _record(scenario: Scenario, tree: HomologyTree, x: Array, plans: int) -> dict[str, Any]:
+    """What plans say at x (3,), and what a million samples say with fine steps and with default ones."""
+    fine, coarse = (_many(scenario.with_settings(dt=dt), tree, x) for dt in (FINE, scenario.settings.dt))
+    controller = scenario.controller(tree)
+    assert isinstance(controller, Controller)
+    said, without = [], 0
+    for _ in range(plans):
+        controller.begin(x)
+        began = time.perf_counter()
+        e = controller.plan(x).estimate
+        ms = 1e3 * (time.perf_counter() - began)
+        if e is None:
+            without += 1
+        else:
+            said.append({"v": e.value, "v_error": e.value_error, "ess": e.ess, "ms": ms})
+    return {"x": x.tolist(), "fine": fine, "coarse": coarse, "plans": said, "without": without}
+
+
+def _many(scenario: Scenario, tree: HomologyTree, x: Array) -> dict[str, float]:
+    """v of a million samples at x (3,) in parts, its standard error by their scatter, and effective samples."""
+    H = max(1, len(tree.references(x)))
+    controller = scenario.with_settings(samples=max(1, MANY // (PARTS * H))).controller(tree)
+    assert isinstance(controller, Controller)
+    logs, ess, lam = [], 0.0, scenario.problem.temperature
+    for _ in range(PARTS):
+        controller.begin(x)
+        e = controller.plan(x).estimate
+        logs.append(-np.inf if e is None else e.log_psi)
+        ess += 0.0 if e is None else e.ess
+    top = max(logs)
+    if not np.isfinite(top):
+        return {"v": np.inf, "v_error": np.inf, "ess": 0.0}
+    psi = np.exp(np.array(logs) - top)
+    error = lam * float(psi.std(ddof=1) / psi.mean()) / np.sqrt(PARTS)
+    return {"v": -lam * (top + float(np.log(psi.mean()))), "v_error": error, "ess": ess}
+
+
+def summary(states: list[dict[str, Any]]) -> dict[str, Any]:
+    """Coverage, where truth's own error is allowed for, biases and errors of v [cost]; truth must be clear."""
+    clear = [s for s in states if s["plans"] and s["fine"]["ess"] >= ENOUGH]
+    row: dict[str, Any] = {"states": len(states), "unclear": len(states) - len(clear)}
+    row["without"] = sum(s["without"] for s in states)
+    if not clear:
+        return row
+    v, claim = ([np.array([p[key] for p in s["plans"]]) for s in clear] for key in ("v", "v_error"))
+    true, unsure = (np.array([s["fine"][key] for s in clear]) for key in ("v", "v_error"))
+    off = [a - t for a, t in zip(v, true, strict=True)]
+    score = np.concatenate([np.abs(o) / np.hypot(c, d) for o, c, d in zip(off, claim, unsure, strict=True)])
+    bias, n = np.array([o.mean() for o in off]), np.array([len(o) for o in off])
+    error = np.hypot(unsure, [o.std() / np.sqrt(k) for o, k in zip(off, n, strict=True)])
+    worst = int(np.argmax(np.abs(bias) / error))
+    steps = np.array([s["coarse"]["v"] for s in clear]) - true
+    steps_error = np.hypot(unsure, [s["coarse"]["v_error"] for s in clear])
+    row |= {"plans": len(score), "v1": float(np.mean(score <= 1)), "v2": float(np.mean(score <= 2))}
+    row |= {"v3": float(np.mean(score > 3)), "bias": float(bias.mean()), "bias_error": _of_mean(error)}
+    row |= {"rms": float(np.sqrt(np.mean(np.concatenate(off) ** 2)))}
+    row |= {"claim": float(np.sqrt(np.mean(np.concatenate(claim) ** 2)))}
+    row |= {"steps": float(steps.mean()), "steps_error": _of_mean(steps_error)}
+    row |= {"worst": float(bias[worst]), "worst_over_error": float(abs(bias[worst]) / error[worst])}
+    row |= {"ess": float(np.median([p["ess"] for s in clear for p in s["plans"]]))}
+    row |= {"ms": float(np.median([p["ms"] for s in clear for p in s["plans"]]))}
+    return row
+
+
+def _of_mean(errors: Array) -> float:
+    return float(np.sqrt(np.sum(errors**2))) / len(errors)
+
+
+def _text(row: dict[str, Any]) -> list[str]:
+    cells = [f"{row['noise']:g}, {row['scene']}", str(row["states"]), str(row["unclear"])]
+    if "v1" not in row:
+        return [*cells, *[""] * (len(HEADER) - 5), str(row["without"]), ""]
+    cells += [str(row["plans"]), *(f"{100 * row[key]:.1f}" for key in ("v1", "v2", "v3"))]
+    cells += [f"{row['bias']:+.5f}", f"{row['bias_error']:.5f}", f"{row['rms']:.5f}", f"{row['claim']:.5f}"]
+    cells += [f"{row['steps']:+.5f}", f"{row['steps_error']:.5f}", f"{row['worst']:+.5f}"]
+    cells += [f"{row['worst_over_error']:.1f}", f"{row['ess']:.1f}", str(row["without"]), f"{row['ms']:.1f}"]
+    return cells
