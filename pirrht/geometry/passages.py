@@ -15,7 +15,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_float32
 from pirrht.compiled.jit import kernel
-from pirrht.geometry.certify import BLOCKED, certify_segment
+from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import REACH, Field, border, clearance
 from pirrht.geometry.saddles import blocks_of, saddles
@@ -175,7 +175,7 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
         c = clearance(field, next_x, next_y)
         if c < min(least, 0.0) - 0.5 * field.spacing:
             break
-        if certify_segment(field, from_x, from_y, next_x, next_y) == BLOCKED:
+        if certify_segment(field, from_x, from_y, next_x, next_y) != FREE and (x != from_x or y != from_y):
             out[count, 0], out[count, 1], out[count, 2] = x, y, heading
             from_x, from_y = x, y
             count += 1

@@ -25,6 +25,7 @@ GAIN = 1e-5  # a round that shortens the path by less than this share is the las
 FLAT = 0.02  # corners that turn less than this [rad] stay if they touch something
 STRAIGHT = 1e-6  # turns that are rounding [rad]
 TOUCH = 4e-3  # a corner of more clearance than this [m] touches nothing
+ROOM = 256  # corners that round obstacles may need besides those of the path
 LOOSE_ROUNDS = 8  # after the others, as long as some corner touches nothing
 HALVINGS = 6
 SLIDES = 12  # halvings of a leg along which a corner slides
@@ -59,7 +60,7 @@ def _(steering: Dubins, path: Curves, space: FreeSpace) -> Curves:
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:
     """A polyline (k, 2) [m] that ends in the goal's disc, pulled taut inside its class, (l, 2) [m]; never longer."""
-    out = np.empty((max(64, 8 * len(points)), 2))
+    out = np.empty((ROOM + 8 * len(points), 2))
     short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), out)].copy()
     return short if _length(short) <= _length(points) else points
 
