@@ -25,7 +25,8 @@ GAIN = 1e-5  # a round that shortens the path by less than this share is the las
 FLAT = 0.02  # corners that turn less than this [rad] stay if they touch something
 STRAIGHT = 1e-6  # turns that are rounding [rad]
 TOUCH = 4e-3  # a corner of more clearance than this [m] touches nothing
-ROOM = 256  # corners that round obstacles may need besides those of the path
+ROOM = 64, 8  # for corners while a path gets shorter: at least, and per corner that it had
+MORE_ROOM = 256  # for the last corners that touch nothing
 LOOSE_ROUNDS = 8  # after the others, as long as some corner touches nothing
 HALVINGS = 6
 SLIDES = 12  # halvings of a leg along which a corner slides
@@ -60,8 +61,9 @@ def _(steering: Dubins, path: Curves, space: FreeSpace) -> Curves:
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:
     """A polyline (k, 2) [m] that ends in the goal's disc, pulled taut inside its class, (l, 2) [m]; never longer."""
-    out = np.empty((ROOM + 8 * len(points), 2))
-    short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), out)].copy()
+    room = max(ROOM[0], ROOM[1] * len(points))
+    out = np.empty((room + MORE_ROOM, 2))
+    short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), room, out)].copy()
     return short if _length(short) <= _length(points) else points
 
 
@@ -161,10 +163,10 @@ def _touches(around, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _blunt_corners(around, points, count, least, out):  # type: ignore[no-untyped-def]
+def _blunt_corners(around, points, count, least, room, out):  # type: ignore[no-untyped-def]
     """Blunt every corner that turns more than `least` [rad], or touches nothing, as far as the obstacles allow.
 
-    The number of points written to out.
+    The number of points written to out, fewer than `room`.
     """
     out[0, 0], out[0, 1] = points[0, 0], points[0, 1]
     n = 1
@@ -174,7 +176,7 @@ def _blunt_corners(around, points, count, least, out):  # type: ignore[no-untype
             corner[0, c], corner[1, c], corner[2, c] = out[n - 1, c], points[i, c], points[i + 1, c]
         t, turn = 0.0, _turn(corner)
         wanted = turn > least or (turn > STRAIGHT and not _touches(around, points[i, 0], points[i, 1]))
-        if wanted and n + 2 + count - i < out.shape[0]:
+        if wanted and n + 2 + count - i < room:
             t = _blunted(around, corner)
         if t > 0.0:
             for c in range(2):
@@ -189,16 +191,16 @@ def _blunt_corners(around, points, count, least, out):  # type: ignore[no-untype
 
 @kernel
 def _slide(around, points, i, to, leg):  # type: ignore[no-untyped-def]
-    """Move corner i towards its neighbour `to` as long as the leg (3, 2) from its other neighbour sweeps free space."""
-    other = 2 * i - to
+    """Move corner i towards its neighbour `to` as long as the leg (3, 2) from or to its other neighbour stays free."""
+    last = 2 if to > i else 0  # the leg leads forward, since it ends where it enters the goal's disc
     x, y = points[i, 0], points[i, 1]
     dx, dy = points[to, 0] - x, points[to, 1] - y
     for c in range(2):
-        leg[0, c], leg[1, c] = points[other, c], points[i, c]
+        leg[2 - last, c], leg[1, c] = points[2 * i - to, c], points[i, c]
     low, high = 0.0, 1.0
     for _ in range(SLIDES):
         t = 0.5 * (low + high)
-        leg[2, 0], leg[2, 1] = x + t * dx, y + t * dy
+        leg[last, 0], leg[last, 1] = x + t * dx, y + t * dy
         if _replaceable(around, leg, 0, 2):
             low = t
         else:
@@ -226,7 +228,7 @@ def _copied(points, count, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _taut(around, points, out):  # type: ignore[no-untyped-def]
+def _taut(around, points, room, out):  # type: ignore[no-untyped-def]
     """Shortcut and blunt corners in turn until nothing is gained; number of points written to out."""
     count = _copied(points, points.shape[0], out)
     work = np.empty((out.shape[0], 2))
@@ -241,12 +243,12 @@ def _taut(around, points, out):  # type: ignore[no-untyped-def]
         if before - length < GAIN * length:
             break
         before = length
-        count = _copied(work, _blunt_corners(around, out, count, FLAT, work), out)
+        count = _copied(work, _blunt_corners(around, out, count, FLAT, room, work), out)
     for _ in range(LOOSE_ROUNDS):
         if not _slide_corners(around, out, count):
             break
         count = _shortcut(around, out, count)
-        count = _copied(work, _blunt_corners(around, out, count, np.pi, work), out)
+        count = _copied(work, _blunt_corners(around, out, count, np.pi, out.shape[0], work), out)
     for i in range(count - 1):
         ax, ay, bx, by = out[i, 0], out[i, 1], out[i + 1, 0], out[i + 1, 1]
         length, s = _entry(around, ax, ay, bx, by)
