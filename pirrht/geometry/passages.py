@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray
 from pirrht.compiled.addresses import load_float32
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.certify import FREE, certify_segment
@@ -21,12 +21,16 @@ from pirrht.geometry.field import REACH, Field, border, clearance
 from pirrht.geometry.saddles import blocks_of, saddles
 
 ANGLES = 16  # directions that are tried first, over half a turn
+TURNS = 4  # searches for the direction, each four times as fine
+MOVES = 10  # along the axis, to where a passage is narrowest
+NARROWER = 1e-3  # a move must shorten the chord by this share of it
 HALVINGS = 12
 STEP = 0.5  # of a walk along the axis [robot radii]
 STEPS = 60  # of the longest walk to one side
 WIDER = 1.0  # a walk ends where there is more clearance than in the middle by this [robot radii]
 ROOMY = 2.0  # a passage of this clearance needs no way through it: uniform draws see it [robot radii]
-MOST = 2 * STEPS + 1
+MOST = 2 * STEPS + 2
+BORDER = "border"  # its name beside those of solids
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,12 +52,40 @@ class Passages:
         across = 0.5 * self.width[:, None] * np.column_stack([-np.sin(self.heading), np.cos(self.heading)])
         return self.place - across, self.place + across
 
+    def crossed(self, line: Array) -> BoolArray:
+        """Through which passages a polyline (l, 2) [m] leads, (P,)."""
+        left, right = self.chords()
+        ends = _side(left, right, line)
+        pieces = _side(line[:-1], line[1:], np.vstack([left, right]))
+        over = (ends[:, :-1] > 0.0) != (ends[:, 1:] > 0.0)
+        within = ((pieces[:, : self.count] > 0.0) != (pieces[:, self.count :] > 0.0)).T
+        crossed: BoolArray = (over & within).any(axis=1)
+        return crossed
+
+    def between(self, k: int, collision: Collision) -> list[str]:
+        """What passage k leads between: names of two solids, or of one and "border"."""
+        world, ends = collision.world, np.array([chord[k] for chord in self.chords()])
+        groups = [[i] for i in range(len(world.obstacles))]
+        nearest = collision.nearest_groups(ends, groups, collision.footprint.radius)[2].tolist()
+        return [
+            world.obstacles[i].name if world.contains(end) and i >= 0 else BORDER
+            for end, i in zip(ends, nearest, strict=True)
+        ]
+
+
+def _side(tails: Array, heads: Array, points: Array) -> Array:
+    """Where points (l, 2) lie beside lines through two points each, 2 x (k, 2): (k, l), positive to the left [m^2]."""
+    along, to = heads - tails, points[None] - tails[:, None]
+    side: Array = along[:, :1] * to[..., 1] - along[:, 1:] * to[..., 0]
+    return side
+
 
 def find_passages(field: Field, collision: Collision) -> Passages:
     """Every passage of a world that a robot can use, from its clearance field; FCL is asked where that is unsure."""
     radius = collision.footprint.radius
     blocks = blocks_of(field, radius)
-    middles, walks, work = [], [], np.empty((MOST, 3))
+    middles: list[Array] = []
+    walks, work = [], np.empty((MOST, 3))
     middle = np.empty(4)  # x, y, heading, clearance
     for block in saddles(blocks, field.spacing, radius).tolist():
         row, column = divmod(block, blocks.columns)
@@ -100,8 +132,8 @@ def _best_of_block(field, row, column, stride, middle):  # type: ignore[no-untyp
 def _end_of_chord(field, x, y, ux, uy, most):  # type: ignore[no-untyped-def]
     """How far it is from (x, y) along (ux, uy) to where the clearance falls to -h, `most` if it does not [m].
 
-    Below 0 the walls' slopes have not met yet and the field is as fine as anywhere, so this is exact where the clearance
-    at the axis itself is cut off between grid points.
+    Below 0 the walls' slopes have not met yet and the field is as fine as anywhere, so this is exact where the
+    clearance at the axis itself is cut off between grid points.
     """
     level, low, high = -field.spacing, 0.0, 0.0
     while True:
@@ -131,23 +163,40 @@ def _chord(field, x, y, angle, most):  # type: ignore[no-untyped-def]
 
 @kernel
 def _centre(field, radius, middle):  # type: ignore[no-untyped-def]
-    """Move x, y, heading, clearance (4,) to the middle of the shortest chord; whether the robot fits there."""
+    """Move x, y, heading, clearance (4,) to the middle of the shortest chord about; whether the robot fits there."""
     most = 3.0 * (max(middle[3], 0.0) + radius)
-    angle, step = 0.0, np.pi / ANGLES
-    for turn in range(3):
+    angle, step, length = 0.0, np.pi / ANGLES, np.inf
+    for _ in range(TURNS):
         shortest, base = np.inf, angle
         for k in range(ANGLES):
             trial = base + (k - ANGLES // 2) * step
             length = _chord(field, middle[0], middle[1], trial, most)[0]
             if length < shortest:
                 shortest, angle = length, trial
-        shift = _chord(field, middle[0], middle[1], angle, most)[1]
-        middle[0] += shift * math.cos(angle)
-        middle[1] += shift * math.sin(angle)
-        step *= 2.5 / ANGLES
-    length = _chord(field, middle[0], middle[1], angle, most)[0]
+        length = _narrowest(field, radius, middle, angle, most)
+        step *= 0.25
     middle[2], middle[3] = angle + 0.5 * np.pi, 0.5 * length - field.spacing
     return middle[3] > -0.5 * field.spacing**2 / radius
+
+
+@kernel
+def _narrowest(field, radius, middle, angle, most):  # type: ignore[no-untyped-def]
+    """Move (x, y) to the middle of the shortest chord at an angle [rad], to both sides of it; its length [m]."""
+    ux, uy, move = math.cos(angle), math.sin(angle), radius
+    best, shift = _chord(field, middle[0], middle[1], angle, most)
+    middle[0] += shift * ux
+    middle[1] += shift * uy
+    for _ in range(MOVES):
+        shorter = False
+        for side in (-move, move):
+            x, y = middle[0] - side * uy, middle[1] + side * ux
+            length, shift = _chord(field, x, y, angle, most)
+            if length < best - NARROWER * move:
+                best, shorter = length, True
+                middle[0], middle[1] = x + shift * ux, y + shift * uy
+        if not shorter:
+            move *= 0.5
+    return best
 
 
 @kernel

@@ -1,9 +1,9 @@
 """Where the clearance field has saddles: free space narrows there before it widens again.
 
 The points with more clearance than c fall into parts, and those with less as well. At a saddle two parts meet: two
-rooms with c falling (a doorway), or two obstacles with c rising (the last gap between them). Every passage is one or the
-other, also where both sides belong to one component. A sweep in the order of clearance finds them (union-find); that the
-shallower of two parts must be of some depth tells a passage from the grain of the grid.
+rooms with c falling (a doorway), or two obstacles with c rising (the last gap between them). Every passage is one or
+the other, also where both sides belong to one component. A sweep in the order of clearance finds them (union-find);
+that the shallower of two parts must be of some depth tells a passage from the grain of the grid.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class Steering(ABC):
     def states_along(self, way: Array, scene: Scene) -> Array:
         """States (l, n) that lead both ways along a way whose points and headings are given, (k, 3) [m], [m], [rad].
 
-        What a steering method knows of its states beside the position it says itself; here it is drawn, always the same.
+        Here all but the position is drawn, always the same; a steering method that knows headings says more.
         """
         rng = np.random.default_rng(0)
         states = np.array([self.sample(scene, rng) for _ in way]).reshape(-1, self.n)

@@ -22,7 +22,8 @@ SMALL = ["--vertices", "80", "--samples", "20"]
 SHORT = [*SMALL, "--max-time", "0.05"]
 
 CLASS = {"id", "winding", "signature", "cost", "length"}
-PLAN = {"scene", "robot", "vertices", "nodes", "pruned_classes", "seconds", "fcl_calls", "obstacles", "classes"}
+PLAN = {"scene", "robot", "vertices", "nodes", "pruned_classes", "seconds", "fcl_calls", "obstacles", "classes",
+        "passages"}  # fmt: skip
 RUN = {
     *("scene", "robot", "method", "seed", "noise", "lambda", "samples", "dt", "period", "outcome", "time", "cost"),
     *("path_length", "steps", "min_clearance", "value_estimate", "obstacles", "classes", "executed_class"),
