@@ -80,6 +80,18 @@ def test_plan_writes_the_classes_cheapest_first(figures):
     assert [c["cost"] for c in plan["classes"]] == sorted(c["cost"] for c in plan["classes"])
 
 
+def test_plan_tells_open_passages_that_no_path_leads_through(figures, capsys):
+    _, plan = figures("plan", "slit", "--vertices", "500")
+    assert plan["passages"] == {"open": 3, "unused": []}
+    _, plan = figures("plan", "slit", "--vertices", "500", "--classes", "1")
+    told = [(sorted(one["between"]), one.keys()) for one in plan["passages"]["unused"]]
+    assert len(told) == 2
+    assert all(keys == {"at", "width", "between"} for _, keys in told)
+    assert not any(names == ["lower wall", "upper wall"] for names, _ in told)
+    assert main(["plan", "slit", "--vertices", "500", "--classes", "1"]) == 0
+    assert "2 of 3 open passages on no path" in capsys.readouterr().out
+
+
 def test_plan_prints_one_row_per_class(capsys):
     assert main(["plan", "slit", "--vertices", "500"]) == 0
     rows = [line.split()[0] for line in capsys.readouterr().out.splitlines()[2:5]]
