@@ -190,6 +190,8 @@ def _narrowest(field, radius, middle, angle, most):  # type: ignore[no-untyped-d
         shorter = False
         for side in (-move, move):
             x, y = middle[0] - side * uy, middle[1] + side * ux
+            if clearance(field, x, y) <= -field.spacing:  # where the passage bends, this is in a wall
+                continue
             length, shift = _chord(field, x, y, angle, most)
             if length < best - NARROWER * move:
                 best, shorter = length, True
