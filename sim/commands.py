@@ -74,6 +74,7 @@ def plan(arguments: argparse.Namespace) -> int:
     present.say(
         f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s"
     )
+    present.say(present.passages_line(present.passages_json(tree, references)))
     if arguments.output:
         tree_file.save(tree, arguments.output)
         print(f"tree: {arguments.output}")

@@ -24,6 +24,7 @@ from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.colors import title
 from sim.scenarios import Scenario
 from sim.truth import Truth
+from sim.words import counted
 
 FEW_CLASSES = 4
 LEAST = 30  # columns of a terminal that text is broken for
@@ -165,6 +166,36 @@ def classes_json(references: Sequence[Reference], ids: Sequence[str] | None = No
     ]
 
 
+def passages_json(tree: HomologyTree, references: Sequence[Reference]) -> dict[str, Any]:
+    """How many passages are open, and through which of them no reference leads, narrowest first, lengths [m]."""
+    passages, collision = tree.passages, tree.space.collision
+    used = np.zeros(passages.count, dtype=bool)
+    for reference in references:
+        used |= passages.crossed(reference.trajectory.points)
+    unused = [
+        {
+            "at": passages.place[k].tolist(),
+            "width": float(passages.width[k]),
+            "between": passages.between(k, collision),
+        }
+        for k in np.flatnonzero(~used).tolist()
+    ]
+    return {"open": passages.count, "unused": unused}
+
+
+def passages_line(found: dict[str, Any]) -> str:
+    """What a person should know of open passages (`passages_json`) that no path leads through; empty without any."""
+    unused = found["unused"]
+    if not unused:
+        return ""
+    first = unused[0]
+    return (
+        f"{len(unused)} of {counted(found['open'], 'open passage')} on no path, the narrowest "
+        f"{first['width']:.2f} m wide at ({first['at'][0]:.2f}, {first['at'][1]:.2f}) between "
+        f"{' and '.join(first['between'])}: more --vertices or --classes or a higher --limit may lead there"
+    )
+
+
 def plan_json(
     scenario: Scenario,
     tree: HomologyTree,
@@ -184,6 +215,7 @@ def plan_json(
         "fcl_calls": scenario.space.collision.calls,
         "obstacles": obstacles_json(scenario.space),
         "classes": classes_json(references),
+        "passages": passages_json(tree, references),
         **watched,
     }
 

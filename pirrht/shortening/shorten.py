@@ -8,10 +8,11 @@ from functools import singledispatch
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
+from pirrht.compiled.jit import inlined, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves, entry_of_piece
 from pirrht.geometry.certify import FREE, certify_segment
+from pirrht.geometry.field import clearance
 from pirrht.shortening.dubins_shortcut import shortcut
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.motion import Surroundings
@@ -21,8 +22,14 @@ from pirrht.topology.cuts import key_of_segment
 
 ROUNDS = 12
 GAIN = 1e-5  # a round that shortens the path by less than this share is the last
-FLAT = 0.02  # corners that turn less than this [rad] stay
+FLAT = 0.02  # corners that turn less than this [rad] stay if they touch something
+STRAIGHT = 1e-6  # turns that are rounding [rad]
+TOUCH = 4e-3  # a corner of more clearance than this [m] touches nothing
+ROOM = 64, 8  # for corners while a path gets shorter: at least, and per corner that it had
+MORE_ROOM = 256  # for the last corners that touch nothing
+LOOSE_ROUNDS = 8  # after the others, as long as some corner touches nothing
 HALVINGS = 6
+SLIDES = 12  # halvings of a leg along which a corner slides
 
 
 def polish(path: Curves, steering: Steering, space: FreeSpace) -> Curves:
@@ -54,8 +61,9 @@ def _(steering: Dubins, path: Curves, space: FreeSpace) -> Curves:
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:
     """A polyline (k, 2) [m] that ends in the goal's disc, pulled taut inside its class, (l, 2) [m]; never longer."""
-    out = np.empty((max(64, 8 * len(points)), 2))
-    short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), out)].copy()
+    room = max(ROOM[0], ROOM[1] * len(points))
+    out = np.empty((room + MORE_ROOM, 2))
+    short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), room, out)].copy()
     return short if _length(short) <= _length(points) else points
 
 
@@ -140,19 +148,35 @@ def _blunted(around, corner):  # type: ignore[no-untyped-def]
     return low
 
 
+@inlined
+def _turn(corner):  # type: ignore[no-untyped-def]
+    """How much a path turns at a corner (before, corner, after), (3, 2) [rad]."""
+    ax, ay = corner[1, 0] - corner[0, 0], corner[1, 1] - corner[0, 1]
+    bx, by = corner[2, 0] - corner[1, 0], corner[2, 1] - corner[1, 1]
+    return abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+
+
+@inlined
+def _touches(around, x, y):  # type: ignore[no-untyped-def]
+    """Whether something keeps a corner at (x, y) [m] from being cut."""
+    return clearance(around.field, x, y) <= TOUCH
+
+
 @kernel
-def _blunt_corners(around, points, count, out):  # type: ignore[no-untyped-def]
-    """Blunt every corner as far as the obstacles allow; number of points written to out."""
+def _blunt_corners(around, points, count, least, room, out):  # type: ignore[no-untyped-def]
+    """Blunt every corner that turns more than `least` [rad], or touches nothing, as far as the obstacles allow.
+
+    The number of points written to out, fewer than `room`.
+    """
     out[0, 0], out[0, 1] = points[0, 0], points[0, 1]
     n = 1
     corner = np.empty((3, 2))
     for i in range(1, count - 1):
         for c in range(2):
             corner[0, c], corner[1, c], corner[2, c] = out[n - 1, c], points[i, c], points[i + 1, c]
-        ax, ay = corner[1, 0] - corner[0, 0], corner[1, 1] - corner[0, 1]
-        bx, by = corner[2, 0] - corner[1, 0], corner[2, 1] - corner[1, 1]
-        t = 0.0
-        if abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by)) > FLAT and n + 2 + count - i < out.shape[0]:
+        t, turn = 0.0, _turn(corner)
+        wanted = turn > least or (turn > STRAIGHT and not _touches(around, points[i, 0], points[i, 1]))
+        if wanted and n + 2 + count - i < room:
             t = _blunted(around, corner)
         if t > 0.0:
             for c in range(2):
@@ -166,12 +190,48 @@ def _blunt_corners(around, points, count, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _taut(around, points, out):  # type: ignore[no-untyped-def]
-    """Shortcut and blunt corners in turn until nothing is gained; number of points written to out."""
-    count = points.shape[0]
-    work = np.empty((out.shape[0], 2))
+def _slide(around, points, i, to, leg):  # type: ignore[no-untyped-def]
+    """Move corner i towards its neighbour `to` as long as the leg (3, 2) from or to its other neighbour stays free."""
+    last = 2 if to > i else 0  # the leg leads forward, since it ends where it enters the goal's disc
+    x, y = points[i, 0], points[i, 1]
+    dx, dy = points[to, 0] - x, points[to, 1] - y
+    for c in range(2):
+        leg[2 - last, c], leg[1, c] = points[2 * i - to, c], points[i, c]
+    low, high = 0.0, 1.0
+    for _ in range(SLIDES):
+        t = 0.5 * (low + high)
+        leg[last, 0], leg[last, 1] = x + t * dx, y + t * dy
+        if _replaceable(around, leg, 0, 2):
+            low = t
+        else:
+            high = t
+    points[i, 0], points[i, 1] = x + low * dx, y + low * dy
+
+
+@kernel
+def _slide_corners(around, points, count):  # type: ignore[no-untyped-def]
+    """Slide every corner that touches nothing along both of its legs until it does; whether there was one."""
+    loose, leg = False, np.empty((3, 2))
+    for i in range(1, count - 1):
+        for to in (i + 1, i - 1):
+            if not _touches(around, points[i, 0], points[i, 1]):
+                loose = True
+                _slide(around, points, i, to, leg)
+    return loose
+
+
+@kernel
+def _copied(points, count, out):  # type: ignore[no-untyped-def]
     for i in range(count):
         out[i, 0], out[i, 1] = points[i, 0], points[i, 1]
+    return count
+
+
+@kernel
+def _taut(around, points, room, out):  # type: ignore[no-untyped-def]
+    """Shortcut and blunt corners in turn until nothing is gained; number of points written to out."""
+    count = _copied(points, points.shape[0], out)
+    work = np.empty((out.shape[0], 2))
     out[count, 0], out[count, 1] = around.goal_x, around.goal_y
     count += 1
     before = np.inf
@@ -183,9 +243,12 @@ def _taut(around, points, out):  # type: ignore[no-untyped-def]
         if before - length < GAIN * length:
             break
         before = length
-        count = _blunt_corners(around, out, count, work)
-        for i in range(count):
-            out[i, 0], out[i, 1] = work[i, 0], work[i, 1]
+        count = _copied(work, _blunt_corners(around, out, count, FLAT, room, work), out)
+    for _ in range(LOOSE_ROUNDS):
+        if not _slide_corners(around, out, count):
+            break
+        count = _shortcut(around, out, count)
+        count = _copied(work, _blunt_corners(around, out, count, np.pi, out.shape[0], work), out)
     for i in range(count - 1):
         ax, ay, bx, by = out[i, 0], out[i, 1], out[i + 1, 0], out[i + 1, 1]
         length, s = _entry(around, ax, ay, bx, by)

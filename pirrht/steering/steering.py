@@ -51,6 +51,16 @@ class Steering(ABC):
     def roots(self, goal: Array) -> Array:
         """States (k, n) at the goal point (2,) [m] that the tree starts from."""
 
+    def states_along(self, way: Array, scene: Scene) -> Array:
+        """States (l, n) that lead both ways along a way whose points and headings are given, (k, 3) [m], [m], [rad].
+
+        Here all but the position is drawn, always the same; a steering method that knows headings says more.
+        """
+        rng = np.random.default_rng(0)
+        states = np.array([self.sample(scene, rng) for _ in way]).reshape(-1, self.n)
+        states[:, :2] = way[:, :2]
+        return states
+
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Indices of the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from.
 

@@ -114,6 +114,10 @@ class StraightLine(Steering):
         """The goal point (2,) [m] itself, (1, 2)."""
         return goal[None, :].astype(float)
 
+    def states_along(self, way: Array, scene: Scene) -> Array:
+        """The points (k, 2) [m] themselves."""
+        return np.ascontiguousarray(way[:, :2])
+
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """A point (2,) [m], uniform in the workspace."""
         return np.asarray(scene.lower + (scene.upper - scene.lower) * rng.random(2))

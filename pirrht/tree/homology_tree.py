@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.passages import Passages, find_passages
 from pirrht.shortening.shorten import polish
 from pirrht.steering.steering import Steering
 from pirrht.steering.trajectory import Trajectory
@@ -20,12 +22,12 @@ from pirrht.tree import graph as g
 from pirrht.tree.edges import NO_EDGES, EdgeChecker, Edges
 from pirrht.tree.extend import Vertices, grow_with, insert, near_count
 from pirrht.tree.nodes import SearchRules
+from pirrht.tree.offers import Offers
 from pirrht.tree.search import Best, best_classes, reaches, relax
 from pirrht.tree.status import ASK, DONE, NODES_FULL, PAIRS_FULL, QUEUE_FULL
 
 GOAL_SHARE = 0.02  # share of the draws that go to the goal's disc, which uniform draws would rarely hit
 DRAWS_PER_VERTEX = 50
-AT_ONCE = 256  # draws that are made and dealt with together
 # Arrays to double, and the axis, by what is full.
 MORE = {NODES_FULL: (g.NODES, 1), QUEUE_FULL: (g.QUEUE, 0), PAIRS_FULL: (g.NODE_PAIRS, 2)}
 
@@ -139,14 +141,17 @@ class HomologyTree:
     def grow(self, vertices: int, *, progress: Callable[[int], None] | None = None) -> None:
         """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1).
 
+        Passages are drawn first, and again until they are vertices; at least every second draw is uniform.
+
         Args:
             progress: called with the number of vertices after every batch of draws.
         """
         budget = DRAWS_PER_VERTEX * max(0, vertices - self.size)
         while self.size < vertices and budget > 0:
-            count = min(vertices - self.size, budget, AT_ONCE)
+            self._offers.note(self.states[: self.size])
+            count = min(vertices - self.size, budget, self._offers.together(self.draws))
             budget -= count
-            self.extend_by(np.array([self._sample() for _ in range(count)]))
+            self.extend_by(np.array([self._draw(self.draws + k) for k in range(count)]))
             if progress is not None:
                 progress(self.size)
 
@@ -232,7 +237,21 @@ class HomologyTree:
             path.append(vertex)
         return path
 
+    @cached_property
+    def passages(self) -> Passages:
+        """Where obstacles face each other with room for the robot between."""
+        return find_passages(self.space.field, self.space.collision)
+
     # -- growing -----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _offers(self) -> Offers:
+        return Offers(self.steering.states_along(self.passages.way, self.space.scene))
+
+    def _draw(self, number: int) -> Array:
+        """The state of a draw: in a passage that has no vertex yet, or random."""
+        offered = self._offers.at(number)
+        return self._sample() if offered is None else offered
 
     def _sample(self) -> Array:
         x = self.steering.sample(self.space.scene, self.rng)

@@ -22,7 +22,8 @@ SMALL = ["--vertices", "80", "--samples", "20"]
 SHORT = [*SMALL, "--max-time", "0.05"]
 
 CLASS = {"id", "winding", "signature", "cost", "length"}
-PLAN = {"scene", "robot", "vertices", "nodes", "pruned_classes", "seconds", "fcl_calls", "obstacles", "classes"}
+PLAN = {"scene", "robot", "vertices", "nodes", "pruned_classes", "seconds", "fcl_calls", "obstacles", "classes",
+        "passages"}  # fmt: skip
 RUN = {
     *("scene", "robot", "method", "seed", "noise", "lambda", "samples", "dt", "period", "outcome", "time", "cost"),
     *("path_length", "steps", "min_clearance", "value_estimate", "obstacles", "classes", "executed_class"),
@@ -77,6 +78,18 @@ def test_plan_writes_the_classes_cheapest_first(figures):
         turns = np.array(one["signature"]) - 1.0 - one["winding"]  # of the straight line to the goal, less than half
         assert np.all(np.abs(turns) < 0.5)
     assert [c["cost"] for c in plan["classes"]] == sorted(c["cost"] for c in plan["classes"])
+
+
+def test_plan_tells_open_passages_that_no_path_leads_through(figures, capsys):
+    _, plan = figures("plan", "slit", "--vertices", "500")
+    assert plan["passages"] == {"open": 3, "unused": []}
+    _, plan = figures("plan", "slit", "--vertices", "500", "--classes", "1")
+    told = [(sorted(one["between"]), one.keys()) for one in plan["passages"]["unused"]]
+    assert len(told) == 2
+    assert all(keys == {"at", "width", "between"} for _, keys in told)
+    assert not any(names == ["lower wall", "upper wall"] for names, _ in told)
+    assert main(["plan", "slit", "--vertices", "500", "--classes", "1"]) == 0
+    assert "2 of 3 open passages on no path" in capsys.readouterr().out
 
 
 def test_plan_prints_one_row_per_class(capsys):

@@ -1,0 +1,78 @@
+"""References pulled taut: free, of the same class, as short as can be, and every corner touches something."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from discs import block, disc, scattered, scene_of
+
+from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
+from pirrht.shortening.shorten import taut_polyline
+from pirrht.steering.straight_line import StraightLine
+from pirrht.tree.homology_tree import HomologyTree, Reference
+
+RADIUS, GOAL = 0.1, 0.1  # of the robot and of the goal's disc [m]
+TOUCHES = 0.01  # clearance of a corner [m]
+
+
+def grown(space: FreeSpace, seed: int = 0, vertices: int = 500) -> HomologyTree:
+    tree = HomologyTree(space, StraightLine(), limit=0.8, rng=np.random.default_rng(seed))
+    tree.grow(vertices)
+    return tree
+
+
+def line_of(reference: Reference) -> Array:
+    points: Array = reference.trajectory.points
+    return points
+
+
+def length(points: Array) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_every_corner_of_a_taut_reference_touches_something(seed: int):
+    space = FreeSpace.of(scattered(seed))
+    for reference in grown(space, seed).references(space.scene.start[:2]):
+        points = line_of(reference)
+        assert np.all(space.collision.segments_free(points[:-1], points[1:]))
+        assert space.homology.winding(points) == reference.winding
+        assert len(points) == 2 or space.collision.clearance(points[1:-1]).max() < TOUCHES
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_corner_that_touches_nothing_goes_also_before_the_goal(seed: int):
+    """A path over needless points beside the straight line, its last corner close to the disc it ends in."""
+    rng = np.random.default_rng(seed)
+    space = FreeSpace.of(scene_of([block("stone", 3.0, 3.0, (0.4, 0.3), rng.uniform(0, 3))],
+                                  start=(0.5, 3.0), goal=(5.5, 3.0)))  # fmt: skip
+    middle = np.array([[1.0, 3.2], [1.7, 4.2], [3.0, 4.5], [4.2, 4.0], [4.9, 3.2], [5.3, 3.1]])
+    middle += rng.uniform(-0.15, 0.15, middle.shape)
+    path = np.vstack([[0.5, 3.0], middle, [5.45, 3.0]])
+    short = taut_polyline(path, space)
+    assert np.all(space.collision.segments_free(short[:-1], short[1:]))
+    assert space.homology.winding(short) == space.homology.winding(path)
+    assert length(short) <= length(path)
+    assert space.collision.clearance(short[1:-1]).max() < TOUCHES
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.5, 1.0, 1.8])
+def test_around_a_disc_a_reference_has_the_length_of_tangents_and_arc(radius: float):
+    space = FreeSpace.of(scene_of([disc("pillar", 3.0, 3.0, radius)], start=(0.5, 3.0), goal=(5.5, 3.0)))
+    inflated, far = radius + RADIUS, 2.5
+    whole = 2.0 * (np.sqrt(far**2 - inflated**2) + inflated * np.arcsin(inflated / far))
+    references = grown(space).references(space.scene.start[:2])
+    assert len(references) == 2
+    for reference in references:
+        assert whole - GOAL - 1e-6 < reference.length < 1.005 * (whole - GOAL)
+
+
+@pytest.mark.parametrize("half", [(0.3, 1.0), (1.2, 0.5)])
+def test_around_a_block_a_reference_has_the_length_of_the_tangents_to_its_rounded_corners(half: tuple[float, float]):
+    space = FreeSpace.of(scene_of([block("stone", 3.0, 3.0, half)], start=(0.5, 3.0), goal=(5.5, 3.0)))
+    dx, dy = 2.5 - half[0], half[1]
+    lean = np.arctan2(dy, dx) + np.arcsin(RADIUS / np.hypot(dx, dy))  # of the tangent to the corner's circle
+    whole = 2.0 * (np.sqrt(dx**2 + dy**2 - RADIUS**2) + RADIUS * lean + half[0])
+    for reference in grown(space).references(space.scene.start[:2]):
+        assert whole - GOAL - 1e-6 < reference.length < 1.005 * (whole - GOAL)
