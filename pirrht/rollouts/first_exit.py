@@ -18,7 +18,7 @@ from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
 
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
-FAR = 20.0  # exponents beyond this are taken as certain survival
+FAR = 12.0  # exponents beyond this are taken as certain survival
 LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
 
 

@@ -8,18 +8,21 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.addresses import load_float32
-from pirrht.compiled.float32 import ONE, TWO, ZERO
+from pirrht.compiled.float32 import ONE, TWO, ZERO, exponential
 from pirrht.compiled.jit import inlined
-from pirrht.compiled.streams import GOLDEN, bits_of
+from pirrht.compiled.streams import GOLDEN, bits_of, logarithm
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import Grid, bilinear, border, cell_of
 from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE
-from pirrht.rollouts.point.stages import C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, LANES, NX, NY, L, U, V, X, Y
+from pirrht.rollouts.point.stages import (  # fmt: skip
+    C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, LANES, LASTING, NX, NY, WALL, L, U, V, X, Y,
+)
 
 SLOW = 3  # flag of lanes whose step needs a closer look
 FRAME: Any = Grid
 PLACE: Any = Arena
 SHIFT, ULP = np.uint64(40), np.float32(2.0**-24)
+FAR_PER, LEAST = np.float32(FAR), np.float32(1e-7)
 
 
 @inlined
@@ -89,9 +92,10 @@ def judge(arena, f, short, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-def]
-    """Flag the lanes whose step may have ended on its way, or is to be weighed; how many. `variance` is per second.
+    """Flag the lanes whose step may have ended on its way, or that two walls weigh; how many. `variance` is per second.
 
     Most that are merely close to a wall survive for sure: exp(-e) <= (1 + e/16)^-16, and no second wall is nearer.
+    Or they are weighed by the share that does, where a second wall is far.
     """
     n = min(n, LANES)
     far, per = np.float32(FAR * variance), np.float32(1.0 / (8.0 * variance))
@@ -103,16 +107,23 @@ def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-d
         past = (e1 <= ZERO) | (g1 <= ZERO) | (c1 <= ZERO) | (TWO * e0 * e1 < reach) | (TWO * g0 * g1 < reach)
         past |= ((c0 + c1) * (c0 + c1) < square) | ((g0 + g1) * (g0 + g1) < square)
         near = TWO * c0 * c1 < reach
-        state = random[k] + GOLDEN
-        u = np.float32(np.int32(bits_of(state) >> SHIFT)) * ULP + ULP  # not less than the number that `uniform` draws
-        term = ONE + max(c0 * c1, ZERO) * per / f[DT + k]
-        term *= term
-        term *= term
-        term *= term
-        term *= term
-        survives = u * term < term - TWO
-        doubt = past | (near & (weighed | (not survives)))
-        random[k] = state if near and not doubt else random[k]
+        if weighed:
+            d = f[WALL + 3 * L + k]
+            beside = TWO * d * (d - math.sqrt(square)) < reach
+            doubt = past | (near & beside)
+            missed = max(ONE - exponential(-TWO * max(c0 * c1, ZERO) * FAR_PER / reach), LEAST)
+            f[LASTING + k] += logarithm(missed) if near and not doubt else ZERO
+        else:
+            state = random[k] + GOLDEN
+            u = np.float32(np.int32(bits_of(state) >> SHIFT)) * ULP + ULP  # no less than the number that `uniform` draws
+            term = ONE + max(c0 * c1, ZERO) * per / f[DT + k]
+            term *= term
+            term *= term
+            term *= term
+            term *= term
+            survives = u * term < term - TWO
+            doubt = past | (near & (not survives))
+            random[k] = state if near and not doubt else random[k]
         short[FLAG + k] = SLOW if doubt else INSIDE
         slow += 1 if doubt else 0
     return slow
