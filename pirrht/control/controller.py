@@ -125,7 +125,7 @@ class Controller(Policy):
         ids = tuple(batch.classes.values())
         law, push = None, None
         if estimate is not None:
-            push = self.path_integral.push(estimate.rollouts.leads)
+            push = self.path_integral.push(estimate.rollouts.leads, x)
             law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
         return Plan(
             state=x,

@@ -176,14 +176,22 @@ class PathIntegral:
         Raises:
             NoSurvivingSample: no sample has any weight.
         """
-        return weigh(self.problem, parts, self.push(parts[0].leads)(parts[0].x0), classes)
+        return weigh(self.problem, parts, self.push(parts[0].leads, parts[0].x0)(parts[0].x0), classes)
 
-    def push(self, leads: Leads) -> Push:
-        """What the nearest walls add to the control (m,) near samples that followed these leads, for any state (n,)."""
-        return self._push(leads.reach, float(leads.times[1]))
+    def push(self, leads: Leads, x: Array | None = None) -> Push:
+        """What the nearest walls add to the control (m,) near samples that followed these leads, for any state (n,).
 
-    def _push(self, reach: float, step: float) -> Push:
-        return Push(problem=self.problem, field=self.space.field, reach=reach, step=step)
+        Args:
+            x: the state (n,) that they start from; close to it FCL's clearance is used, not the field's lower bound.
+        """
+        slack = 0.0
+        if x is not None and leads.reach > 0.0:
+            known = float(clearance(self.space.field, x[0], x[1]))
+            slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known) if known < leads.reach else 0.0
+        return self._push(leads.reach, float(leads.times[1]), slack)
+
+    def _push(self, reach: float, step: float, slack: float = 0.0) -> Push:
+        return Push(problem=self.problem, field=self.space.field, reach=reach, step=step, slack=slack)
 
     def _scales(self, x: Array) -> Scales:
         """Those at x (n,), which are the same everywhere if G, B and R are."""
