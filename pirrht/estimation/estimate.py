@@ -48,8 +48,8 @@ class Estimate:
     control: Array  # (m,) u* now
     log_psi: float  # [nats]
     value: float  # v = -lambda log psi [cost]
-    value_error: float  # standard error of v [cost]; too small where `ess` is, as rare heavy samples were not seen
-    control_error: Array  # (m,) standard error of the control
+    value_error: float  # standard error of v [cost]; its largest term counts several times, as larger ones may not have been met
+    control_error: Array  # (m,) standard error of the control, with what its mean over leading steps may miss at walls
     ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
     weight: Array  # (S,) normalised, of the samples in `rollouts`; with others in `parts` they sum to less than 1
     class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
@@ -119,6 +119,7 @@ def weigh(
     span = max(float(groups.span.sum()), 1e-300)
     control = groups.control.sum(axis=0) / span
     errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].leads.mirrored)
+    unresolved = _unresolved(control - weight @ paths.led, push, control)
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     ends = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
@@ -128,7 +129,7 @@ def weigh(
         log_psi=log_psi,
         value=-problem.temperature * log_psi,
         value_error=problem.temperature * float(errors[0]),
-        control_error=errors[1:] / span,
+        control_error=np.hypot(errors[1:] / span, unresolved),
         ess=float(1.0 / np.sum(weight**2)),
         weight=weight[ends[shown] - rollouts.size : ends[shown]],
         class_weights=dict(zip(names, groups.weight.tolist(), strict=True)),
@@ -143,6 +144,17 @@ def weigh(
         parts=tuple(parts),
         push=push,
     )
+
+
+def _unresolved(found: Array, push: Array, control: Array) -> Array:
+    """What may be missing of the control, (m,), since it is a mean over leading steps in which walls change it.
+
+    The guide is followed exactly; of what samples `found` on top of it (m,) about as much again is missing where the
+    push of the walls (m,) is large against the rest of the control (m,), and nothing in the open.
+    """
+    hard, rest = float(np.linalg.norm(push)), float(np.linalg.norm(control))
+    share = hard / (hard + rest) if hard > 0.0 else 0.0
+    return np.abs(share * found)
 
 
 def normalised(log_weight: Array) -> tuple[Array, float]:

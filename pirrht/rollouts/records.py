@@ -70,6 +70,7 @@ class Paths(NamedTuple):
     steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
     now: Array  # (S, m) control now, integrated over the first `window` steps: noise, and the guide at the start
     span: Array  # (S,) time of these steps until the exit [s]
+    led: Array  # (S, m) the guide's part of the control at the start, without the push of the nearest walls
     lasting: Array  # (S,) log probability that no wall was met within the steps, where that is weighed [nats]
 
 
@@ -83,6 +84,7 @@ def empty_paths(S: int, H: int, m: int) -> Paths:
         steps=np.zeros(S, np.int32),
         now=np.zeros((S, m)),
         span=np.zeros(S),
+        led=np.zeros((S, m)),
         lasting=np.zeros(S),
     )
 

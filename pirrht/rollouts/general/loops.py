@@ -35,6 +35,8 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
             work, key, outcome, steps, last, lasting = one_path(setup, leads, origin, h, s, keep, scratch)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, steps
             paths.lasting[s] = lasting
+            for j in range(m):
+                paths.led[s, j] = base[j]
             for i in range(min(steps, window)):
                 dt = times[i + 1] - times[i]
                 alive = last if i == steps - 1 else dt

@@ -157,7 +157,7 @@ def retire(ending, k, scratch, paths):  # type: ignore[no-untyped-def]
     """Note down in `paths` that the path of lane k ends."""
     rate, times, window, inverse, H, h, base, i, share, outcome = ending
     f, a, ratio, _, long, _, _ = scratch
-    work, log_ratio, key, ended, steps, now, spans, lasting = paths
+    work, log_ratio, key, ended, steps, now, spans, led, lasting = paths
     k = lane(k)
     s, until = long[SAMPLE + k], np.float64(f[DT + k]) * share  # at a crossing nothing after it enters dQ/dP
     n0, n1, span = np.float64(f[SUM0 + k]), np.float64(f[SUM1 + k]), times[min(i, window)]
@@ -170,6 +170,7 @@ def retire(ending, k, scratch, paths):  # type: ignore[no-untyped-def]
     ended[s], steps[s], spans[s], lasting[s] = outcome, i + 1, span, f[LASTING + k]
     now[s, 0] = inverse[0, 0] * n0 + inverse[0, 1] * n1 + span * base[0]
     now[s, 1] = inverse[1, 0] * n0 + inverse[1, 1] * n1 + span * base[1]
+    led[s, 0], led[s, 1] = base
 
 
 @inlined
