@@ -84,7 +84,8 @@ class PathIntegral:
         """Ends of the rollout steps (T+1,) [s], up to T_max = (c_ref + 40 lambda) / q_min where a path weighs nothing.
 
         A control read off the first step is the mean over that step. Where the plan is made anew more often than
-        every dt, the first dt is cut finer, since near a wall the mean over dt is much weaker than the control now.
+        every dt, the first dt is cut finer (`Sampling.leading`), since near a wall the mean over dt is much weaker than
+        the control now.
         """
         return self.steps((reference_cost + TAIL * self.temperature) / self.problem.least_rate)
 
@@ -92,7 +93,7 @@ class PathIntegral:
         """Ends of the rollout steps (T+1,) [s] up to a horizon [s], the first dt cut finer where it is to be."""
         dt = self.sampling.dt
         steps = max(1, int(np.ceil(horizon / dt)))
-        parts = 1 if self.sampling.first is None else max(1, round(dt / self.sampling.first))
+        parts = max(1, round(dt / self.sampling.leading))
         fine = np.arange(parts) * (dt / parts)
         return np.concatenate([fine, np.arange(1, steps + 1) * dt])
 
@@ -129,8 +130,9 @@ class PathIntegral:
         """Climbing the desirability of the way from x (n,) over the corners of a line (k, 2) [m] to the goal point."""
         scales, d = self._scales(x), self.problem.dynamics
         B = d.B_c(x)
-        push = self._push(scales.reach, self.sampling.first or self.sampling.dt)
-        return Climb(way_of(self.setup.arena, line, x, scales.decay), np.linalg.solve(d.G_c(x), B @ B.T), push)
+        push = self._push(scales.reach, self.sampling.leading)
+        gain = np.asarray(np.linalg.solve(d.G_c(x), B @ B.T))
+        return Climb(way_of(self.setup.arena, line, x, scales.decay), gain, push)
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
@@ -204,7 +206,7 @@ class PathIntegral:
             first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64),
             ways=no_ways(H, C, NODES, scales.decay),
             reach=scales.reach if climbs else 0.0,
-            least=LEAST * self.sampling.dt if bridge and self.sampling.steps == "fitted" else np.inf,
+            least=LEAST * self.sampling.dt if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=window(scales.noise, self.setup.arena, x, times, longest) if climbs else 1,
             mirrored=self.sampling.draws == "antithetic",
