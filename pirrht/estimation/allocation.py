@@ -30,7 +30,7 @@ class Allocation:
         self._contribution: dict[str, float] = {}
 
     def forget(self) -> None:
-        """Start anew, with equal counts."""
+        """Start anew, with what ways promise."""
         self._contribution = {}
 
     def counts(self, names: Sequence[str], promised: Sequence[float]) -> list[int]:

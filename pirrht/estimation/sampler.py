@@ -3,7 +3,9 @@
 With S samples drawn around H references, psi = E_P[W]. The paper averages H estimators, each weighing its samples
 by dP/dQ_h. The balance heuristic weighs every sample by dP / (1/S sum_g N_g dQ_g) instead: with finitely many
 samples the plain average is too high by up to lambda ln H, since samples around one reference practically never
-visit the classes of the others. Only the estimate of psi is unbiased; u is a ratio and v a logarithm.
+visit the classes of the others. Only the estimate of psi is unbiased, for the chain that is sampled, and only where
+numbers of samples were fixed beforehand; u is a ratio and v a logarithm, which are consistent. Within a step walls are
+flat: what that biases shrinks with the steps, which are split near walls and goal.
 """
 
 from __future__ import annotations
