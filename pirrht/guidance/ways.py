@@ -23,17 +23,18 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arena import Arena
 from pirrht.guidance.sections import sections_of
 from pirrht.guidance.transfer import (
-    AHEAD_X,
-    AHEAD_Y,
     LEFT,
     LOG_PSI,
     OPEN,
+    PLACE_X,
+    PLACE_Y,
     PUSH_LEFT,
     PUSH_RIGHT,
     RIGHT,
     ROWS,
     SLOPE_X,
     SLOPE_Y,
+    WIDTH,
     look,
     sight,
 )
@@ -87,16 +88,15 @@ def _reach(ux, uy, end, push, walls):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _lay(cut, c, step, node):  # type: ignore[no-untyped-def]
-    """Write where the nodes of cross-section c are, and the point on the reference after the last of them."""
+def _lay(cut, c, J, step, f):  # type: ignore[no-untyped-def]
+    """Write where the J nodes of cross-section c are to rows f, and the point on the reference after the last."""
     point, ahead, ends, walled = cut
-    J = node.shape[1] - 1
     px, py, tx, ty = point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1]
-    for j in range(J + 1):
+    for j in range(WIDTH):
         left = (j + 0.5) * step - ends[c, 1] if j < J else 0.0
-        node[AHEAD_X, j], node[AHEAD_Y, j] = px - left * ty, py + left * tx
-        node[LEFT, j] = max(ends[c, 0] - left, CLOSEST) if walled[c, 0] > 0.0 else OPEN
-        node[RIGHT, j] = max(ends[c, 1] + left, CLOSEST) if walled[c, 1] > 0.0 else OPEN
+        f[PLACE_X + j], f[PLACE_Y + j] = px - left * ty, py + left * tx
+        f[LEFT + j] = max(ends[c, 0] - left, CLOSEST) if walled[c, 0] > 0.0 else OPEN
+        f[RIGHT + j] = max(ends[c, 1] + left, CLOSEST) if walled[c, 1] > 0.0 else OPEN
 
 
 @kernel
@@ -104,30 +104,31 @@ def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
     """Fill `Way.place` and `Way.slope` from `Sections`, from the goal back; returns log psi at the start."""
     point, ahead, ends, walled = cut
     C, J = slope.shape[0], slope.shape[1]
-    node, known = np.zeros((ROWS, J + 1), np.float32), np.zeros((ROWS, J + 1), np.float32)
+    f, known = np.zeros(ROWS, np.float32), np.zeros(ROWS, np.float32)
     rim_left = ends[C, 0] if walled[C, 0] > 0.0 else float(OPEN)
     rim_right = ends[C, 1] if walled[C, 1] > 0.0 else float(OPEN)
-    base, wide = 0.0, 0.0  # log psi that the rows are relative to
+    base, wide = 0.0, 0.0  # log psi that the rows are relative to; spacing of the nodes on the next cross-section
     for c in range(C - 1, -1, -1):
         tx, ty = ahead[c, 0], ahead[c, 1]
         step = max((ends[c, 0] + ends[c, 1]) / J, 1e-6)
-        _lay(cut, c, step, node)
+        _lay(cut, c, J, step, f)
         if c == C - 1:
-            sight(k, arena.goal, arena.radius, rim_left, rim_right, node)
+            sight(k, arena.goal, arena.radius, rim_left, rim_right, f)
         else:
             line = (point[c + 1, 0], point[c + 1, 1], ahead[c + 1, 0], ahead[c + 1, 1])
-            look(np.float32(k), line, np.float32(wide), known, node)
+            look(np.float32(k), line, J, np.float32(wide), known, f)
         wide = step
         for j in range(J):
-            walls = two_walls(arena.field, node[AHEAD_X, j], node[AHEAD_Y, j])
-            slope[c, j, 0], slope[c, j, 1] = node[SLOPE_X, j], node[SLOPE_Y, j]
-            slope[c, j, 2] = _reach(-ty, tx, node[LEFT, j], node[PUSH_LEFT, j], walls)
-            slope[c, j, 3] = _reach(ty, -tx, node[RIGHT, j], node[PUSH_RIGHT, j], walls)
+            walls = two_walls(arena.field, f[PLACE_X + j], f[PLACE_Y + j])
+            slope[c, j, 0], slope[c, j, 1] = f[SLOPE_X + j], f[SLOPE_Y + j]
+            slope[c, j, 2] = _reach(-ty, tx, f[LEFT + j], f[PUSH_LEFT + j], walls)
+            slope[c, j, 3] = _reach(ty, -tx, f[RIGHT + j], f[PUSH_RIGHT + j], walls)
         place[c, 0], place[c, 1], place[c, 2], place[c, 3] = point[c, 0], point[c, 1], tx, ty
         place[c, 4], place[c, 5] = 0.5 * step - ends[c, 1], 1.0 / step
         if c > 0:
-            top = node[LOG_PSI, :J].max()
-            node[LOG_PSI] -= top
+            top = f[LOG_PSI : LOG_PSI + J].max()
+            for j in range(J):
+                f[LOG_PSI + j] -= top
             base += top
-            known[:] = node
-    return base + node[LOG_PSI, J]
+            known[:] = f
+    return base + f[LOG_PSI + J]
