@@ -31,8 +31,8 @@ class Sampling:
     samples: int = 200  # N, around each reference
     exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
-    # Samples climb psi of their class from where they are (a Unicycle's: follow a guide's feedback), or hold the tape of
-    # the reference "open-loop" (paper), as all but those of a point in the plane and of a Unicycle do in any case.
+    # Samples climb psi of their class from where they are (a Unicycle's follow a guide's feedback), or hold the tape of
+    # their reference "open-loop" (paper), as all but those of a point and of a Unicycle do in any case.
     guide: str = "feedback"
     window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
     draws: str = "antithetic"  # pairs of samples with opposite noise, or "independent" ones (the paper's)
