@@ -8,8 +8,19 @@ from numba import njit
 from pirrht.compiled.threads import mapped
 from pirrht.geometry.arena import Arena
 from pirrht.rollouts.point.exits import judge, single, survey
-from pirrht.rollouts.point.stages import (  # fmt: skip
-    DT, LANES, NX, ROOT, SIGN, L, X, add_log_ratios, cross, draw, move, scratch_of,
+from pirrht.rollouts.point.stages import (
+    DT,
+    LANES,
+    NX,
+    ROOT,
+    SIGN,
+    L,
+    X,
+    add_log_ratios,
+    cross,
+    draw,
+    move,
+    scratch_of,
 )
 
 STEPS = 60
