@@ -51,6 +51,7 @@ ESTIMATES = {
     "slit .3": "slit --at 2 2.6 --noise .3 --repeat 3",
     "slit paper": "slit --at 1 2.5 --noise .3 --preset paper --repeat 3",
     "slit endpoint": "slit --at 1 2.5 --noise .2 --exit endpoint --repeat 2",
+    "slit uniform": "slit --at 2.3 2.63 --noise .3 --steps uniform --repeat 2",
     "slit open loop": "slit --at 1 2.5 --noise .2 --guide open-loop --repeat 2",
     "slit target": "slit --at 1.5 2.4 --noise .2 --target-error .05 --repeat 2",
     "slit truth": "slit --at 1 2.5 --noise .3 --truth",

@@ -138,6 +138,11 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
         if name not in skip:
             group.add_argument(f"--{name}", type=kind, metavar=metavar, help=text)
     planner.add_argument("--exit", metavar="RULE", help="first exit along the step (bridge) or at its end (endpoint)")
+    planner.add_argument(
+        "--steps",
+        metavar="RULE",
+        help="rollout steps with --exit bridge: split near walls and goal (fitted) or all of --dt (uniform, paper)",
+    )
     planner.add_argument("--weights", metavar="RULE", help="how references mix: balance or average (the paper)")
     planner.add_argument(
         "--guide",
@@ -167,7 +172,8 @@ def _common_options(parser: argparse.ArgumentParser, skip: Sequence[str] = ()) -
     planner.add_argument(
         "--preset",
         metavar="NAME",
-        help="paper: dt = period = 0.1, its N, open loop, plain average, endpoint exit, equal, independent samples",
+        help="paper: dt = period = 0.1, its N, open loop, plain average, endpoint exit, uniform steps, equal, "
+        "independent samples",
     )
     if "tree" not in skip:
         planner.add_argument(

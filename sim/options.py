@@ -13,7 +13,7 @@ from pirrht.control.controller import BETWEEN
 from pirrht.control.methods import METHODS, TREELESS
 from pirrht.control.mppi import HORIZON
 from pirrht.errors import OptionError
-from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, WEIGHTS
+from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
 
 PLANTS = ("mujoco", "sde")
 PRESETS: dict[str, dict[str, Any]] = {
@@ -22,6 +22,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "dt": 0.1,
         "period": 0.1,
         "exit": "endpoint",
+        "steps": "uniform",
         "weights": "average",
         "guide": "open-loop",
         "allocation": "equal",
@@ -57,6 +58,7 @@ class Settings:
     exploration: float = 1.0  # of "mppi": noise of its samples over that of the robot
     plant: str = "mujoco"
     exit: str = "bridge"
+    steps: str = "fitted"
     weights: str = "balance"
     between: str = "classes"
     guide: str = "feedback"
@@ -97,6 +99,7 @@ class Settings:
             "method": METHODS,
             "plant": PLANTS,
             "exit": EXITS,
+            "steps": STEPS,
             "weights": WEIGHTS,
             "guide": GUIDES,
             "allocation": ALLOCATIONS,
@@ -151,7 +154,10 @@ def settle(
         layers.append({**PRESETS[preset], "samples": PAPER_SAMPLES[dynamics_name]})
     layers.append({name: value for name, value in given.items() if value is not None and name in known})
     merged = {name: value for layer in layers for name, value in layer.items()}
-    return replace(base, **{name: _typed(name, value, base) for name, value in merged.items()})
+    settings = replace(base, **{name: _typed(name, value, base) for name, value in merged.items()})
+    if given.get("steps") == "fitted" and settings.exit == "endpoint":
+        raise OptionError("--steps fitted goes with --exit bridge; steps that end a path at their ends are uniform")
+    return settings
 
 
 def refuse_idle(given: Mapping[str, Any], methods: Sequence[str]) -> None:

@@ -149,6 +149,7 @@ class Scenario:
             first=first,
             samples=s.samples,
             exit=s.exit,
+            steps=s.steps,
             weights=s.weights,
             guide=s.guide,
             allocation=s.allocation,

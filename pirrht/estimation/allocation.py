@@ -32,7 +32,7 @@ class Allocation:
         self._shortfall: dict[str, tuple[float, int]] = {}  # and plans since it was found
 
     def forget(self) -> None:
-        """Start anew, with equal counts."""
+        """Start anew, with what ways promise."""
         self._contribution, self._shortfall = {}, {}
 
     def counts(self, names: Sequence[str], promised: Sequence[float], worth: Sequence[bool]) -> list[int]:

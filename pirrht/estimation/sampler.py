@@ -3,7 +3,9 @@
 With S samples drawn around H references, psi = E_P[W]. The paper averages H estimators, each weighing its samples
 by dP/dQ_h. The balance heuristic weighs every sample by dP / (1/S sum_g N_g dQ_g) instead: with finitely many
 samples the plain average is too high by up to lambda ln H, since samples around one reference practically never
-visit the classes of the others. Only the estimate of psi is unbiased; u is a ratio and v a logarithm.
+visit the classes of the others. Only the estimate of psi is unbiased, for the chain that is sampled, and only where
+numbers of samples were fixed beforehand; u is a ratio and v a logarithm, which are consistent. Within a step walls are
+flat: what that biases shrinks with the steps, which are split near walls and goal.
 """
 
 from __future__ import annotations
@@ -85,7 +87,8 @@ class PathIntegral:
         """Ends of the rollout steps (T+1,) [s], up to T_max = (c_ref + 40 lambda) / q_min where a path weighs nothing.
 
         A control read off the first step is the mean over that step. Where the plan is made anew more often than
-        every dt, the first dt is cut finer, since near a wall the mean over dt is much weaker than the control now.
+        every dt, the first dt is cut finer (`Sampling.leading`), since near a wall the mean over dt is much weaker than
+        the control now.
         """
         return self.steps((reference_cost + TAIL * self.temperature) / self.problem.least_rate)
 
@@ -93,7 +96,7 @@ class PathIntegral:
         """Ends of the rollout steps (T+1,) [s] up to a horizon [s], the first dt cut finer where it is to be."""
         dt = self.sampling.dt
         steps = max(1, int(np.ceil(horizon / dt)))
-        parts = 1 if self.sampling.first is None else max(1, round(dt / self.sampling.first))
+        parts = max(1, round(dt / self.sampling.leading))
         fine = np.arange(parts) * (dt / parts)
         return np.concatenate([fine, np.arange(1, steps + 1) * dt])
 
@@ -137,8 +140,9 @@ class PathIntegral:
         """Climbing the desirability of the way from x (n,) over the corners of a line (k, 2) [m] to the goal point."""
         scales, d = self._scales(x), self.problem.dynamics
         B = d.B_c(x)
-        push = self._push(scales.reach, self.sampling.first or self.sampling.dt)
-        return Climb(way_of(self.setup.arena, line, x, scales.decay), np.linalg.solve(d.G_c(x), B @ B.T), push)
+        push = self._push(scales.reach, self.sampling.leading)
+        gain = np.asarray(np.linalg.solve(d.G_c(x), B @ B.T))
+        return Climb(way_of(self.setup.arena, line, x, scales.decay), gain, push)
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
@@ -195,7 +199,9 @@ class PathIntegral:
         slack = 0.0
         if x is not None and leads.reach > 0.0:
             known = float(clearance(self.space.field, x[0], x[1]))
-            slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known) if known < leads.reach else 0.0
+            slack = (
+                max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known) if known < leads.reach else 0.0
+            )
         return self._push(leads.reach, float(leads.times[1]), slack)
 
     def _push(self, reach: float, step: float, slack: float = 0.0) -> Push:
@@ -220,7 +226,7 @@ class PathIntegral:
             first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64),
             ways=no_ways(H, C, NODES, scales.decay),
             reach=scales.reach if climbs else 0.0,
-            least=LEAST * self.sampling.dt if bridge and self.sampling.steps == "fitted" else np.inf,
+            least=LEAST * self.sampling.dt if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=window(scales.noise, self.setup.arena, x, times, longest) if climbs else 1,
             mirrored=self.sampling.draws == "antithetic",

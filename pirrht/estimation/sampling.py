@@ -25,13 +25,14 @@ class Sampling:
     """
 
     dt: float = 0.1  # rollout step [s]
-    steps: str = "fitted"  # split near walls and goal, where exits are judged along them, or "uniform" (the paper's)
-    first: float | None = None  # the first dt is cut into steps of this length [s]
+    # With exit along the step, steps of dt are "fitted" to the place, split near walls and goal, or "uniform" (paper).
+    steps: str = "fitted"
+    first: float | None = None  # with exit along the step, the first dt is cut into steps of this length [s]
     samples: int = 200  # N, around each reference
     exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
-    # Samples head for the reference from where they are, or hold its tape "open-loop" (paper), as all but those of a
-    # point without drift and of a Unicycle do in any case.
+    # Samples climb psi of their class from where they are (a Unicycle's follow a guide's feedback), or hold the tape of
+    # their reference "open-loop" (paper), as all but those of a point and of a Unicycle do in any case.
     guide: str = "feedback"
     window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
     draws: str = "antithetic"  # pairs of samples with opposite noise, or "independent" ones (the paper's)
@@ -53,10 +54,23 @@ class Sampling:
             raise OptionError(f"budget is {self.budget}; it needs a target and at least the {self.samples} samples")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
-        choices = {"exit": EXITS, "weights": WEIGHTS, "guide": GUIDES, "allocation": ALLOCATIONS, "draws": DRAWS, "steps": STEPS}
-        for name, known in choices.items():
+        choices = {"exit": EXITS, "steps": STEPS, "weights": WEIGHTS, "guide": GUIDES}
+        for name, known in (choices | {"allocation": ALLOCATIONS, "draws": DRAWS}).items():
             if getattr(self, name) not in known:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
+
+    @property
+    def leading(self) -> float:
+        """Length of the steps that the first dt is cut into [s].
+
+        Exit at the end of a step belongs to the chain with steps of dt, which a finer one is not: there it is dt.
+        """
+        return self.dt if self.first is None or self.exit == "endpoint" else self.first
+
+    @property
+    def fitted(self) -> bool:
+        """Whether steps are split near walls and goal; those that exits are judged at the end of never are."""
+        return self.exit == "bridge" and self.steps == "fitted"
 
     @property
     def most(self) -> int:

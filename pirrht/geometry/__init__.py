@@ -3,7 +3,8 @@
 scene         a scene as plain values: world, footprint and task
 shapes        distances from solids in closed form; fcl_shapes: solids as objects of FCL
 collision     how far the obstacles are and whether a path is free: FCL's word, which is the last one
-field         that distance on a grid with its error bound, for millions of questions at once
+walls         the two nearest walls: the nearest solid, and the nearest in another direction
+field         both distances on a grid with their error bound, for millions of questions at once
 certify       what the field certifies about points, segments and curves (`ObstacleFree` of Algorithms 2 and 3)
 saddles       where free space narrows before it widens again; passages: how wide it is there, and the way through
 arcs          curves of arcs and straight pieces, and the angle of a chord, absmin of section IV-A

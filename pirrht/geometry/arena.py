@@ -1,7 +1,7 @@
 """What a path asks about the world: how far the nearest wall is, and whether it has arrived.
 
 Rollouts ask for the arena at the end of every step: `at` is where a world in motion would enter. What is made before a
-path runs, gates, pushes, a car's guides, grids and the tree, asks the field of a standing world.
+path runs, ways, pushes, a car's guides, grids and the tree, asks the field of a standing world.
 """
 
 from __future__ import annotations

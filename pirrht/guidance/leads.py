@@ -1,7 +1,7 @@
 """What samples around one reference follow: its tape, the desirability of its way, or the feedback of a guide.
 
 A lead says which control it has at a state and a time, and writes itself into a row of the kernels' tables. The
-likelihood ratio is that of whatever was followed, so any lead leaves psi unbiased.
+likelihood ratio is that of whatever was followed, so any lead leaves psi of the sampled chain unbiased.
 """
 
 from __future__ import annotations

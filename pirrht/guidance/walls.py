@@ -1,7 +1,8 @@
 """Scales of noise and cost at a state, and what the nearest walls add to the control there.
 
-In free space psi falls like exp(-k r), k^2 = 2 q / (lambda b^2), at the speed that balances q against u'Ru/2. Near a
-wall it falls like the share of paths that noise does not carry into it: their mean leans away from it, the push.
+In free space psi falls like exp(-k r), k^2 = 2 q / (lambda b^2). Near a wall it vanishes like the distance c, as
+c / (c + reach): samples lean away from it, the push. On a way the reach is what psi of the class has there; for what
+follows no way, and for what walls add to a control that is held, it is the same everywhere.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from pirrht.geometry.field import Field, clearance
 from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import two_walls, wall_slope
 
-
 REACH = 2.0  # decay lengths 1/k within which walls push what follows no way
 AVERAGED = 0.04  # near walls and goal the control now is averaged over leading steps of this length together [s]
 SHARE = 0.5  # of the time in which noise carries a path to the nearest of them
@@ -29,7 +29,7 @@ class Scales(NamedTuple):
 
     noise: float  # variance per second of an actuated state, their mean [m^2/s or rad^2/s]
     decay: float  # k of psi = exp(-k r) in free space [1/m]; ways, of points that noise moves, are its only use
-    reach: float  # how far noise carries a path in the time over which walls are anticipated [m]
+    reach: float  # of walls, as `wall_slope` takes it, beside what follows no way [m]
 
     @classmethod
     def of(cls, problem: Problem, x: Array) -> Scales:

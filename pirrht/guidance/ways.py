@@ -2,9 +2,9 @@
 
 With constant q, psi solves `Laplace psi = k^2 psi`. What starts at x reaches a straight line that leaves it on one side
 with the density `k d / (pi r) K1(k r)`, d the distance to the line and r that to the place on it, about
-`sqrt(k / 2 pi r) exp(-k r) cos` far away. So psi on one cross-section of a reference is an integral over the next one, back from
-the goal. Walls on both sides take off what would come from their mirror images. In a channel these transfers settle to its slowest mode by themselves,
-at its own decay, and behind a corner psi spreads as it is diffracted.
+`sqrt(k / 2 pi r) exp(-k r) cos` far away. So psi on one cross-section of a reference is an integral over the next one,
+back from the goal. Walls on both sides take off what would come from their mirror images. In a channel these transfers
+settle to its slowest mode by themselves, at its own decay, and behind a corner psi spreads as it is diffracted.
 
 The slope of log psi at the nodes is what samples follow (`rollouts.ways`); towards a wall at a distance c it is known
 by the length b of `c / (c + b)`. psi at the start tells in advance how much a class can weigh.
@@ -12,7 +12,6 @@ by the length b of `c / (c + b)`. psi at the start tells in advance how much a c
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -23,8 +22,23 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arena import Arena
 from pirrht.guidance.sections import sections_of
 from pirrht.guidance.transfer import (  # fmt: skip
-    FAR, FAR_X, FAR_Y, LOG_PSI, NEAR, NEAR_X, NEAR_Y, PLACE_X, PLACE_Y, PUSH, PUSH_FAR, ROWS, SLOPE_X, SLOPE_Y, WIDTH,
-    look, sight,
+    FAR,
+    FAR_X,
+    FAR_Y,
+    LOG_PSI,
+    NEAR,
+    NEAR_X,
+    NEAR_Y,
+    PLACE_X,
+    PLACE_Y,
+    PUSH,
+    PUSH_FAR,
+    ROWS,
+    SLOPE_X,
+    SLOPE_Y,
+    WIDTH,
+    look,
+    sight,
 )
 from pirrht.rollouts.first_exit import two_walls
 from pirrht.rollouts.ways import KNOWN, PLACE

@@ -92,13 +92,17 @@ def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
     beside, below = min(left, right), min(low, high)
     side, level = ONE if left < right else -ONE, ONE if low < high else -ONE
     first, later = beside < c, beside < d
-    d, mx, my = c if first else (beside if later else d), nx if first else (side if later else mx), (
-        ny if first else (ZERO if later else my)
+    d, mx, my = (
+        c if first else (beside if later else d),
+        nx if first else (side if later else mx),
+        (ny if first else (ZERO if later else my)),
     )
     c, nx, ny = beside if first else c, side if first else nx, ZERO if first else ny
     first, later = below < c, below < d
-    d, mx, my = c if first else (below if later else d), nx if first else (ZERO if later else mx), (
-        ny if first else (level if later else my)
+    d, mx, my = (
+        c if first else (below if later else d),
+        nx if first else (ZERO if later else mx),
+        (ny if first else (level if later else my)),
     )
     c, nx, ny = below if first else c, ZERO if first else nx, level if first else ny
     return c, nx, ny, d, mx, my

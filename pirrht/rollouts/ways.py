@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_float32
 from pirrht.compiled.float32 import HALF, ONE, ZERO
 from pirrht.compiled.jit import inlined, kernel
@@ -121,7 +120,7 @@ def slope_along(ways, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def
 
     The goal's centre is (x, y) [m]; `walls` are as `uphill` takes them.
     """
-    H, C, J, _ = ways.slope.shape
+    _, C, J, _ = ways.slope.shape
     place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
     stage, before = 0, -1
     while stage > before:

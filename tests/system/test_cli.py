@@ -152,6 +152,10 @@ def test_the_paper_preset_sets_the_papers_steps_and_rules(figures):
     assert (run["dt"], run["period"], run["samples"], run["steps"]) == (0.1, 0.1, 200, 3)
     settings = prepare("slit", preset="paper").settings
     assert (settings.exit, settings.weights, settings.guide) == ("endpoint", "average", "open-loop")
+    assert (settings.steps, prepare("slit").settings.steps) == ("uniform", "fitted")
+    assert prepare("slit", preset="paper").sampling.steps == "uniform"
+    given = {"steps": "fitted", "exit": "bridge"}
+    assert prepare("slit", preset="paper", given=given).sampling.fitted
 
 
 def test_the_command_line_wins_over_the_preset(figures):
@@ -414,6 +418,9 @@ def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
         ("run slit --rounds 2", "--rounds is gone: refitting guides within a plan never paid; leave it out"),
         ("run slit --memory", "--memory is gone: sampling around the last plan's tape never paid; leave it out"),
         ("run slit --between gain", "--between is 'gain'; it must be one of classes, hold"),
+        ("estimate slit --at 1 2 --steps split", "--steps is 'split'; it must be one of fitted, uniform"),
+        ("run slit --exit endpoint --steps fitted", "--steps fitted goes with --exit bridge"),
+        ("sweep slit --preset paper --steps fitted", "--steps fitted goes with --exit bridge"),
         ("run slit --method mppi --horizon 0.05", "--horizon is 0.05; it must be at least a step, --dt 0.1"),
     ],
 )
@@ -427,6 +434,16 @@ def test_what_would_be_ignored_is_refused(capsys, arguments: str, what: str):
 def test_what_one_of_several_methods_heeds_is_not_refused():
     refuse_idle({"guide": "feedback", "horizon": 2.0, "consistency": None}, ["pi-rrht", "mppi"])
     refuse_idle({"guide": "open-loop", "draws": "independent"}, ["mppi"])
+
+
+def test_steps_of_one_length_are_asked_for_by_name_and_kept_by_a_sweep(figures, tmp_path):
+    words = ["estimate", "slit", "--at", "2.3", "2.63", "--noise", "0.3", *SMALL]
+    values = {rule: figures(*words, *rule)[1]["value"] for rule in ((), ("--steps", "fitted"), ("--steps", "uniform"))}
+    assert values[()] == values["--steps", "fitted"] != values["--steps", "uniform"]
+    sweep = ["sweep", "slit", "--seeds", "0:1", "--jobs", "1", "-o", str(tmp_path / "runs"), *SHORT]
+    assert main([*sweep, "--steps", "uniform"]) == 0
+    manifest = json.loads((tmp_path / "runs" / "manifest.json").read_text())
+    assert manifest["settings"]["steps"] == "uniform"
 
 
 def test_few_effective_samples_are_said(capsys):

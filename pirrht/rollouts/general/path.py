@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.float32 import ONE, ZERO
 from pirrht.compiled.jit import kernel
 from pirrht.compiled.streams import antithetic, normals, stream
 from pirrht.geometry.arena import at
@@ -147,7 +148,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         for j in range(n if draw else 0):
             states[0, j] = x[j]
         for i in range(T):
-            whole, left, done, arena = times[i + 1] - times[i], times[i + 1] - times[i], 0.0, at(setup.arena, times[i + 1])
+            whole, done, arena = times[i + 1] - times[i], 0.0, at(setup.arena, times[i + 1])
+            left = whole
             for j in range(m):
                 if i < applied.shape[0]:
                     applied[i, j] = 0.0
@@ -171,7 +173,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 cov = (xx * dt, xy * dt, yy * dt)
                 # Survivors lean away from walls anyway: the push is B' grad log of what psi is proportional to there.
                 sx, sy = 0.0, 0.0
-                walls = (np.float32(1.0), np.float32(0.0), np.float32(0.0), np.float32(1.0), np.float32(0.0), np.float32(0.0))
+                walls = (ONE, ZERO, ZERO, ONE, ZERO, ZERO)
                 near_walls = noisy_position and reach > 0.0
                 if near_walls:
                     c, wx, wy, d, vx, vy = two_walls(arena.field, x[0], x[1])
@@ -195,7 +197,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             by = B[1 - fixed, j] if fixed <= 1 else 0.0
                             a[g, j] = bx * sx + by * sy
                     elif car and led[g] > i:
-                        drive = law[g, i, 0] + law[g, i, 1] * (x[0] - law[g, i, 4]) + law[g, i, 2] * (x[1] - law[g, i, 5])
+                        ex, ey = x[0] - law[g, i, 4], x[1] - law[g, i, 5]
+                        drive = law[g, i, 0] + law[g, i, 1] * ex + law[g, i, 2] * ey
                         drive += law[g, i, 3] * wrapped(x[2] - law[g, i, 6])
                         a[g, 0] = max(-steep, min(steep, drive))
                     elif car and led[g] > 0:
