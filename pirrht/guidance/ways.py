@@ -7,11 +7,12 @@ back from the goal. Walls on both sides take off what would come from their mirr
 settle to its slowest mode by themselves, at its own decay, and behind a corner psi spreads as it is diffracted.
 
 The slope of log psi at the nodes is what samples follow (`rollouts.ways`); towards a wall at a distance c it is known
-by the length b of `c / (c + b)`. psi at the start tells in advance how much a class can weigh.
+by the length b of `1 - exp(-c / b)`. psi at the start tells in advance how much a class can weigh.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +48,8 @@ NODES = 24  # of a cross-section
 CLOSEST = 1e-3  # nearer to a wall psi is taken to vanish like the distance [m]
 ASIDE = 0.5  # cosine up to which a wall ahead or behind counts for either side
 MOST = 0.999  # log psi grows hardly faster than log c
+LITTLE = 1e-3  # and a push of less than this share of 1/c is none
+ROUNDS = 4  # of Newton's method
 
 
 class Way(NamedTuple):
@@ -78,9 +81,16 @@ def way_of(arena: Arena, line: Array, x: Array, decay: float, nodes: int = NODES
 
 @inlined
 def _reach(c, push):  # type: ignore[no-untyped-def]
-    """Reach of a wall at a distance c whose push is known: with it `wall_slope` gives the same [m]."""
+    """Reach of a wall at a distance c whose push is known, the inverse of `push_of` [m]."""
     share = min(push * c, MOST)
-    return c * share / (1.0 - share)
+    if share < LITTLE:
+        return 0.0
+    rest = 1.0 / share - 1.0
+    s = min(2.0 * rest, 2.0 + 1.5 * math.sqrt(rest))
+    for _ in range(ROUNDS):
+        off = s * (0.5 + s * (1.0 / 6.0 + s / 24.0)) - rest
+        s -= off / (0.5 + s * (1.0 / 3.0 + s / 8.0))
+    return c / s
 
 
 @kernel
