@@ -108,6 +108,7 @@ class Tally:
     last: Frame | None = None
     switches: int = 0
     fallbacks: int = 0
+    doubtful: int = 0  # plans that rest on few effective samples
     misses: int = 0
     min_clearance: float = np.inf
     favourite: str | None = None
@@ -125,6 +126,8 @@ class Tally:
             self.switches += 1
         if frame.plan.fallback is None:
             self.favourite = frame.plan.favourite
+        estimate = frame.plan.estimate
+        self.doubtful += estimate is not None and estimate.doubtful
         self.min_clearance = min(self.min_clearance, frame.clearance, frame.advance.clearance)
         self.plan_seconds.append(frame.plan_seconds)
         if frame.timing is None:
@@ -171,6 +174,7 @@ class Tally:
             "executed_class": class_id(self.last.driven_class) if reached else None,
             "class_switches": self.switches,
             "fallbacks": self.fallbacks,
+            "doubtful_plans": self.doubtful,
             "step_ms": {
                 "median": float(np.median(milliseconds)),
                 "p95": float(np.percentile(milliseconds, 95)),

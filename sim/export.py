@@ -45,6 +45,7 @@ def table(recording: Recording) -> Table:
     for name in ("cost", "length", "clearance", "value", "value_error"):
         columns |= _scalar(name, cells)
     columns |= _vector("control_error", cells)
+    columns["doubtful"] = np.array([int(row.get("doubtful", [0])[0]) for row in cells])
     if all("exact_value" in row for row in cells):
         columns |= {**_scalar("exact_value", cells), **_vector("exact_control", cells)}
     columns |= {**_by_class("weight", "weights", cells), **_by_class("ess", "ess", cells)}

@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.estimate import Estimate, FEW
 from pirrht.files import replaced
 from pirrht.freespace import FreeSpace
 from pirrht.tree.convergence import Convergence
@@ -29,7 +29,6 @@ from sim.words import counted
 FEW_CLASSES = 4
 LEAST = 30  # columns of a terminal that text is broken for
 WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
-FEW = 10.0  # effective samples of an estimate that are too few for standard errors
 LONE = 1.5  # effective samples of a class of which no more than one has any weight
 WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
 
@@ -116,7 +115,7 @@ def doubts(estimates: Sequence[Estimate | None], ids: Sequence[str], target: flo
     """What standard errors do not tell: that few samples have any weight, or are of a class, and targets missed."""
     known = [e for e in estimates if e is not None]
     lines = []
-    poor = sum(e.ess < FEW for e in known)
+    poor = sum(e.doubtful for e in known)
     if poor:
         lines.append(
             f"effective sample size (ESS) below {FEW:g} in {poor} of {len(known)} repeats; standard errors say "
@@ -271,6 +270,7 @@ def estimate_json(
         "value_stderr": [None if e is None else e.value_error for e in estimates],
         "control_stderr": [None if e is None else e.control_error.tolist() for e in estimates],
         "ess": [None if e is None else e.ess for e in estimates],
+        "doubtful": [None if e is None else e.doubtful for e in estimates],
         "samples": [None if e is None else sum(part.size for part in e.parts) for e in estimates],
         "class_weights": [None if e is None else e.class_weights for e in estimates],
         "class_ess": [None if e is None else e.class_ess for e in estimates],

@@ -1,8 +1,8 @@
 """A control step in a recording, and the numbers that are kept of it at `/steps`.
 
 At its start: state [m, m, rad], control, clearance [m], vertices of the tree, value, value_error and control_error
-(one standard error), where a grid was solved exact_value and exact_control, and class by class in the same order
-classes (ids and "other"), weights, ess. Over it: duration [s], noise (sum of the Brownian increments) [sqrt(s)]. Up to
+(one standard error), where a grid was solved exact_value and exact_control, and doubtful (1 where the plan rests on fewer than 10
+effective samples), and class by class in the same order classes (ids and "other"), weights, ess. Over it: duration [s], noise (sum of the Brownian increments) [sqrt(s)]. Up to
 its end: cost, length [m]. The last one has the state where the drive ended, and the outcome. `columns.py` has them as
 a table.
 """
@@ -48,6 +48,7 @@ class Row:
     value: float  # infinite in a fallback
     value_error: float  # infinite where it is not known; 0 for a value that is exact
     control_error: Array  # (m,)
+    doubtful: bool  # whether the estimate rests on few effective samples
     truth: Truth | None  # where a grid was solved
     favourite: str | None  # class of greatest weight, None in a fallback
     plan_seconds: float
@@ -88,6 +89,7 @@ class Row:
             value=value,
             value_error=value_error,
             control_error=estimate.control_error if estimate else np.full(advance.noise.shape[1], value_error),
+            doubtful=estimate is not None and estimate.doubtful,
             truth=truth,
             favourite=plan.favourite if estimate else None,
             plan_seconds=frame.plan_seconds,
@@ -113,6 +115,7 @@ def columns(rows: Sequence[Row]) -> list[Any]:
         *_values(value=[r.value for r in rows]),
         *_values(value_error=[r.value_error for r in rows]),
         *_values(control_error=[r.control_error for r in rows]),
+        *_values(doubtful=[r.doubtful for r in rows]),
         *_ragged("classes", [list(r.weights) for r in rows]),
         *_ragged("weights", [list(r.weights.values()) for r in rows]),
         *_ragged("ess", [list(r.sizes.values()) for r in rows]),

@@ -19,6 +19,7 @@ from pirrht.problem import Problem
 from pirrht.rollouts.records import Leads, Origin, Paths
 
 OTHER = "other"
+FEW = 10.0  # effective samples that are too few for standard errors to mean much
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,6 +61,11 @@ class Estimate:
     rollouts: Rollouts  # the last samples that have any weight
     parts: tuple[Rollouts, ...]  # all samples, in the rounds in which they were drawn
     push: Array  # (m,) the part of `control` that the nearest walls account for
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether it rests on so few effective samples that its errors say little."""
+        return self.ess < FEW
 
 
 def log_weights(
