@@ -65,8 +65,7 @@ class Passages:
     def between(self, k: int, collision: Collision) -> list[str]:
         """What passage k leads between: names of two solids, or of one and "border"."""
         world, ends = collision.world, np.array([chord[k] for chord in self.chords()])
-        groups = [[i] for i in range(len(world.obstacles))]
-        nearest = collision.nearest_groups(ends, groups, collision.footprint.radius)[2].tolist()
+        nearest = collision.nearest_walls(ends, range(len(world.obstacles)), collision.footprint.radius).which.tolist()
         return [
             world.obstacles[i].name if world.contains(end) and i >= 0 else BORDER
             for end, i in zip(ends, nearest, strict=True)
