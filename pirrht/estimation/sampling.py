@@ -53,7 +53,14 @@ class Sampling:
             raise OptionError(f"budget is {self.budget}; it needs a target and at least the {self.samples} samples")
         if self.samples < 1:
             raise OptionError(f"samples is {self.samples}; at least 1 is needed")
-        choices = {"exit": EXITS, "weights": WEIGHTS, "guide": GUIDES, "allocation": ALLOCATIONS, "draws": DRAWS, "steps": STEPS}
+        choices = {
+            "exit": EXITS,
+            "weights": WEIGHTS,
+            "guide": GUIDES,
+            "allocation": ALLOCATIONS,
+            "draws": DRAWS,
+            "steps": STEPS,
+        }
         for name, known in choices.items():
             if getattr(self, name) not in known:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")

@@ -17,7 +17,6 @@ from pirrht.geometry.field import Field, clearance
 from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import two_walls, wall_slope
 
-
 REACH = 2.0  # decay lengths 1/k within which walls push what follows no way
 AVERAGED = 0.02  # near walls and goal the control now is averaged over leading steps of this length together [s]
 SHARE = 0.25  # of the time in which noise carries a path to the nearest of them

