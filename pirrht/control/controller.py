@@ -125,7 +125,7 @@ class Controller(Policy):
         ids = tuple(batch.classes.values())
         law, push = None, None
         if estimate is not None:
-            push = self.path_integral.push(estimate.rollouts.leads)
+            push = self.path_integral.push(estimate.rollouts.leads, x)
             law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
         return Plan(
             state=x,
@@ -152,9 +152,7 @@ class Controller(Policy):
             still = Tape(times, np.zeros((len(times) - 1, self.problem.dynamics.m)))
             return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),))
         names = [class_id(whole) for whole in self._from_start(references)]
-        leads, counts = self._leads(x, times, references)
-        if self.allocation is not None:
-            counts = self.allocation.counts(names, [lead.promise for lead in leads])
+        leads, counts = self._leads(x, times, references, names)
         keys = [self.space.homology.key(reference.winding) for reference in references]
         rows = zip(leads, counts, names, keys, strict=True)
         return Batch(
@@ -213,13 +211,23 @@ class Controller(Policy):
                 references.append(Reference(winding=winding, signature=signature, trajectory=rest))
         return references
 
-    def _leads(self, x: Array, times: Array, references: list[Reference]) -> tuple[list[Lead], list[int]]:
+    def _leads(
+        self, x: Array, times: Array, references: list[Reference], names: list[str]
+    ) -> tuple[list[Lead], list[int]]:
         """What samples around each reference follow, and how many there are; guides start from the last ones."""
-        integral = self.path_integral
+        integral, shared = self.path_integral, self.allocation
         trajectories = [reference.trajectory for reference in references]
-        leads = integral.leads(x, times, trajectories, sparing=self.allocation is not None)
+        leads = integral.leads(x, times, trajectories, None if shared is None else shared.shortfalls(names))
+        if shared is not None and integral.climbs:
+            promised = [lead.promise for lead in leads]
+            rows = zip(trajectories, promised, strict=True)
+            shared.note(names, [integral.bound(x, trajectory) - promise for trajectory, promise in rows])
+            return list(leads), shared.counts(names, promised, [lead.follows for lead in leads])
         if integral.guidance is None:
-            return list(leads), [integral.sampling.samples] * len(leads)
+            counts = [integral.sampling.samples] * len(leads)
+            if shared is not None:
+                counts = shared.counts(names, [0.0] * len(leads), [True] * len(leads))
+            return list(leads), counts
         guides, counts = self._guided(integral.guidance, x, times, references)
         d = self.problem.dynamics
         return [lead if guide is None else Along(guide, d) for lead, guide in zip(leads, guides, strict=True)], counts

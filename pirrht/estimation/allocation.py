@@ -19,6 +19,7 @@ from pirrht.estimation.estimate import Estimate
 
 PLANS = 5.0  # contributions are averaged over about so many plans
 LEAST = 0.15  # of N goes to every reference that is worth it, whatever it contributed
+RENEWED = 10  # plans for which a shortfall is taken as known
 FEWEST = 8  # samples that every reference gets, if N allows
 
 
@@ -28,26 +29,41 @@ class Allocation:
     def __init__(self, samples: int) -> None:
         self.samples = samples  # N, on average over references
         self._contribution: dict[str, float] = {}
+        self._shortfall: dict[str, tuple[float, int]] = {}  # and plans since it was found
 
     def forget(self) -> None:
         """Start anew, with equal counts."""
-        self._contribution = {}
+        self._contribution, self._shortfall = {}, {}
 
-    def counts(self, names: Sequence[str], promised: Sequence[float]) -> list[int]:
+    def counts(self, names: Sequence[str], promised: Sequence[float], worth: Sequence[bool]) -> list[int]:
         """Samples around each reference, (H,), N on average over those that are worth it.
 
         Args:
             names: of the classes, (H,); one seen for the first time counts as an average one.
-            promised: log psi that is foretold of each, (H,) [nats]; what is promised nothing is worth the fewest.
+            promised: log psi that is foretold of each, (H,) [nats].
+            worth: whether each is worth more than the fewest samples, (H,).
         """
         N, least = self.samples, min(self.samples, max(FEWEST, math.ceil(LEAST * self.samples)))
-        worth = np.isfinite(np.asarray(promised))
-        if not worth.any():
-            worth[:] = True
+        chosen = np.asarray(worth) if any(worth) else np.ones(len(names), dtype=np.bool_)
         number = np.full(len(names), min(N, FEWEST))
-        number[worth] = self._shared([name for name, some in zip(names, worth, strict=True) if some],
-            np.asarray(promised)[worth], N * int(worth.sum()), least)  # fmt: skip
+        some = [name for name, one in zip(names, chosen, strict=True) if one]
+        number[chosen] = self._shared(some, np.asarray(promised)[chosen], N * len(some), least)
         return [int(n) for n in number]
+
+    def shortfalls(self, names: Sequence[str]) -> list[float]:
+        """How much less than without walls the classes were last found to promise, (H,) [nats]; 0 where unknown."""
+        return [self._shortfall.get(name, (0.0, 0))[0] for name in names]
+
+    def note(self, names: Sequence[str], shortfalls: Sequence[float]) -> None:
+        """Take in what has been found anew of shortfalls, (H,) [nats], nan where nothing has; old ones are dropped."""
+        for name, found in zip(names, shortfalls, strict=True):
+            before, age = self._shortfall.get(name, (0.0, 0))
+            if math.isfinite(found):
+                self._shortfall[name] = (found, 0)
+            elif age + 1 < RENEWED:
+                self._shortfall[name] = (before, age + 1)
+            else:
+                self._shortfall.pop(name, None)
 
     def _shared(self, names: Sequence[str], promised: Array, total: int, least: int) -> Array:
         """Shares (l,) of a total number of samples, at least so many each."""

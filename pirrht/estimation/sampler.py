@@ -34,6 +34,7 @@ from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
 
 LEAST = 1.0 / 32.0  # of a step that is split near walls and goal remains at least
+UNSURE = 6.0  # by so many nats a shortfall may change before it is found anew
 HOPELESS = 16.0  # classes that promise so many nats less than another are worth only a few samples
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 
@@ -103,27 +104,34 @@ class PathIntegral:
         return self.sampling.guide == "feedback" and d.n == d.m == 2
 
     def leads(
-        self, x: Array, times: Array, trajectories: Sequence[Trajectory], *, sparing: bool = False
+        self, x: Array, times: Array, trajectories: Sequence[Trajectory], shortfalls: Sequence[float] | None = None
     ) -> Sequence[Lead]:
         """What samples from x (n,) follow: ways of references if it `climbs`, else tapes over the steps (T+1,) [s].
 
         Args:
-            trajectories: the references, cheapest first.
-            sparing: hold the tapes of those that promise less than exp(-HOPELESS) of another's psi.
+            trajectories: the references, (H,), cheapest first.
+            shortfalls: how much less than without walls they are expected to promise, (H,) [nats]; if given, those
+                that promise less than exp(-HOPELESS) of another's psi hold their tapes.
         """
-        found: list[Lead] = [Tape(times, trajectory.tape(times)) for trajectory in trajectories]
+        tapes = [Tape(times, trajectory.tape(times)) for trajectory in trajectories]
         if not self.climbs:
-            return found
+            return tapes
+        found: list[Lead] = [*tapes]
         goal, most = self.space.scene.goal, -math.inf
-        decay = self._scales(x).decay
         for h, trajectory in enumerate(trajectories):
-            if sparing and -decay * trajectory.length < most - HOPELESS:  # psi is hardly more than without walls
-                continue
-            line = np.vstack([trajectory.path.start[1:, :2], goal.center])
-            lead = self.climbing(x, line)
-            if not sparing or lead.way.log_psi >= most - HOPELESS:
-                found[h], most = lead, max(most, lead.way.log_psi)
+            if shortfalls is not None:
+                expected = self.bound(x, trajectory) - max(0.0, shortfalls[h] - UNSURE)
+                if expected < most - HOPELESS:
+                    continue
+            lead = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
+            hopeless = shortfalls is not None and lead.promise < most - HOPELESS
+            found[h] = replace(tapes[h], foretold=lead.promise) if hopeless else lead
+            most = max(most, lead.promise)
         return found
+
+    def bound(self, x: Array, trajectory: Trajectory) -> float:
+        """About the most that log psi of a reference's class can be from x (n,) [nats]: what it is without walls."""
+        return -self._scales(x).decay * trajectory.length
 
     def climbing(self, x: Array, line: Array) -> Climb:
         """Climbing the desirability of the way from x (n,) over the corners of a line (k, 2) [m] to the goal point."""
@@ -176,14 +184,22 @@ class PathIntegral:
         Raises:
             NoSurvivingSample: no sample has any weight.
         """
-        return weigh(self.problem, parts, self.push(parts[0].leads)(parts[0].x0), classes)
+        return weigh(self.problem, parts, self.push(parts[0].leads, parts[0].x0)(parts[0].x0), classes)
 
-    def push(self, leads: Leads) -> Push:
-        """What the nearest walls add to the control (m,) near samples that followed these leads, for any state (n,)."""
-        return self._push(leads.reach, float(leads.times[1]))
+    def push(self, leads: Leads, x: Array | None = None) -> Push:
+        """What the nearest walls add to the control (m,) near samples that followed these leads, for any state (n,).
 
-    def _push(self, reach: float, step: float) -> Push:
-        return Push(problem=self.problem, field=self.space.field, reach=reach, step=step)
+        Args:
+            x: the state (n,) that they start from; close to it FCL's clearance is used, not the field's lower bound.
+        """
+        slack = 0.0
+        if x is not None and leads.reach > 0.0:
+            known = float(clearance(self.space.field, x[0], x[1]))
+            slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known) if known < leads.reach else 0.0
+        return self._push(leads.reach, float(leads.times[1]), slack)
+
+    def _push(self, reach: float, step: float, slack: float = 0.0) -> Push:
+        return Push(problem=self.problem, field=self.space.field, reach=reach, step=step, slack=slack)
 
     def _scales(self, x: Array) -> Scales:
         """Those at x (n,), which are the same everywhere if G, B and R are."""

@@ -11,6 +11,9 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 
 
+OUTLYING = 4.0  # calibrated on random scenes: with 0 a twentieth of plans near walls is off by more than 3 errors
+
+
 class Groups(NamedTuple):
     """What the samples of each of G groups sum to."""
 
@@ -63,10 +66,11 @@ def scatter(terms, first, step):  # type: ignore[no-untyped-def]
     """Standard deviations (k,) of sums of terms (S, k), those from first[h] on being distributed alike, h = 0..H-1.
 
     `step` terms in a row are one: 2 for antithetic pairs, which are independent only together. What stands alone around
-    its reference says nothing about its spread; the term itself stands for it.
+    its reference says nothing about its spread; the term itself stands for it. The largest term counts `OUTLYING` times
+    more: where a sum rests on a handful of terms, larger ones are likely not to have been met.
     """
     k = terms.shape[1]
-    variance, mean = np.zeros(k), np.empty(k)
+    variance, mean, largest = np.zeros(k), np.empty(k), np.zeros(k)
     for h in range(first.shape[0] - 1):
         begin, end = first[h], first[h + 1]
         number = (end - begin + step - 1) // step
@@ -80,5 +84,7 @@ def scatter(terms, first, step):  # type: ignore[no-untyped-def]
                 off = -mean[j]
                 for i in range(s, min(s + step, end)):
                     off += terms[i, j]
-                variance[j] += scale * off * off
-    return np.sqrt(variance)
+                square = scale * off * off
+                variance[j] += square
+                largest[j] = max(largest[j], square)
+    return np.sqrt(variance + OUTLYING * largest)

@@ -52,8 +52,14 @@ class Tape(Lead):
 
     times: Array  # (T+1,) ends of the steps [s]
     controls: Array  # (T, m)
+    foretold: float = -math.inf  # log psi of the class, where its way has been found hopeless [nats]
 
     follows = False
+
+    @property
+    def promise(self) -> float:
+        """log psi of the class that was foretold [nats]; minus infinity where none was."""
+        return self.foretold
 
     def __call__(self, x: Array, s: float) -> Array:
         """The control (m,) of the step under way at s [s]; zero after the end."""

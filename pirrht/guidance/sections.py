@@ -34,8 +34,8 @@ class Sections(NamedTuple):
 
     point: Array  # (C, 2) on the reference [m]
     ahead: Array  # (C, 2) unit normal in the direction of travel
-    ends: Array  # (C + 1, 2) offset of their ends to the left and to the right [m]; the last: of the goal's rim
-    walled: Array  # (C + 1, 2) whether a wall is what ends them, 1 or 0
+    ends: Array  # (C, 2) offset of their ends to the left and to the right [m]
+    walled: Array  # (C, 2) whether a wall is what ends them, 1 or 0
 
 
 def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float) -> Sections:
@@ -48,15 +48,15 @@ def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float
     whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
     legs = np.hypot(*np.diff(whole, axis=0).T)
     room = 2 + len(whole) + int(legs.sum() / LEAST)
-    out = Sections(np.empty((room, 2)), np.empty((room, 2)), np.empty((room + 1, 2)), np.empty((room + 1, 2)))
+    out = Sections(np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)))
     count = _place(field, whole, radius, decay, out)
-    return Sections(out.point[:count], out.ahead[:count], out.ends[: count + 1], out.walled[: count + 1])
+    return Sections(out.point[:count], out.ahead[:count], out.ends[:count], out.walled[:count])
 
 
 @kernel
 def _march(field, x, y, ux, uy, far):  # type: ignore[no-untyped-def]
     """How far one can go from (x, y) along a unit vector, `far` at most [m], and whether a wall is in the way."""
-    s = 0.0
+    s = max(clearance(field, x, y), STRIDE)  # a reference touches walls
     while s < far:
         c = clearance(field, x + s * ux, y + s * uy)
         if c <= TOUCHING:
@@ -77,8 +77,7 @@ def _write(field, spread, x, y, ux, uy, c, out):  # type: ignore[no-untyped-def]
     point, ahead, ends, walled = out
     ends[c, 0], walled[c, 0] = _march(field, x, y, -uy, ux, spread)
     ends[c, 1], walled[c, 1] = _march(field, x, y, uy, -ux, spread)
-    if c < point.shape[0]:
-        point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1] = x, y, ux, uy
+    point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1] = x, y, ux, uy
 
 
 @kernel
@@ -120,7 +119,4 @@ def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
             stride = left if stride >= left else min(stride, max(0.5 * left, apart))
             t, since = t + stride, since + stride
         s += leg
-    along = min(radius, math.hypot(line[last + 1, 0] - line[0, 0], line[last + 1, 1] - line[0, 1]))
-    x, y = line[last + 1, 0] - along * ux, line[last + 1, 1] - along * uy
-    _write(field, _spread(whole, whole, decay), x, y, ux, uy, count, out)
     return count

@@ -14,16 +14,20 @@ from pirrht.compiled.float32 import HALF, ONE, TWO, ZERO, exponential
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import logarithm
 
-# Rows of the nodes of a cross-section: place, distances to the walls on both sides, what is found there.
-AHEAD_X, AHEAD_Y, LEFT, RIGHT, LOG_PSI, SLOPE_X, SLOPE_Y, PUSH_LEFT, PUSH_RIGHT, TOP, WHOLE = range(11)
-ROWS = 11
-OPEN = np.float32(1e9)  # distance to a wall that is not there [m]
+WIDTH = 32  # room for the nodes of a cross-section, and the point on the reference after the last of them
+# Rows of their numbers: place, the two nearest walls (distance and unit vector away from it, each), what is found there.
+# Rows of one array: a compiler that does not know how far apart arrays are cannot tell that its vectors do not overlap.
+PLACE_X, PLACE_Y, NEAR, NEAR_X, NEAR_Y, FAR, FAR_X, FAR_Y, LOG_PSI, SLOPE_X, SLOPE_Y, PUSH, PUSH_FAR, TOP, WHOLE = (
+    WIDTH * row for row in range(15)
+)
+ROWS = 15 * WIDTH
 NEGLIGIBLE = np.float32(-25.0)  # nodes with so little psi are passed over [nats]
-NOTHING, TINY = np.float32(-1e30), np.float32(1e-6)
+NOTHING, TINY, LEAST = np.float32(-1e30), np.float32(1e-6), np.float32(1e-30)
 GRAZING = np.float32(0.02)  # cosines of lines that graze a cross-section are not looked at
 FOUR, THREE_QUARTERS, THREE_HALVES = np.float32(4.0), np.float32(0.75), np.float32(1.5)
 ABOVE, BELOW = np.float32(0.556), np.float32(0.655)
 PER_TURN = np.float32(0.5 / math.pi)
+ALIKE = HALF  # cosine between the directions of one wall at two places
 
 
 @inlined
@@ -54,67 +58,85 @@ def wall(k, r, per, bent, steep, c, d):  # type: ignore[no-untyped-def]
     return left, odds * down * TWO * d * beyond, max(odds * (steep - down * ratio), ZERO)
 
 
-@kernel
-def look(k, line, step, known, node):  # type: ignore[no-untyped-def]
-    """Fill the rows of `node` (ROWS, J + 1) from those of the next cross-section, `known`.
+@inlined
+def beyond(c, nx, ny, dx, dy, near, mx, my, far, ox, oy):  # type: ignore[no-untyped-def]
+    """How far a place (dx, dy) from here is from the wall that is c away here in the direction -(nx, ny).
 
-    Args, in order: k [1/m]; point and unit normal of the next cross-section, spacing of its nodes [m]; the rows.
+    That is what is known there of its own two walls, if one of them stands alike; else the distance to the wall's
+    plane, unless the wall is left behind around a corner.
     """
-    J, n = known.shape[1] - 1, node.shape[1]
-    x, y, left, right = node[AHEAD_X], node[AHEAD_Y], node[LEFT], node[RIGHT]
-    psi, gx, gy, one, two = node[LOG_PSI], node[SLOPE_X], node[SLOPE_Y], node[PUSH_LEFT], node[PUSH_RIGHT]
-    top, whole = node[TOP], node[WHOLE]
+    plane = c + dx * nx + dy * ny
+    one, other = nx * mx + ny * my > ALIKE, nx * ox + ny * oy > ALIKE
+    return near if one else (far if other else (plane if plane > ZERO else near))
+
+
+@kernel
+def look(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
+    """Fill the rows of f (ROWS,) from those of the next cross-section, `known`.
+
+    Args, in order: k [1/m]; point and unit normal of the next cross-section; number and spacing of its nodes [m]; rows.
+    """
     px, py, tx, ty = np.float32(line[0]), np.float32(line[1]), np.float32(line[2]), np.float32(line[3])
-    top[:], whole[:], psi[:], gx[:], gy[:], one[:], two[:] = NOTHING, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+    for i in range(WIDTH):
+        f[TOP + i], f[WHOLE + i], f[LOG_PSI + i], f[SLOPE_X + i] = NOTHING, ZERO, ZERO, ZERO
+        f[SLOPE_Y + i], f[PUSH + i], f[PUSH_FAR + i] = ZERO, ZERO, ZERO
     for j in range(J):
-        ax, ay, level = known[AHEAD_X, j], known[AHEAD_Y, j], known[LOG_PSI, j]
-        for i in range(n if level > NEGLIGIBLE else 0):
-            dx, dy = ax - x[i], ay - y[i]
-            top[i] = max(top[i], level - k * math.sqrt(dx * dx + dy * dy))
+        ax, ay, level = known[PLACE_X + j], known[PLACE_Y + j], known[LOG_PSI + j]
+        for i in range(WIDTH if level > NEGLIGIBLE else 0):
+            dx, dy = ax - f[PLACE_X + i], ay - f[PLACE_Y + i]
+            f[TOP + i] = max(f[TOP + i], level - k * math.sqrt(dx * dx + dy * dy))
     for j in range(J):
-        ax, ay, level = known[AHEAD_X, j], known[AHEAD_Y, j], known[LOG_PSI, j]
-        c, d = known[LEFT, j], known[RIGHT, j]
-        for i in range(n):
-            dx, dy = ax - x[i], ay - y[i]
+        ax, ay, level = known[PLACE_X + j], known[PLACE_Y + j], known[LOG_PSI + j]
+        near, mx, my = known[NEAR + j], known[NEAR_X + j], known[NEAR_Y + j]
+        far, ox, oy = known[FAR + j], known[FAR_X + j], known[FAR_Y + j]
+        for i in range(WIDTH):
+            dx, dy = ax - f[PLACE_X + i], ay - f[PLACE_Y + i]
             r = math.sqrt(dx * dx + dy * dy) + TINY
-            per, along, ahead = ONE / r, max(dx * tx + dy * ty, TINY), (px - x[i]) * tx + (py - y[i]) * ty
+            per, along = ONE / r, max(dx * tx + dy * ty, TINY)
+            ahead = (px - f[PLACE_X + i]) * tx + (py - f[PLACE_Y + i]) * ty
             bent = bend(k * r)
             steep = fall(k, per, bent)
             density = step * math.sqrt(PER_TURN * k * per * (ONE + bent)) * along * per
             density = density if along > GRAZING * r else ZERO
-            whole[i] += density * exponential(min(k * (ahead - r), ZERO))
-            share_left, push_left, nearer = wall(k, r, per, bent, steep, left[i], c)
-            share_right, push_right, too = wall(k, r, per, bent, steep, right[i], d)
-            weight = density * exponential(min(level - k * r - top[i], ZERO)) * share_left * share_right
+            f[WHOLE + i] += density * exponential(min(k * (ahead - r), ZERO))
+            c = beyond(f[NEAR + i], f[NEAR_X + i], f[NEAR_Y + i], dx, dy, near, mx, my, far, ox, oy)
+            d = beyond(f[FAR + i], f[FAR_X + i], f[FAR_Y + i], dx, dy, near, mx, my, far, ox, oy)
+            share, push, nearer = wall(k, r, per, bent, steep, f[NEAR + i], c)
+            other, press, too = wall(k, r, per, bent, steep, f[FAR + i], d)
+            weight = density * exponential(min(level - k * r - f[TOP + i], ZERO)) * share * other
             inward, across = (steep + nearer + too) * per * weight, weight / along
-            psi[i] += weight
-            gx[i] += inward * dx - across * tx
-            gy[i] += inward * dy - across * ty
-            one[i] += weight * push_left
-            two[i] += weight * push_right
-    for i in range(n):
-        per = ONE / max(psi[i], np.float32(1e-30))
-        gx[i], gy[i], one[i], two[i] = gx[i] * per, gy[i] * per, one[i] * per, two[i] * per
+            f[LOG_PSI + i] += weight
+            f[SLOPE_X + i] += inward * dx - across * tx
+            f[SLOPE_Y + i] += inward * dy - across * ty
+            f[PUSH + i] += weight * push
+            f[PUSH_FAR + i] += weight * press
+    for i in range(WIDTH):
+        psi = max(f[LOG_PSI + i], LEAST)
+        per = ONE / psi
+        f[SLOPE_X + i], f[SLOPE_Y + i] = per * f[SLOPE_X + i], per * f[SLOPE_Y + i]
+        f[PUSH + i], f[PUSH_FAR + i] = per * f[PUSH + i], per * f[PUSH_FAR + i]
         # Between nodes that noise hardly spreads over, a sum can exceed what reaches the whole line, exp(-k ahead).
-        psi[i] = top[i] + logarithm(max(psi[i], np.float32(1e-30))) - logarithm(max(whole[i], ONE))
+        f[LOG_PSI + i] = f[TOP + i] + logarithm(psi) - logarithm(max(f[WHOLE + i], ONE))
 
 
 @kernel
-def sight(k, goal, radius, rim_left, rim_right, node):  # type: ignore[no-untyped-def]
-    """Fill the rows of `node` where the goal is in sight: psi of its disc in the open, and walls up to its rim.
+def sight(k, goal, radius, f):  # type: ignore[no-untyped-def]
+    """Fill the rows of f (ROWS,) where the goal is in sight: psi of its disc in the open, and walls up to its rim.
 
-    Args, in order: k [1/m], centre and radius of the goal's disc [m], distances of the rim to the walls [m], the rows.
+    Args, in order: k [1/m], centre and radius of the goal's disc [m], the rows.
     """
     k, radius, most = np.float32(k), np.float32(radius), np.float32(0.5 / k)
-    for i in range(node.shape[1]):
-        dx, dy = np.float32(goal[0]) - node[AHEAD_X, i], np.float32(goal[1]) - node[AHEAD_Y, i]
+    for i in range(WIDTH):
+        dx, dy = np.float32(goal[0]) - f[PLACE_X + i], np.float32(goal[1]) - f[PLACE_Y + i]
         r = max(math.sqrt(dx * dx + dy * dy), radius)
         length = r - radius + most
-        bent = bend(k * length)
+        bent, to_rim = bend(k * length), ONE - radius / r
         steep = fall(k, ONE / length, bent)
-        one, push_left, _ = wall(k, length, ONE / length, bent, steep, node[LEFT, i], np.float32(rim_left))
-        two, push_right, _ = wall(k, length, ONE / length, bent, steep, node[RIGHT, i], np.float32(rim_right))
+        c, d = f[NEAR + i], f[FAR + i]
+        near = c + to_rim * (dx * f[NEAR_X + i] + dy * f[NEAR_Y + i])
+        far = d + to_rim * (dx * f[FAR_X + i] + dy * f[FAR_Y + i])
+        one, f[PUSH + i], _ = wall(k, length, ONE / length, bent, steep, c, near if near > ZERO else c)
+        two, f[PUSH_FAR + i], _ = wall(k, length, ONE / length, bent, steep, d, far if far > ZERO else d)
         inward = (k + HALF / r) / r
-        node[SLOPE_X, i], node[SLOPE_Y, i] = inward * dx, inward * dy
-        node[PUSH_LEFT, i], node[PUSH_RIGHT, i] = push_left, push_right
-        node[LOG_PSI, i] = HALF * logarithm(radius / r) - k * (r - radius) + logarithm(one) + logarithm(two)
+        f[SLOPE_X + i], f[SLOPE_Y + i] = inward * dx, inward * dy
+        f[LOG_PSI + i] = HALF * logarithm(radius / r) - k * (r - radius) + logarithm(one) + logarithm(two)

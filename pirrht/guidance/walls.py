@@ -18,8 +18,8 @@ from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import two_walls, wall_slope
 
 REACH = 2.0  # decay lengths 1/k within which walls push what follows no way
-AVERAGED = 0.02  # near walls and goal the control now is averaged over leading steps of this length together [s]
-SHARE = 0.25  # of the time in which noise carries a path to the nearest of them
+AVERAGED = 0.04  # near walls and goal the control now is averaged over leading steps of this length together [s]
+SHARE = 0.5  # of the time in which noise carries a path to the nearest of them
 SHARPER = 0.2  # of a rollout step's noise: nearer than half of that a wall pushes the robot no harder
 
 
@@ -67,6 +67,7 @@ class Push:
     field: Field
     reach: float  # as `Leads.reach` [m]; 0: none
     step: float  # of the rollouts, their first [s]
+    slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
 
     def __call__(self, x: Array) -> Array:
         """Control (m,) at x (n,)."""
@@ -83,4 +84,4 @@ class Push:
         # A robot that reacts between plans may come closer than a rollout's step would let it.
         widest = np.float32(SHARPER * np.sqrt((B @ B.T).diagonal().max() * self.step))
         c, nx, ny, far, mx, my = two_walls(self.field, x[0], x[1])
-        return max(c, widest), nx, ny, max(far, widest), mx, my
+        return max(c + self.slack, widest), nx, ny, max(far, widest), mx, my

@@ -22,27 +22,16 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arena import Arena
 from pirrht.guidance.sections import sections_of
-from pirrht.guidance.transfer import (
-    AHEAD_X,
-    AHEAD_Y,
-    LEFT,
-    LOG_PSI,
-    OPEN,
-    PUSH_LEFT,
-    PUSH_RIGHT,
-    RIGHT,
-    ROWS,
-    SLOPE_X,
-    SLOPE_Y,
-    look,
-    sight,
+from pirrht.guidance.transfer import (  # fmt: skip
+    FAR, FAR_X, FAR_Y, LOG_PSI, NEAR, NEAR_X, NEAR_Y, PLACE_X, PLACE_Y, PUSH, PUSH_FAR, ROWS, SLOPE_X, SLOPE_Y, WIDTH,
+    look, sight,
 )
 from pirrht.rollouts.first_exit import two_walls
 from pirrht.rollouts.ways import KNOWN, PLACE
 
 NODES = 24  # of a cross-section
 CLOSEST = 1e-3  # nearer to a wall psi is taken to vanish like the distance [m]
-ASIDE = 0.25  # cosine from which on a wall stands on one side
+ASIDE = 0.5  # cosine up to which a wall ahead or behind counts for either side
 MOST = 0.999  # log psi grows hardly faster than log c
 
 
@@ -74,60 +63,63 @@ def way_of(arena: Arena, line: Array, x: Array, decay: float, nodes: int = NODES
 
 
 @inlined
-def _reach(ux, uy, end, push, walls):  # type: ignore[no-untyped-def]
-    """Reach of the wall towards (ux, uy), `end` away that way, whose push there is known: `wall_slope` gives the same.
-
-    The wall's own distance is that of the nearest or the second nearest, if one of them stands there.
-    """
-    c, nx, ny, d, mx, my = walls
-    first, second = -(ux * nx + uy * ny), -(ux * mx + uy * my)
-    distance = c if first > ASIDE else (d if second > ASIDE else end)
-    share = min(push * end, MOST)
-    return distance * share / (1.0 - share)
+def _reach(c, push):  # type: ignore[no-untyped-def]
+    """Reach of a wall at a distance c whose push is known: with it `wall_slope` gives the same [m]."""
+    share = min(push * c, MOST)
+    return c * share / (1.0 - share)
 
 
 @kernel
-def _lay(cut, c, step, node):  # type: ignore[no-untyped-def]
-    """Write where the nodes of cross-section c are, and the point on the reference after the last of them."""
-    point, ahead, ends, walled = cut
-    J = node.shape[1] - 1
+def _to_sides(f, j, tx, ty, out):  # type: ignore[no-untyped-def]
+    """Write the reach of the walls to the left and to the right of the direction (tx, ty) at node j to out (2,) [m]."""
+    near, far = _reach(f[NEAR + j], f[PUSH + j]), _reach(f[FAR + j], f[PUSH_FAR + j])
+    across, other = f[NEAR_X + j] * ty - f[NEAR_Y + j] * tx, f[FAR_X + j] * ty - f[FAR_Y + j] * tx
+    out[0], out[1] = (near, 0.0) if across > 0.0 else (0.0, near)
+    if (across > 0.0) != (other > 0.0):
+        out[1 if across > 0.0 else 0] = far
+    elif abs(across) < ASIDE:
+        out[0], out[1] = near, near
+
+
+@kernel
+def _lay(field, cut, c, J, step, f):  # type: ignore[no-untyped-def]
+    """Write where the J nodes of cross-section c are to rows f, and the point on the reference after the last."""
+    point, ahead, ends, _ = cut
     px, py, tx, ty = point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1]
-    for j in range(J + 1):
+    for j in range(WIDTH):
         left = (j + 0.5) * step - ends[c, 1] if j < J else 0.0
-        node[AHEAD_X, j], node[AHEAD_Y, j] = px - left * ty, py + left * tx
-        node[LEFT, j] = max(ends[c, 0] - left, CLOSEST) if walled[c, 0] > 0.0 else OPEN
-        node[RIGHT, j] = max(ends[c, 1] + left, CLOSEST) if walled[c, 1] > 0.0 else OPEN
+        x, y = px - left * ty, py + left * tx
+        f[PLACE_X + j], f[PLACE_Y + j] = x, y
+        near, f[NEAR_X + j], f[NEAR_Y + j], far, f[FAR_X + j], f[FAR_Y + j] = two_walls(field, x, y)
+        f[NEAR + j], f[FAR + j] = max(near, CLOSEST), max(far, CLOSEST)
 
 
 @kernel
 def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
     """Fill `Way.place` and `Way.slope` from `Sections`, from the goal back; returns log psi at the start."""
-    point, ahead, ends, walled = cut
+    point, ahead, ends, _ = cut
     C, J = slope.shape[0], slope.shape[1]
-    node, known = np.zeros((ROWS, J + 1), np.float32), np.zeros((ROWS, J + 1), np.float32)
-    rim_left = ends[C, 0] if walled[C, 0] > 0.0 else float(OPEN)
-    rim_right = ends[C, 1] if walled[C, 1] > 0.0 else float(OPEN)
-    base, wide = 0.0, 0.0  # log psi that the rows are relative to
+    f, known = np.zeros(ROWS, np.float32), np.zeros(ROWS, np.float32)
+    base, wide = 0.0, 0.0  # log psi that the rows are relative to; spacing of the nodes on the next cross-section
     for c in range(C - 1, -1, -1):
         tx, ty = ahead[c, 0], ahead[c, 1]
         step = max((ends[c, 0] + ends[c, 1]) / J, 1e-6)
-        _lay(cut, c, step, node)
+        _lay(arena.field, cut, c, J, step, f)
         if c == C - 1:
-            sight(k, arena.goal, arena.radius, rim_left, rim_right, node)
+            sight(k, arena.goal, arena.radius, f)
         else:
             line = (point[c + 1, 0], point[c + 1, 1], ahead[c + 1, 0], ahead[c + 1, 1])
-            look(np.float32(k), line, np.float32(wide), known, node)
+            look(np.float32(k), line, J, np.float32(wide), known, f)
         wide = step
         for j in range(J):
-            walls = two_walls(arena.field, node[AHEAD_X, j], node[AHEAD_Y, j])
-            slope[c, j, 0], slope[c, j, 1] = node[SLOPE_X, j], node[SLOPE_Y, j]
-            slope[c, j, 2] = _reach(-ty, tx, node[LEFT, j], node[PUSH_LEFT, j], walls)
-            slope[c, j, 3] = _reach(ty, -tx, node[RIGHT, j], node[PUSH_RIGHT, j], walls)
+            slope[c, j, 0], slope[c, j, 1] = f[SLOPE_X + j], f[SLOPE_Y + j]
+            _to_sides(f, j, tx, ty, slope[c, j, 2:])
         place[c, 0], place[c, 1], place[c, 2], place[c, 3] = point[c, 0], point[c, 1], tx, ty
         place[c, 4], place[c, 5] = 0.5 * step - ends[c, 1], 1.0 / step
         if c > 0:
-            top = node[LOG_PSI, :J].max()
-            node[LOG_PSI] -= top
+            top = f[LOG_PSI : LOG_PSI + J].max()
+            for j in range(J):
+                f[LOG_PSI + j] -= top
             base += top
-            known[:] = node
-    return base + node[LOG_PSI, J]
+            known[:] = f
+    return base + f[LOG_PSI + J]

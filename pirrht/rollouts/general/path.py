@@ -142,6 +142,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         steep = STEEP * D[0, 0]
         first, sign = antithetic(sample, leads.first[h], leads.mirrored)
         state, work, key, lasting = stream(origin.seed, first), 0.0, np.int64(0), 0.0
+        owed, last = 0.0, 0  # share of a step of the grid for which half of the guide is missing in `led_by`
         before = distances(arena, x[0], x[1])
         for j in range(n if draw else 0):
             states[0, j] = x[j]
@@ -213,6 +214,17 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     if near_walls and count[g] == 0:
                         for j in range(m):
                             a[g, j] += pushed[j]
+                if owed > 0.0:  # over a step the guide is the mean of both ends, to second order
+                    for j in range(m):
+                        column[j, 0] = a[h, j]
+                    if varying:
+                        solve(D, column, carried)
+                    for j in range(m):
+                        u = carried[j, 0] if varying else 0.0
+                        for k in range(0 if varying else m):
+                            u += inverse[j, k] * column[k, 0]
+                        led_by[last, j] += 0.5 * owed * u
+                    owed = 0.0
                 for j in range(m):
                     if j % 2 == 0:
                         state, z, other = normals(state)
@@ -305,7 +317,9 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             if part == 1:
                                 base[j] = u
                             else:
-                                led_by[i, j] += u * until / whole
+                                led_by[i, j] += (0.5 if near_walls and exit == INSIDE else 1.0) * u * until / whole
+                    if near_walls and exit == INSIDE:
+                        owed, last = until / whole, i
                 work += (q(x, p) if varying_rate else setup.rate) * dt * share
                 done += until
                 for j in range(n):

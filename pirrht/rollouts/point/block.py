@@ -38,6 +38,7 @@ from pirrht.rollouts.point.stages import (  # fmt: skip
     LOST,
     NX,
     NY,
+    OWED,
     PUSH0,
     PUSH1,
     ROOT,
@@ -64,6 +65,7 @@ from pirrht.rollouts.point.stages import (  # fmt: skip
     pace,
     row_of,
     scratch_of,
+    settle,
 )
 from pirrht.rollouts.records import Origin
 from pirrht.systems.dynamics import Dynamics, no_drift
@@ -180,7 +182,7 @@ def compact(k, last, H, leaning, scratch):  # type: ignore[no-untyped-def]
     f[SUM0 + k], f[SUM1 + k], f[SIGN + k], f[LOST + k] = f[SUM0 + last], f[SUM1 + last], f[SIGN + last], f[LOST + last]
     f[X + k], f[Y + k], f[C0 + k], f[E0 + k], f[G0 + k] = f[X + last], f[Y + last], f[C0 + last], f[E0 + last], f[G0 + last]
     f[DT + k], f[LEFT + k], f[SPENT + k], f[LASTING + k] = f[DT + last], f[LEFT + last], f[SPENT + last], f[LASTING + last]
-    short[STEP + k] = short[STEP + last]
+    short[STEP + k], f[OWED + k] = short[STEP + last], f[OWED + last]
     if leaning:
         f[U + k], f[V + k], short[CELL + k] = f[U + last], f[V + last], short[CELL + last]
         for corner in range(4):
@@ -246,6 +248,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
             bare0, bare1 = a[2 * h * L] - f[PUSH0], a[2 * h * L + L] - f[PUSH1]
             base = inverse[0, 0] * bare0 + inverse[0, 1] * bare1, inverse[1, 0] * bare0 + inverse[1, 1] * bare1
             begun = True
+        settle(h, f, a, full)
         draw(random, bits, f, full)
         move(h, B, f, a, full)
         cross(cuts, f, long, full)
@@ -269,7 +272,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
         for k in range(n if keep else 0):
             record(into, h, 1.0, k, start, scratch)
         add_log_ratios(h, H, f, a, ratio, full)
-        most = advance(h, window, f, short, a, full)
+        most = advance(h, window, reach > 0.0, f, short, a, full)
         if most >= T:
             for k in range(n - 1, -1, -1):
                 if short[STEP + k] >= T:

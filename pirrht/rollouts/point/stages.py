@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.addresses import load_float64, load_int64
-from pirrht.compiled.float32 import HALF, ZERO
+from pirrht.compiled.float32 import HALF, ONE, ZERO
 from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import GOLDEN, halves, normals_of
 from pirrht.topology.cuts import FEW, key_of_step, turn_at_cut
@@ -29,7 +29,8 @@ X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, SUM0, SUM1, SIGN, LO
 DT, ROOT, LEFT, SPENT, LASTING = (L * i for i in range(18, 23))
 U, V, CORNER = 23 * L, 24 * L, 25 * L
 WALL = 33 * L  # the two nearest walls, six rows
-ROWS = 39
+OWED = 39 * L  # time of the last step for which half of the guide has not been taken off the sum [s]
+ROWS = 40
 MANY = 1 << 32  # no row begins there
 KEY, SAMPLE = 0, L  # rows of its long integers
 HIGH, LOW = 0, L  # rows of its bits
@@ -150,17 +151,31 @@ def add_log_ratios(h, H, f, a, ratio, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def advance(h, window, f, short, a, n):  # type: ignore[no-untyped-def]
+def settle(h, f, a, n):  # type: ignore[no-untyped-def]
+    """Take the second half of the guide off the sums: over a step it is the mean of both ends, to second order."""
+    n = min(n, LANES)
+    row = row_of(h, 2)
+    for k in range(n):
+        owed = HALF * f[OWED + k]
+        f[SUM0 + k] -= a[row + k] * owed
+        f[SUM1 + k] -= a[row + L + k] * owed
+
+
+@inlined
+def advance(h, window, follows, f, short, a, n):  # type: ignore[no-untyped-def]
     """The lanes that go on take their step; what noise did is summed up in the first `window` steps of the grid.
 
+    Of a guide that `follows` the state only half is taken off, as `settle` does with the other one.
     Returns the most steps of the grid that a lane has behind it.
     """
     n = min(n, LANES)
     row, window, most = row_of(h, 2), np.int32(window), np.int32(0)
+    part = HALF if follows else ONE
     for k in range(n):
-        early = short[STEP + k] < window
-        f[SUM0 + k] += f[Z0 + k] - a[row + k] * f[DT + k] if early else ZERO
-        f[SUM1 + k] += f[Z1 + k] - a[row + L + k] * f[DT + k] if early else ZERO
+        early, dt = short[STEP + k] < window, f[DT + k]
+        f[SUM0 + k] += f[Z0 + k] - part * a[row + k] * dt if early else ZERO
+        f[SUM1 + k] += f[Z1 + k] - part * a[row + L + k] * dt if early else ZERO
+        f[OWED + k] = dt if early and follows else ZERO
     for k in range(n):
         f[X + k], f[Y + k] = f[NX + k], f[NY + k]
         f[C0 + k], f[E0 + k], f[G0 + k] = f[C1 + k], f[E1 + k], f[G1 + k]
