@@ -102,9 +102,12 @@ def around_corner(b: float, phi: float = np.inf, flip: bool = False) -> Solved:
 
 @cache
 def in_channel(b: float, width: float, phi: float = np.inf, length: float = 6.0, ahead: float = 5.0) -> Solved:
-    """A straight channel, between borders that bound the point, with a goal on its middle."""
+    """A straight channel between two blocks, as wide as the point can move in it, with a goal on its middle."""
+    radius, half = 0.05, (0.5 * length, 0.25)
+    walls = [block(f"wall{i}", half[0], 1.0 + side * (0.5 * width + radius + half[1]), half)
+             for i, side in enumerate((-1.0, 1.0))]  # fmt: skip
     scene = Scene(
-        name="channel", lower=np.zeros(2), upper=np.array([length, width]), obstacles=(), robot_radius=0.05,
-        goal=Goal(center=np.array([0.5 + ahead, 0.5 * width]), radius=0.1), start=np.array([0.5, 0.5 * width, 0.0]),
+        name="channel", lower=np.zeros(2), upper=np.array([length, 2.0]), obstacles=tuple(walls), robot_radius=radius,
+        goal=Goal(center=np.array([0.5 + ahead, 1.0]), radius=0.1), start=np.array([0.5, 1.0, 0.0]),
     )  # fmt: skip
     return Solved.of(scene, b, phi, [])

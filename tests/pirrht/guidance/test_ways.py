@@ -76,7 +76,7 @@ def test_in_a_straight_channel_transfers_settle_to_its_slowest_mode(b, width, of
     rate, mode = np.hypot(1.0 / b**2, np.pi / width), np.pi / width
     shares = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
     found = np.array(
-        [[slope(integral, lead, np.array([x, y])) for y in width * shares] for x in np.linspace(1.0, 3.0, 9)]
+        [[slope(integral, lead, np.array([x, y])) for y in 1.0 + width * (shares - 0.5)] for x in np.linspace(1.0, 3.0, 9)]
     )
     np.testing.assert_allclose(found[..., 0], rate, rtol=off)
     across = np.broadcast_to(mode / np.tan(np.pi * shares), found.shape[:2])
