@@ -33,8 +33,8 @@ from pirrht.rollouts.records import Kernels, Leads, Origin, Setup, empty_paths
 from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
 
-LEAST = 1.0 / 32.0  # of a step that is split near walls and goal remains at least
-UNSURE = 6.0  # by so many nats a shortfall may change before it is found anew
+LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
+UNSURE = 3.0  # by so many nats a shortfall may change before it is found anew
 HOPELESS = 16.0  # classes that promise so many nats less than another are worth only a few samples
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 
