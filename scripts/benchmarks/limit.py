@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
 from pirrht.compiled.threads import mapped
 from pirrht.geometry.arena import Arena
 from pirrht.rollouts.point.exits import judge, single, survey
-from pirrht.rollouts.point.stages import LANES, NX, SIGN, L, X, add_log_ratios, cross, draw, move, scratch_of
+from pirrht.rollouts.point.stages import DT, LANES, NX, ROOT, SIGN, L, X, add_log_ratios, cross, draw, move, scratch_of
 
 STEPS = 60
 
@@ -28,14 +30,15 @@ def _steps(arena, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-d
     around, B, goal = single(arena), noise * np.eye(2), arena.goal
     for _ in range(blocks):
         f[X:SIGN], ratio[:] = 0.0, 0.0
+        f[DT : DT + L], f[ROOT : ROOT + L] = 0.1, math.sqrt(0.1)
         f[X : X + L], f[X + L : X + 2 * L] = goal[0], goal[1]
         for _ in range(STEPS):
             draw(random, bits, f, LANES)
-            move(0, 0.1, B, f, a, LANES)
+            move(0, B, f, a, LANES)
             cross(cuts, f, long, LANES)
             survey(around, f, short, LANES)
             judge(around, f, short, LANES)
-            add_log_ratios(0, H, 0.1, f, a, ratio, LANES)
+            add_log_ratios(0, H, f, a, ratio, LANES)
             f[X : X + 2 * L] = f[NX : NX + 2 * L]
 
 

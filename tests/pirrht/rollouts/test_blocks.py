@@ -58,10 +58,10 @@ def test_blocks_hold_the_paths_that_one_by_one_come_out(slit, slit_tree, rules, 
         # Blocks are in single precision; log dQ/dP is a sum of some hundred terms of up to ten, and survival hangs on
         # distances of millimeters. Steps that fit a place depend on it, so that a few paths, close to walls for long,
         # come apart by more than a rounding error.
-        apart = ~np.isclose(one, other, rtol=1e-4, atol=2e-3 if name in ("log_ratio", "lasting") else 1e-5)
-        assert apart.reshape(len(one), -1).any(axis=1).mean() < 0.03, name
-        few = 0.3 if name == "log_ratio" else (0.1 if name == "lasting" else 0.01)
-        np.testing.assert_allclose(one, other, rtol=0.01, atol=few, err_msg=name)
+        big = name in ("log_ratio", "lasting")
+        for share, rtol, atol in ((0.06, 1e-4, 2e-3 if big else 1e-5), (0.01, 0.01, 0.1 if big else 0.01)):
+            apart = ~np.isclose(one, other, rtol=rtol, atol=atol)
+            assert apart.reshape(len(one), -1).any(axis=1).mean() < share, name
 
 
 def test_a_sample_does_not_depend_on_how_many_others_there_are(slit, slit_tree):
