@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.estimation.estimate import Estimate, FEW
+from pirrht.estimation.estimate import FEW, Estimate
 from pirrht.files import replaced
 from pirrht.freespace import FreeSpace
 from pirrht.tree.convergence import Convergence

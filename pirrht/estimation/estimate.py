@@ -49,7 +49,9 @@ class Estimate:
     control: Array  # (m,) u* now
     log_psi: float  # [nats]
     value: float  # v = -lambda log psi [cost]
-    value_error: float  # standard error of v [cost]; its largest term counts several times, as larger ones may not have been met
+    value_error: (
+        float  # standard error of v [cost]; its largest term counts several times, as larger ones may not have been met
+    )
     control_error: Array  # (m,) standard error of the control, with what its mean over leading steps may miss at walls
     ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
     weight: Array  # (S,) normalised, of the samples in `rollouts`; with others in `parts` they sum to less than 1

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 
-
 OUTLYING = 4.0  # calibrated on random scenes: with 0 a twentieth of plans near walls is off by more than 3 errors
 
 

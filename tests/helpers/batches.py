@@ -23,7 +23,7 @@ def batch_of(
     guides: Sequence[Guide | None] | None = None,
     classes: Mapping[int, str] | None = None,
 ) -> Batch:
-    """Samples from x (n,) around guides where there are any, else on ways over corners (k, 2), else along tapes (T, m)."""
+    """Samples from x (n,) around guides if there are any, else on ways over corners (k, 2), else along tapes (T, m)."""
 
     def lead(h: int) -> Lead:
         if guides is not None and (guide := guides[h]) is not None:

@@ -181,8 +181,19 @@ def compact(k, last, H, leaning, scratch):  # type: ignore[no-untyped-def]
     f[Z0 + k], f[Z1 + k], f[NX + k], f[NY + k] = f[Z0 + last], f[Z1 + last], f[NX + last], f[NY + last]
     f[C1 + k], f[E1 + k], f[G1 + k] = f[C1 + last], f[E1 + last], f[G1 + last]
     f[SUM0 + k], f[SUM1 + k], f[SIGN + k], f[LOST + k] = f[SUM0 + last], f[SUM1 + last], f[SIGN + last], f[LOST + last]
-    f[X + k], f[Y + k], f[C0 + k], f[E0 + k], f[G0 + k] = f[X + last], f[Y + last], f[C0 + last], f[E0 + last], f[G0 + last]
-    f[DT + k], f[LEFT + k], f[SPENT + k], f[LASTING + k] = f[DT + last], f[LEFT + last], f[SPENT + last], f[LASTING + last]
+    f[X + k], f[Y + k], f[C0 + k], f[E0 + k], f[G0 + k] = (
+        f[X + last],
+        f[Y + last],
+        f[C0 + last],
+        f[E0 + last],
+        f[G0 + last],
+    )
+    f[DT + k], f[LEFT + k], f[SPENT + k], f[LASTING + k] = (
+        f[DT + last],
+        f[LEFT + last],
+        f[SPENT + last],
+        f[LASTING + last],
+    )
     short[STEP + k], f[OWED + k] = short[STEP + last], f[OWED + last]
     if leaning:
         f[U + k], f[V + k], short[CELL + k] = f[U + last], f[V + last], short[CELL + last]
@@ -278,7 +289,9 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
             for k in range(n - 1, -1, -1):
                 if short[STEP + k] >= T:
                     f[Z0 + k], f[Z1 + k], f[DT + k], f[SPENT + k] = 0.0, 0.0, 0.0, times[T] - times[T - 1]
-                    retire(ENDING(setup.rate, times, window, inverse, H, h, base, T - 1, 1.0, INSIDE), k, scratch, paths)
+                    retire(
+                        ENDING(setup.rate, times, window, inverse, H, h, base, T - 1, 1.0, INSIDE), k, scratch, paths
+                    )
                     n -= 1
                     compact(k, n, H, reach > 0.0, scratch)
 

@@ -15,7 +15,26 @@ from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import Grid, bilinear, border, cell_of
 from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE
 from pirrht.rollouts.point.stages import (  # fmt: skip
-    C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, LANES, LASTING, NX, NY, WALL, L, U, V, X, Y,
+    C0,
+    C1,
+    CELL,
+    CORNER,
+    DT,
+    E0,
+    E1,
+    FLAG,
+    G0,
+    G1,
+    LANES,
+    LASTING,
+    NX,
+    NY,
+    WALL,
+    L,
+    U,
+    V,
+    X,
+    Y,
 )
 
 SLOW = 3  # flag of lanes whose step needs a closer look
@@ -115,7 +134,9 @@ def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-d
             f[LASTING + k] += logarithm(missed) if near and not doubt else ZERO
         else:
             state = random[k] + GOLDEN
-            u = np.float32(np.int32(bits_of(state) >> SHIFT)) * ULP + ULP  # no less than the number that `uniform` draws
+            u = (
+                np.float32(np.int32(bits_of(state) >> SHIFT)) * ULP + ULP
+            )  # no less than the number that `uniform` draws
             term = ONE + max(c0 * c1, ZERO) * per / f[DT + k]
             term *= term
             term *= term

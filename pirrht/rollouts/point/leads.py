@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pirrht.compiled.addresses import load_float64
-from pirrht.compiled.float32 import HALF, ZERO
+from pirrht.compiled.float32 import HALF
 from pirrht.compiled.jit import inlined
 from pirrht.geometry.field import bilinear_slope
 from pirrht.rollouts.first_exit import wall_slope, walls_of

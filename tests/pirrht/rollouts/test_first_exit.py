@@ -113,25 +113,30 @@ def room() -> FreeSpace:
     )  # fmt: skip
 
 
-def bridges(tail: Array, head: Array, variance: float, count: int = DRAWS) -> tuple[Array, Array]:
-    """Outcomes and shares of many isotropic steps with the same ends."""
+def bridges(
+    tail: Array, head: Array, variance: float, count: int = DRAWS, *, weighed: bool = False
+) -> tuple[Array, Array, Array]:
+    """Outcomes, shares and logarithms of survival of many isotropic steps with the same ends."""
     space = room()
     arena = space.arena
     before, after = (distances(arena, *map(float, p)) for p in (tail, head))
     cov = (variance, 0.0, variance)
-    state, outcome, share = stream(np.uint64(4), 0), np.empty(count, int), np.empty(count)
+    state, outcome, share, lasting = stream(np.uint64(4), 0), np.empty(count, int), np.empty(count), np.empty(count)
     for i in range(count):
-        state, outcome[i], share[i] = bridge_exit(
-            arena, *map(float, tail), *map(float, head), before, after, cov, np.uint64(state)
+        state, outcome[i], share[i], lasting[i] = bridge_exit(
+            arena, *map(float, tail), *map(float, head), before, after, cov, weighed, np.uint64(state)
         )
-    return outcome, share
+    return outcome, share, lasting
 
 
-@pytest.mark.parametrize(
+BESIDE = pytest.mark.parametrize(
     ("tail", "head"),
     [([1.8, 2.0], [1.85, 2.3]), ([0.1, 1.0], [0.15, 1.2]), ([3.95, 2.0], [3.9, 2.2]), ([3.0, 0.04], [3.1, 0.2])],
     ids=["wall", "left border", "right border", "lower border"],
 )
+
+
+@BESIDE
 def test_a_step_beside_a_wall_hits_it_with_the_probability_of_the_bridge(tail, head):
     """20000 steps, within 4 standard errors and the 1 % that the clearance field gives away."""
     variance = 0.01
@@ -140,7 +145,8 @@ def test_a_step_beside_a_wall_hits_it_with_the_probability_of_the_bridge(tail, h
     gaps = [(x, nx), (4 - x, 4 - nx), (y, ny), (4 - y, 4 - ny)]
     gaps.append((wall - x, wall - nx) if x < 2 else (x - 2.06, nx - 2.06))
     alive = np.prod([1.0 - np.exp(-2.0 * a * b / variance) for a, b in gaps])
-    outcome, share = bridges(np.array(tail), np.array(head), variance)
+    outcome, share, lasting = bridges(np.array(tail), np.array(head), variance)
+    assert np.all(lasting == 0.0)
     assert set(np.unique(outcome)) == {INSIDE, COLLISION}
     hit = np.mean(outcome == COLLISION)
     assert 0.02 < hit < 0.9
@@ -151,9 +157,27 @@ def test_a_step_beside_a_wall_hits_it_with_the_probability_of_the_bridge(tail, h
     assert when.mean() == pytest.approx(mean_share(c0, c1, np.sqrt(variance)), abs=error + 0.02)
 
 
+@BESIDE
+def test_a_weighed_step_goes_on_with_the_probability_that_another_is_not_ended(tail, head):
+    """20000 steps of seed 4, within 4 standard errors."""
+    ended = np.mean(bridges(np.array(tail), np.array(head), 0.01)[0] == COLLISION)
+    outcome, share, lasting = bridges(np.array(tail), np.array(head), 0.01, 10, weighed=True)
+    assert np.all(outcome == INSIDE)
+    assert np.all(share == 1.0)
+    assert np.all(lasting == lasting[0])
+    assert np.exp(lasting[0]) == pytest.approx(1.0 - ended, abs=4.0 * np.sqrt(ended * (1.0 - ended) / DRAWS))
+
+
+def test_a_weighed_step_into_a_wall_ends_there():
+    for head in ([2.0, 2.0], [2.3, 2.0], [-0.1, 2.0]):
+        outcome, _, lasting = bridges(np.array([1.8, 2.0]), np.array(head), 0.01, 100, weighed=True)
+        assert np.all(outcome == COLLISION)
+        assert np.all(lasting == 0.0)
+
+
 def test_a_step_beside_the_goal_ends_in_it_with_the_probability_of_a_flat_rim():
     tail, head, variance = np.array([0.9, 3.2]), np.array([0.88, 3.2]), 0.01
-    outcome, _ = bridges(tail, head, variance)
+    outcome, _, _ = bridges(tail, head, variance)
     expected = np.exp(-2.0 * 0.1 * 0.08 / variance)
     assert np.mean(outcome == GOAL) == pytest.approx(expected, abs=4 * np.sqrt(expected * (1 - expected) / DRAWS))
 
@@ -167,10 +191,10 @@ def test_a_step_through_the_wall_or_the_goal_is_never_inside():
 
 
 def test_a_noiseless_step_through_the_wall_ends_where_the_chord_meets_it():
-    outcome, share = bridges(np.array([1.74, 1.0]), np.array([2.54, 2.0]), 1e-10, 50)
+    outcome, share, _ = bridges(np.array([1.74, 1.0]), np.array([2.54, 2.0]), 1e-10, 50)
     assert np.all(outcome == COLLISION)
     np.testing.assert_allclose(1.74 + 0.8 * share, 2.0 - 0.01 - 0.05, atol=0.01)
-    outcome, share = bridges(np.array([0.2, 3.2]), np.array([1.2, 3.2]), 1e-10, 50)
+    outcome, share, _ = bridges(np.array([0.2, 3.2]), np.array([1.2, 3.2]), 1e-10, 50)
     assert np.all(outcome == GOAL)
     np.testing.assert_allclose(0.2 + share, 0.4, atol=1e-3)
 
@@ -189,9 +213,9 @@ def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
         state, dx, dy = at_crossing(arena, 1.9, 2.0, 0.2, 0.1, COLLISION, share, 0.1, np.uint64(state))
         assert clearance(space.field, 1.9 + dx, 2.0 + dy) == pytest.approx(0.0, abs=0.01)
         state, dx, dy = at_crossing(arena, 0.9, 3.1, -0.2, 0.1, GOAL, share, 0.0, np.uint64(state))
-        # Towards the disc by the distance to it, along it by its share of the step.
+        # On the rim, which is round; along it by its share of the step.
         unit = np.array([0.6 - 0.9, 3.2 - 3.1]) / np.hypot(0.3, 0.1)
-        assert np.dot([dx, dy], unit) == pytest.approx(np.hypot(0.3, 0.1) - arena.radius)
+        assert np.hypot(0.9 + dx - 0.6, 3.1 + dy - 3.2) == pytest.approx(arena.radius)
         across = np.array([-unit[1], unit[0]])
         assert np.dot([dx, dy], across) == pytest.approx(share * np.dot([-0.2, 0.1], across)), i
 
