@@ -50,7 +50,7 @@ class Estimate:
     log_psi: float  # [nats]
     value: float  # v = -lambda log psi [cost]
     value_error: (
-        float  # standard error of v [cost]; its largest term counts several times, as larger ones may not have been met
+        float  # standard error of v [cost]; the largest term counts several times, since larger ones may be missing
     )
     control_error: Array  # (m,) standard error of the control, with what its mean over leading steps may miss at walls
     ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
