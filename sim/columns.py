@@ -33,9 +33,7 @@ COLUMNS = (
     Column(name="value", unit="cost", text="estimate of v = -lambda log psi; infinite if no sample survived"),
     Column(name="value_error", unit="cost", text="its standard error; 0 if exact, infinite if unknown"),
     Column(name="control_error_K", unit="m/s or 1", text="standard error of u; 0 if exact, infinite if unknown"),
-    Column(
-        name="doubtful", unit="1", text="1 where v and u rest on fewer than 10 effective samples: errors say little"
-    ),
+    Column(name="doubtful", unit="1", text="1 where v and u rest on fewer than 10 effective samples"),
     Column(name="exact_value", unit="cost", text="v, solved for on a grid (`run --truth`)"),
     Column(name="exact_control_K", unit="m/s or 1", text="the optimal control u* (`run --truth`)"),
     Column(name="weight:ID", unit="1", text="share of psi of a homology class; NaN if no sample survived"),

@@ -1,10 +1,10 @@
 """A control step in a recording, and the numbers that are kept of it at `/steps`.
 
 At its start: state [m, m, rad], control, clearance [m], vertices of the tree, value, value_error and control_error
-(one standard error), where a grid was solved exact_value and exact_control, and doubtful (1 where the plan rests on fewer than 10
-effective samples), and class by class in the same order classes (ids and "other"), weights, ess. Over it: duration [s], noise (sum of the Brownian increments) [sqrt(s)]. Up to
-its end: cost, length [m]. The last one has the state where the drive ended, and the outcome. `columns.py` has them as
-a table.
+(one standard error), doubtful (1 where the plan rests on fewer than 10 effective samples), where a grid was solved
+exact_value and exact_control, and class by class in the same order classes (ids and "other"), weights, ess. Over it:
+duration [s], noise (sum of the Brownian increments) [sqrt(s)]. Up to its end: cost, length [m]. The last one has the
+state where the drive ended, and the outcome. `columns.py` has them as a table.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ def _at_nodes(slope, s, J, node):  # type: ignore[no-untyped-def]
 
 @inlined
 def push_of(c, reach):  # type: ignore[no-untyped-def]
-    """How fast log psi grows with the distance c to a wall of this reach b, 1 / (b (exp(c/b) - 1)) to third order [1/m].
+    """How fast log psi grows with the distance c to a wall of reach b, 1 / (b (exp(c/b) - 1)) to third order [1/m].
 
     So it does where psi goes like 1 - exp(-c/b), as what a mirror image leaves.
     """

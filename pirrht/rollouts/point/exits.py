@@ -134,9 +134,7 @@ def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-d
             f[LASTING + k] += logarithm(missed) if near and not doubt else ZERO
         else:
             state = random[k] + GOLDEN
-            u = (
-                np.float32(np.int32(bits_of(state) >> SHIFT)) * ULP + ULP
-            )  # no less than the number that `uniform` draws
+            u = np.float32(np.int32(bits_of(state) >> SHIFT)) * ULP + ULP  # no less than what `uniform` draws
             term = ONE + max(c0 * c1, ZERO) * per / f[DT + k]
             term *= term
             term *= term
