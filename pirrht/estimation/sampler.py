@@ -23,7 +23,8 @@ from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
 from pirrht.estimation.replay import Replay
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.field import clearance
+from pirrht.geometry.arena import Arena
+from pirrht.geometry.field import clearance, set_back
 from pirrht.guidance.leads import Batch, Climb, Lead, Proposal, Tape
 from pirrht.guidance.tracking import Guidance
 from pirrht.guidance.walls import Push, Scales, window
@@ -38,6 +39,8 @@ from pirrht.steering.trajectory import Trajectory
 LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
 UNSURE = 3.0  # by so many nats a shortfall may change before it is found anew
 HOPELESS = 16.0  # classes that promise so many nats less than another are worth only a few samples
+BEHIND = 0.5826  # deviations of a step; minus zeta(1/2) / sqrt(2 pi)
+SMALLEST = 0.2  # of the goal's disc is left of it at least
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 
 
@@ -67,7 +70,21 @@ class PathIntegral:
         constant = problem.dynamics.constant and not callable(problem.R)
         start = problem.dynamics.state_of(problem.scene.start)
         self._everywhere = Scales.of(problem, start) if constant else None
+        self._beyond, self._soft = self._set_back(start)
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
+
+    def _set_back(self, x: Array) -> tuple[float, Arena]:
+        """How far behind walls psi vanishes where exits are judged at the ends of steps [m], and an arena without them.
+
+        A path that is looked at every dt meets a wall like one that is always looked at meets a wall 0.5826 deviations
+        of a step behind it (Broadie, Glasserman and Kou, Mathematical Finance 1997); so it does the goal's rim.
+        """
+        arena = self.setup.arena
+        if self.sampling.exit == "bridge" or not self.climbs:
+            return 0.0, arena
+        distance = BEHIND * math.sqrt(self._scales(x).noise * self.sampling.dt)
+        radius = max(arena.radius - distance, SMALLEST * arena.radius)
+        return distance, Arena(set_back(arena.field, distance), arena.goal, radius)
 
     def warm_up(self) -> None:
         """Compile what sampling, weighing and tracing need, so that the first plan takes no longer than the others."""
@@ -142,7 +159,7 @@ class PathIntegral:
         B = d.B_c(x)
         push = self._push(scales.reach, self.sampling.leading)
         gain = np.asarray(np.linalg.solve(d.G_c(x), B @ B.T))
-        return Climb(way_of(self.setup.arena, line, x, scales.decay), gain, push)
+        return Climb(way_of(self._soft, line, x, scales.decay), gain, push)
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
@@ -205,7 +222,9 @@ class PathIntegral:
         return self._push(leads.reach, float(leads.times[1]), slack)
 
     def _push(self, reach: float, step: float, slack: float = 0.0) -> Push:
-        return Push(problem=self.problem, field=self.space.field, reach=reach, step=step, slack=slack)
+        return Push(
+            problem=self.problem, field=self.space.field, reach=reach, step=step, beyond=self._beyond, slack=slack
+        )
 
     def _scales(self, x: Array) -> Scales:
         """Those at x (n,), which are the same everywhere if G, B and R are."""
@@ -226,6 +245,7 @@ class PathIntegral:
             first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64),
             ways=no_ways(H, C, NODES, scales.decay),
             reach=scales.reach if climbs else 0.0,
+            beyond=self._beyond,
             least=LEAST * self.sampling.dt if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=window(scales.noise, self.setup.arena, x, times, longest) if climbs else 1,

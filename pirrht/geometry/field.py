@@ -70,6 +70,22 @@ class Field(Grid):
         return field
 
 
+def set_back(field: Field, distance: float) -> Field:
+    """The same field with all walls, the border included, moved back by a distance [m]."""
+    nearest, second, label = field.arrays
+    arrays = nearest + np.float32(distance), second + np.float32(distance), label
+    moved = field._replace(
+        nearest=arrays[0].ctypes.data,
+        second=arrays[1].ctypes.data,
+        left=field.left - distance,
+        low=field.low - distance,
+        right=field.right + distance,
+        high=field.high + distance,
+    )
+    moved.arrays = arrays
+    return moved
+
+
 def build_field(collision: Collision, members: Sequence[int]) -> Field:
     """Sample FCL's clearances [m] from the solids that count, coarser far from obstacles."""
     world, r = collision.world, collision.footprint.radius

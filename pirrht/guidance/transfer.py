@@ -15,8 +15,8 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import logarithm
 
 WIDTH = 32  # room for the nodes of a cross-section, and the point on the reference after the last of them
-# Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), what is found there. All are
-# in one array: a compiler that does not know how far apart arrays are cannot tell that its vectors do not overlap.
+# Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), what is found there.
+# All are in one array: a compiler that does not know how far apart arrays are cannot tell whether vectors overlap.
 PLACE_X, PLACE_Y, NEAR, NEAR_X, NEAR_Y, FAR, FAR_X, FAR_Y, LOG_PSI, SLOPE_X, SLOPE_Y, PUSH, PUSH_FAR, TOP, WHOLE = (
     WIDTH * row for row in range(15)
 )

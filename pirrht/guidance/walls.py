@@ -68,6 +68,7 @@ class Push:
     field: Field
     reach: float  # as `Leads.reach` [m]; 0: none
     step: float  # of the rollouts, their first [s]
+    beyond: float = 0.0  # as `Leads.beyond` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
 
     def __call__(self, x: Array) -> Array:
@@ -85,4 +86,5 @@ class Push:
         # A robot that reacts between plans may come closer than a rollout's step would let it.
         widest = np.float32(SHARPER * np.sqrt((B @ B.T).diagonal().max() * self.step))
         c, nx, ny, far, mx, my = two_walls(self.field, x[0], x[1])
-        return max(c + self.slack, widest), nx, ny, max(far, widest), mx, my
+        c, far = c + self.slack + self.beyond, far + self.beyond
+        return max(c, widest), nx, ny, max(far, widest), mx, my

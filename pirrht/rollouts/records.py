@@ -37,6 +37,7 @@ class Leads(NamedTuple):
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
     ways: Ways  # whose desirability is climbed, instead of the tape
     reach: float  # walls push within about this distance [m]; 0: they do not
+    beyond: float  # how far behind walls psi vanishes, since exits are judged at the ends of steps only [m]
     least: float  # steps of the grid are split down to this near walls and goal [s]; infinite: they are not
     weighed: bool  # samples are weighed by the probability that they meet no wall within a step, not ended by it
     window: int  # leading steps over which the control now is averaged

@@ -178,7 +178,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 if near_walls:
                     c, wx, wy, d, vx, vy = two_walls(arena.field, x[0], x[1])
                     widest = np.float32(0.5 * math.sqrt(max(cov[0], cov[2])))
-                    walls = (max(c, widest), wx, wy, max(d, widest), vx, vy)
+                    shift = np.float32(leads.beyond)
+                    walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
                     sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, reach)
                     for j in range(m):
                         bx = B[0 - fixed, j] if fixed <= 0 else 0.0

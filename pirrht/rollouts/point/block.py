@@ -250,7 +250,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
         full = (n + WIDE - 1) // WIDE * WIDE
         pace(times, least, scale, f, short, full)
         if reach > 0.0:
-            wall_push(around.field, reach, math.sqrt(variance), B, f, short, full)
+            wall_push(around.field, reach, leads.beyond, math.sqrt(variance), B, f, short, full)
         for g in range(H):
             if count[g] > 0:
                 way_control((place, slope, C, J, count[g] - 1, decay), g, goal, B, f, short, a, full)

@@ -15,15 +15,17 @@ from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 
 
 @inlined
-def wall_push(field, reach, b, B, f, short, n):  # type: ignore[no-untyped-def]
+def wall_push(field, reach, beyond, b, B, f, short, n):  # type: ignore[no-untyped-def]
     """The push B' grad log of what psi is proportional to at the two nearest walls; `b` is the noise [m/sqrt(s)].
+
+    Walls stand `beyond` behind where they are [m].
 
     The lanes' cells and what is nearest at their corners are what `survey` has left. Nearer than half of the deviation
     of a step a wall pushes no harder.
     """
     n = min(n, LANES)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
-    reach, half = np.float32(reach), HALF * np.float32(b)
+    reach, beyond, half = np.float32(reach), np.float32(beyond), HALF * np.float32(b)
     corners(field, field.second, f, short, CORNER + 4 * L, n)
     for k in range(n):
         at = CORNER + k
@@ -32,7 +34,7 @@ def wall_push(field, reach, b, B, f, short, n):  # type: ignore[no-untyped-def]
         second = bilinear_slope(f[at + 4 * L], f[at + 5 * L], f[at + 6 * L], f[at + 7 * L], u, v, field.per)
         c, nx, ny, d, mx, my = walls_of(field, f[X + k], f[Y + k], nearest, second)
         widest = half * f[ROOT + k]
-        c, d = max(c, widest), max(d, widest)
+        c, d = max(c + beyond, widest), max(d + beyond, widest)
         f[WALL + k], f[WALL + L + k], f[WALL + 2 * L + k] = c, nx, ny
         f[WALL + 3 * L + k], f[WALL + 4 * L + k], f[WALL + 5 * L + k] = d, mx, my
         gx, gy = wall_slope(c, nx, ny, d, mx, my, reach)
