@@ -19,6 +19,7 @@ from pirrht.geometry.field import border, clearance, interpolate, nearest_label,
 
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
 FAR = 12.0  # exponents beyond this are taken as certain survival
+RIM = 0.3  # of the goal's radius: nearer to its rim than that steps get no finer, since psi is smooth there
 LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
 
 

@@ -21,6 +21,7 @@ from pirrht.geometry.arena import at
 from pirrht.rollouts.first_exit import GOAL as REACHED
 from pirrht.rollouts.first_exit import (
     INSIDE,
+    RIM,
     at_crossing,
     bridge_exit,
     distances,
@@ -166,7 +167,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     drift(x, p, f)
                 dt = left
                 if noisy_position and least < left:
-                    near = max(min(min(before[0], before[1]), before[2]), 0.0)
+                    near = max(min(min(before[0], before[1]), max(before[2], RIM * radius)), 0.0)
                     dt = fitting(near, left, least, 1.0 / (9.0 * max(xx, yy)))
                 left -= dt
                 root, until = math.sqrt(dt), dt

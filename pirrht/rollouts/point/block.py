@@ -17,7 +17,7 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
-from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
+from pirrht.rollouts.first_exit import INSIDE, RIM, at_crossing, bridge_exit
 from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey
 from pirrht.rollouts.point.leads import tape_control, wall_push, way_control
 from pirrht.rollouts.point.stages import (  # fmt: skip
@@ -237,7 +237,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     reach, least, keep, listed = leads.reach, leads.least, into.shape[0] > 0, chosen.shape[0] > 0
     H, T, n = leads.drift.shape[0], leads.drift.shape[1], stop - start
     variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
-    scale = 1.0 / (9.0 * variance)
+    scale, rim = 1.0 / (9.0 * variance), RIM * setup.arena.radius
     f[:], short[:], long[:], ratio[:], base, begun = 0.0, 0, 0, 0.0, (0.0, 0.0), False
     f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[DT:ROOT] = x0[0], x0[1], x0[0], x0[1], 1.0
     for k in range(n):
@@ -248,7 +248,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     arena = at(setup.arena, 0.0)
     while n > 0:
         full = (n + WIDE - 1) // WIDE * WIDE
-        pace(times, least, scale, f, short, full)
+        pace(times, least, scale, rim, f, short, full)
         if reach > 0.0:
             wall_push(around.field, reach, leads.beyond, math.sqrt(variance), B, f, short, full)
         for g in range(H):

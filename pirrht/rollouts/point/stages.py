@@ -76,16 +76,16 @@ def draw(random, bits, f, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def pace(times, least, scale, f, short, n):  # type: ignore[no-untyped-def]
+def pace(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped-def]
     """Steps that fit the places of the lanes, as `fitting` says; where one of the grid is over, the next begins."""
     n = min(n, LANES)
-    least, scale, half = np.float32(least), np.float32(scale), HALF
+    least, scale, rim, half = np.float32(least), np.float32(scale), np.float32(rim), HALF
     for k in range(n):
         if f[LEFT + k] <= ZERO:
             i = min(np.int64(short[STEP + k]), times.shape[0] - 2)  # lanes that have ended stand beyond
             f[LEFT + k] = np.float32(times[i + 1] - times[i])
     for k in range(n):
-        near = max(min(min(f[C0 + k], f[E0 + k]), f[G0 + k]), ZERO)
+        near = max(min(min(f[C0 + k], f[E0 + k]), max(f[G0 + k], rim)), ZERO)
         left = f[LEFT + k]
         wish = max(scale * near * near, least)
         dt = left if wish >= left else min(wish, half * left)
