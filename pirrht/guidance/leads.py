@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -78,6 +78,12 @@ class Climb(Lead):
     way: Way
     gain: Array  # (m, 2) G^-1 BB' [m/s per nat/m]
     push: Push
+    ways: Ways = field(init=False, repr=False)  # the way as the only one
+
+    def __post_init__(self) -> None:
+        way = self.way
+        ways = Ways(np.array([len(way.place)]), way.place[None], way.slope[None], way.decay)
+        object.__setattr__(self, "ways", ways)
 
     @property
     def sections(self) -> int:
@@ -91,9 +97,8 @@ class Climb(Lead):
 
     def __call__(self, x: Array, s: float) -> Array:
         """Control (m,) at x (n,); the time s [s] does not matter."""
-        slope, way = np.zeros(2), self.way
-        ways = Ways(np.array([len(way.place)]), way.place[None], way.slope[None], way.decay)
-        slope_along(ways, 0, way.goal, x[0], x[1], self.push.walls(x), slope)
+        slope = np.zeros(2)
+        slope_along(self.ways, 0, self.way.goal, x[0], x[1], self.push.walls(x), slope)
         return np.asarray(self.gain @ slope) - self.push(x)
 
     def pack(self, leads: Leads, h: int) -> None:

@@ -7,12 +7,14 @@ follows no way, and for what walls add to a control that is held, it is the same
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import Field, clearance
 from pirrht.problem import Problem
@@ -71,20 +73,49 @@ class Push:
     beyond: float = 0.0  # as `Leads.beyond` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
 
+    known: tuple[Array, float] | None = dataclasses.field(
+        init=False, repr=False
+    )  # G^-1 BB' and the closest wall, if constant
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "known", None)
+        if self.problem.dynamics.constant:
+            object.__setattr__(self, "known", self._at(np.zeros(self.problem.dynamics.n)))
+
     def __call__(self, x: Array) -> Array:
         """Control (m,) at x (n,)."""
-        d = self.problem.dynamics
         if self.reach <= 0.0:
-            return np.zeros(d.m)
-        B = d.B_c(x)
-        slope = wall_slope(*self.walls(x), self.reach)
-        return np.asarray(np.linalg.solve(d.G_c(x), B @ B.T @ np.array(slope)))
+            return np.zeros(self.problem.dynamics.m)
+        gain, closest = self._at(x) if self.known is None else self.known
+        return np.asarray(
+            gain @ np.array(_slope_at(self.field, x[0], x[1], closest, self.slack, self.beyond, self.reach))
+        )
 
     def walls(self, x: Array) -> tuple[Any, ...]:
         """The two nearest walls at x (n,) as `two_walls` gives them, none nearer than they push harder [m]."""
-        B = self.problem.dynamics.B_c(x)
+        closest = (self._at(x) if self.known is None else self.known)[1]
+        found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.beyond)
+        return found
+
+    def _at(self, x: Array) -> tuple[Array, float]:
+        """G^-1 BB' at x (n,), and where walls begin to push no harder [m]."""
+        d = self.problem.dynamics
+        B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
-        widest = np.float32(SHARPER * np.sqrt((B @ B.T).diagonal().max() * self.step))
-        c, nx, ny, far, mx, my = two_walls(self.field, x[0], x[1])
-        c, far = c + self.slack + self.beyond, far + self.beyond
-        return max(c, widest), nx, ny, max(far, widest), mx, my
+        closest = SHARPER * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
+        return np.asarray(np.linalg.solve(d.G_c(x), B @ B.T)), closest
+
+
+@kernel
+def _walls_at(field, x, y, closest, slack, beyond):  # type: ignore[no-untyped-def]
+    """`two_walls` at (x, y), the nearest `slack` and both `beyond` farther, none nearer than `closest` [m]."""
+    c, nx, ny, d, mx, my = two_walls(field, x, y)
+    c, d, least = np.float32(c + slack + beyond), np.float32(d + beyond), np.float32(closest)
+    return max(c, least), nx, ny, max(d, least), mx, my
+
+
+@kernel
+def _slope_at(field, x, y, closest, slack, beyond, reach):  # type: ignore[no-untyped-def]
+    """`wall_slope` of these for a reach [m], 2 numbers [1/m]."""
+    c, nx, ny, d, mx, my = _walls_at(field, x, y, closest, slack, beyond)
+    return wall_slope(c, nx, ny, d, mx, my, reach)
