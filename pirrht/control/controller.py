@@ -218,16 +218,13 @@ class Controller(Policy):
         integral, shared = self.path_integral, self.allocation
         trajectories = [reference.trajectory for reference in references]
         leads = integral.leads(x, times, trajectories, None if shared is None else shared.shortfalls(names))
-        if shared is not None and integral.climbs:
+        if shared is not None:  # never beside guides of a car
             promised = [lead.promise for lead in leads]
             rows = zip(trajectories, promised, strict=True)
             shared.note(names, [integral.bound(x, trajectory) - promise for trajectory, promise in rows])
             return list(leads), shared.counts(names, promised, [lead.follows for lead in leads])
         if integral.guidance is None:
-            counts = [integral.sampling.samples] * len(leads)
-            if shared is not None:
-                counts = shared.counts(names, [0.0] * len(leads), [True] * len(leads))
-            return list(leads), counts
+            return list(leads), [integral.sampling.samples] * len(leads)
         guides, counts = self._guided(integral.guidance, x, times, references)
         d = self.problem.dynamics
         return [lead if guide is None else Along(guide, d) for lead, guide in zip(leads, guides, strict=True)], counts

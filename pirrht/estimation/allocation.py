@@ -55,15 +55,14 @@ class Allocation:
         return [self._shortfall.get(name, (0.0, 0))[0] for name in names]
 
     def note(self, names: Sequence[str], shortfalls: Sequence[float]) -> None:
-        """Take in what has been found anew of shortfalls, (H,) [nats], nan where nothing has; old ones are dropped."""
+        """Take in shortfalls that have been found anew, (H,) [nats], infinite where none was; old ones are dropped."""
         for name, found in zip(names, shortfalls, strict=True):
-            before, age = self._shortfall.get(name, (0.0, 0))
             if math.isfinite(found):
                 self._shortfall[name] = (found, 0)
-            elif age + 1 < RENEWED:
-                self._shortfall[name] = (before, age + 1)
-            else:
-                self._shortfall.pop(name, None)
+            elif name in self._shortfall:
+                before, age = self._shortfall.pop(name)
+                if age + 1 < RENEWED:
+                    self._shortfall[name] = (before, age + 1)
 
     def _shared(self, names: Sequence[str], promised: Array, total: int, least: int) -> Array:
         """Shares (l,) of a total number of samples, at least so many each."""

@@ -49,9 +49,7 @@ class Estimate:
     control: Array  # (m,) u* now
     log_psi: float  # [nats]
     value: float  # v = -lambda log psi [cost]
-    value_error: (
-        float  # standard error of v [cost]; the largest term counts several times, since larger ones may be missing
-    )
+    value_error: float  # standard error of v [cost]; its largest term counts several times (`sums.scatter`)
     control_error: Array  # (m,) standard error of the control, with what its mean over leading steps may miss at walls
     ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
     weight: Array  # (S,) normalised, of the samples in `rollouts`; with others in `parts` they sum to less than 1
@@ -127,7 +125,8 @@ def weigh(
     span = max(float(groups.span.sum()), 1e-300)
     control = groups.control.sum(axis=0) / span
     errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].leads.mirrored)
-    unresolved = _unresolved(control - weight @ paths.led, push, control)
+    # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
+    unresolved = _unresolved(control - np.einsum("s,sm->m", weight, paths.led), push, control)
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     ends = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))

@@ -133,20 +133,21 @@ class PathIntegral:
             shortfalls: how much less than without walls they are expected to promise, (H,) [nats]; if given, those
                 that promise less than exp(-HOPELESS) of another's psi hold their tapes.
         """
-        tapes = [Tape(times, trajectory.tape(times)) for trajectory in trajectories]
-        if not self.climbs:
-            return tapes
-        found: list[Lead] = [*tapes]
+        found: list[Lead] = []
         goal, most = self.space.scene.goal, -math.inf
         for h, trajectory in enumerate(trajectories):
+            foretold, lead = -math.inf, None
+            expected = math.inf
             if shortfalls is not None:
                 expected = self.bound(x, trajectory) - max(0.0, shortfalls[h] - UNSURE)
-                if expected < most - HOPELESS:
-                    continue
-            lead = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
-            hopeless = shortfalls is not None and lead.promise < most - HOPELESS
-            found[h] = replace(tapes[h], foretold=lead.promise) if hopeless else lead
-            most = max(most, lead.promise)
+            if self.climbs and expected >= most - HOPELESS:
+                lead = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
+                foretold = lead.promise
+            if lead is None or (shortfalls is not None and foretold < most - HOPELESS):
+                found.append(Tape(times, trajectory.tape(times), foretold))
+            else:
+                found.append(lead)
+            most = max(most, foretold)
         return found
 
     def bound(self, x: Array, trajectory: Trajectory) -> float:
@@ -155,11 +156,9 @@ class PathIntegral:
 
     def climbing(self, x: Array, line: Array) -> Climb:
         """Climbing the desirability of the way from x (n,) over the corners of a line (k, 2) [m] to the goal point."""
-        scales, d = self._scales(x), self.problem.dynamics
-        B = d.B_c(x)
+        scales = self._scales(x)
         push = self._push(scales.reach, self.sampling.leading)
-        gain = np.asarray(np.linalg.solve(d.G_c(x), B @ B.T))
-        return Climb(way_of(self._soft, line, x, scales.decay), gain, push)
+        return Climb(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray, IntArray
-from pirrht.compiled.jit import jitable, kernel
+from pirrht.compiled.jit import inlined, jitable, kernel
 from pirrht.geometry.shapes import PROBE, Solids, distance_from, offset_from, tiles
 
 APART = 0.5  # cosine of the angle from which on two directions are those of two walls
@@ -48,6 +48,13 @@ def stands_apart(ex: float, ey: float, ax: float, ay: float) -> bool:
     return along * along < APART * APART * square * other
 
 
+@inlined
+def _square(low, high, m, x, y):  # type: ignore[no-untyped-def]
+    """Square of the distance from (x, y) to the rectangle around a solid [m^2]."""
+    dx, dy = max(max(low[m, 0] - x, x - high[m, 0]), 0.0), max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
+    return dx * dx + dy * dy
+
+
 @kernel
 def _nearest_of(solids, members, points, rows, height, found):  # type: ignore[no-untyped-def]
     """Put the nearest of `members` (l,), which have closed forms, into `found` at the rows of points (k, 2) [m]."""
@@ -57,9 +64,7 @@ def _nearest_of(solids, members, points, rows, height, found):  # type: ignore[n
         x, y = points[i, 0], points[i, 1]
         best, at = first[i], which[i]
         for m in members:
-            dx = max(max(low[m, 0] - x, x - high[m, 0]), 0.0)
-            dy = max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
-            if dx * dx + dy * dy >= best * best:
+            if _square(low, high, m, x, y) >= best * best:
                 continue
             d = distance_from(solids, m, x, y, height)
             d = 0.0 if d <= PROBE else d
@@ -79,9 +84,7 @@ def _second_of(solids, members, points, rows, height, found):  # type: ignore[no
         x, y = points[i, 0], points[i, 1]
         best = second[i]
         for m in members:
-            dx = max(max(low[m, 0] - x, x - high[m, 0]), 0.0)
-            dy = max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
-            if dx * dx + dy * dy >= best * best or m == which[i]:
+            if _square(low, high, m, x, y) >= best * best or m == which[i]:
                 continue
             d = distance_from(solids, m, x, y, height)
             if d <= PROBE:

@@ -35,7 +35,6 @@ class Sections(NamedTuple):
     point: Array  # (C, 2) on the reference [m]
     ahead: Array  # (C, 2) unit normal in the direction of travel
     ends: Array  # (C, 2) offset of their ends to the left and to the right [m]
-    walled: Array  # (C, 2) whether a wall is what ends them, 1 or 0
 
 
 def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float) -> Sections:
@@ -48,9 +47,9 @@ def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float
     whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
     legs = np.hypot(*np.diff(whole, axis=0).T)
     room = 2 + len(whole) + int(legs.sum() / LEAST)
-    out = Sections(np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)))
+    out = Sections(np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)))
     count = _place(field, whole, radius, decay, out)
-    return Sections(out.point[:count], out.ahead[:count], out.ends[:count], out.walled[:count])
+    return Sections(out.point[:count], out.ahead[:count], out.ends[:count])
 
 
 @kernel
@@ -60,9 +59,9 @@ def _march(field, x, y, ux, uy, far):  # type: ignore[no-untyped-def]
     while s < far:
         c = clearance(field, x + s * ux, y + s * uy)
         if c <= TOUCHING:
-            return s, 1.0
+            return s, True
         s += max(c, STRIDE)
-    return far, 0.0
+    return far, False
 
 
 @inlined
@@ -73,11 +72,15 @@ def _spread(s, whole, decay):  # type: ignore[no-untyped-def]
 
 @kernel
 def _write(field, spread, x, y, ux, uy, c, out):  # type: ignore[no-untyped-def]
-    """Make cross-section c at (x, y), across the unit vector (ux, uy), with ends at most `spread` away [m]."""
-    point, ahead, ends, walled = out
-    ends[c, 0], walled[c, 0] = _march(field, x, y, -uy, ux, spread)
-    ends[c, 1], walled[c, 1] = _march(field, x, y, uy, -ux, spread)
+    """Make cross-section c at (x, y), across the unit vector (ux, uy), with ends at most `spread` away [m].
+
+    Returns whether walls end it on both sides.
+    """
+    point, ahead, ends = out
+    ends[c, 0], left = _march(field, x, y, -uy, ux, spread)
+    ends[c, 1], right = _march(field, x, y, uy, -ux, spread)
     point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1] = x, y, ux, uy
+    return left and right
 
 
 @kernel
@@ -86,7 +89,6 @@ def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
     last, whole = line.shape[0] - 2, 0.0
     for i in range(last + 1):
         whole += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
-    _, _, ends, walled = out
     count, s, since, apart, ux, uy = 0, 0.0, math.inf, APART, 1.0, 0.0
     for i in range(last + 1):
         x, y = line[i, 0], line[i, 1]
@@ -105,11 +107,11 @@ def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
             if since >= apart or count == 0:
                 across = _spread(s + t, whole, decay)
                 cx, cy = (bx, by) if t == 0.0 else (ux, uy)
-                _write(field, across, x + t * ux, y + t * uy, cx, cy, count, out)
+                channel = _write(field, across, x + t * ux, y + t * uy, cx, cy, count, out)
                 room = max(clearance(field, x + t * ux, y + t * uy) - across, 0.0)
                 stride, apart = min(NEXT + WIDER * room, WIDEST), APART
-                if walled[count, 0] * walled[count, 1] > 0.0:
-                    width = ends[count, 0] + ends[count, 1]
+                if channel:
+                    width = out.ends[count, 0] + out.ends[count, 1]
                     stride = min(stride, max(CHANNEL * decay * width * width, LEAST))
                     apart = min(apart, stride)
                 count, since = count + 1, 0.0

@@ -39,11 +39,7 @@ class Scales(NamedTuple):
         B = problem.dynamics.B_c(x)
         noise = float(np.trace(B @ B.T)) / len(B)
         decay = float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise)))
-        return cls(
-            noise=noise,
-            decay=decay,
-            reach=REACH / decay,
-        )
+        return cls(noise=noise, decay=decay, reach=REACH / decay)
 
 
 def window(noise: float, arena: Arena, x: Array, times: Array, longest: float) -> int:
@@ -72,33 +68,34 @@ class Push:
     step: float  # of the rollouts, their first [s]
     beyond: float = 0.0  # as `Leads.beyond` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
-
-    known: tuple[Array, float] | None = dataclasses.field(
-        init=False, repr=False
-    )  # G^-1 BB' and the closest wall, if constant
+    known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False)  # what `_at` tells, if constant
 
     def __post_init__(self) -> None:
+        d = self.problem.dynamics
         object.__setattr__(self, "known", None)
-        if self.problem.dynamics.constant:
-            object.__setattr__(self, "known", self._at(np.zeros(self.problem.dynamics.n)))
+        object.__setattr__(self, "known", self._at(np.zeros(d.n)) if d.constant else None)
 
     def __call__(self, x: Array) -> Array:
         """Control (m,) at x (n,)."""
         if self.reach <= 0.0:
             return np.zeros(self.problem.dynamics.m)
-        gain, closest = self._at(x) if self.known is None else self.known
-        return np.asarray(
-            gain @ np.array(_slope_at(self.field, x[0], x[1], closest, self.slack, self.beyond, self.reach))
-        )
+        gain, closest = self._at(x)
+        slope = _slope_at(self.field, x[0], x[1], closest, self.slack, self.beyond, self.reach)
+        return np.asarray(gain @ np.array(slope))
+
+    def gain(self, x: Array) -> Array:
+        """G^-1 BB' at x (n,), (m, m): what a slope of log psi is multiplied with."""
+        return self._at(x)[0]
 
     def walls(self, x: Array) -> tuple[Any, ...]:
         """The two nearest walls at x (n,) as `two_walls` gives them, none nearer than they push harder [m]."""
-        closest = (self._at(x) if self.known is None else self.known)[1]
-        found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.beyond)
+        found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], self._at(x)[1], self.slack, self.beyond)
         return found
 
     def _at(self, x: Array) -> tuple[Array, float]:
         """G^-1 BB' at x (n,), and where walls begin to push no harder [m]."""
+        if self.known is not None:
+            return self.known
         d = self.problem.dynamics
         B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.

@@ -108,7 +108,7 @@ def _to_sides(f, j, tx, ty, out):  # type: ignore[no-untyped-def]
 @kernel
 def _lay(field, cut, c, J, step, f):  # type: ignore[no-untyped-def]
     """Write where the J nodes of cross-section c are to rows f, and the point on the reference after the last."""
-    point, ahead, ends, _ = cut
+    point, ahead, ends = cut
     px, py, tx, ty = point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1]
     for j in range(WIDTH):
         left = (j + 0.5) * step - ends[c, 1] if j < J else 0.0
@@ -121,7 +121,7 @@ def _lay(field, cut, c, J, step, f):  # type: ignore[no-untyped-def]
 @kernel
 def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
     """Fill `Way.place` and `Way.slope` from `Sections`, from the goal back; returns log psi at the start."""
-    point, ahead, ends, _ = cut
+    point, ahead, ends = cut
     C, J = slope.shape[0], slope.shape[1]
     f, known = np.zeros(ROWS, np.float32), np.zeros(ROWS, np.float32)
     base, wide = 0.0, 0.0  # log psi that the rows are relative to; spacing of the nodes on the next cross-section

@@ -78,6 +78,18 @@ def two_walls(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _with_edge(e, ex, ey, c, nx, ny, d, mx, my):  # type: ignore[no-untyped-def]
+    """The two nearest of three walls, the last two of which are in order."""
+    first, later = e < c, e < d
+    d, mx, my = (
+        c if first else (e if later else d),
+        nx if first else (ex if later else mx),
+        ny if first else (ey if later else my),
+    )
+    return e if first else c, ex if first else nx, ey if first else ny, d, mx, my
+
+
+@inlined
 def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
     """The same from the clearances [m] of the two nearest obstacles, each a triple (c, gx, gy).
 
@@ -92,21 +104,8 @@ def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
     low, high = np.float32(y - field.low), np.float32(field.high - y)
     beside, below = min(left, right), min(low, high)
     side, level = ONE if left < right else -ONE, ONE if low < high else -ONE
-    first, later = beside < c, beside < d
-    d, mx, my = (
-        c if first else (beside if later else d),
-        nx if first else (side if later else mx),
-        (ny if first else (ZERO if later else my)),
-    )
-    c, nx, ny = beside if first else c, side if first else nx, ZERO if first else ny
-    first, later = below < c, below < d
-    d, mx, my = (
-        c if first else (below if later else d),
-        nx if first else (ZERO if later else mx),
-        (ny if first else (level if later else my)),
-    )
-    c, nx, ny = below if first else c, ZERO if first else nx, level if first else ny
-    return c, nx, ny, d, mx, my
+    c, nx, ny, d, mx, my = _with_edge(beside, side, ZERO, c, nx, ny, d, mx, my)
+    return _with_edge(below, ZERO, level, c, nx, ny, d, mx, my)
 
 
 @inlined
