@@ -19,7 +19,8 @@ import importlib
 from pathlib import Path
 
 from pirrht.errors import PirrhtError
-from sim import present
+from sim.files import check_writable, write_json
+from sim.text import width
 
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
@@ -61,15 +62,15 @@ def main() -> int:
             f"`{options.what}` has no part {options.part!r}; it has {', '.join(filter(None, known)) or 'none'}"
         )
     if options.png is not None:
-        present.check_writable(options.png, "--png")
+        check_writable(options.png, "--png")
     table = importlib.import_module(f"benchmarks.{options.what}")
     try:
         header, rows, values = table.rows(options)
     except PirrhtError as error:
         parser.error(str(error))
-    print(present.table(header, rows, present.width()))
+    print(table(header, rows, width()))
     if options.json:
-        present.write_json(options.json, values)
+        write_json(options.json, values)
     return 0
 
 

@@ -18,10 +18,10 @@ from pathlib import Path
 from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
-from sim.cli import Parser
-from sim.figures import pyplot
-from sim.paper import gallery, style
-from sim.paper.effort import Effort
+from sim.cli.parser import Parser
+from sim.figures import gallery, style
+from sim.figures.draw import pyplot
+from sim.figures.effort import Effort
 
 
 def main() -> int:

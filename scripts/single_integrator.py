@@ -11,7 +11,7 @@ from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, Singl
 from sim import episode
 from sim.executor import Executor
 from sim.mjcf import load
-from sim.recorder import Recorder
+from sim.recording.recorder import Recorder
 
 PERIOD = 0.01  # the plan is made anew this often [s]
 

@@ -11,7 +11,7 @@ from pirrht import Controller, Dubins, FreeSpace, HomologyTree, Problem, Samplin
 from sim import episode
 from sim.executor import Executor
 from sim.mjcf import load
-from sim.recorder import Recorder
+from sim.recording.recorder import Recorder
 
 PERIOD = 0.1  # the plan is made anew this often [s]
 

@@ -29,10 +29,10 @@ from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.topology.driven import Driven
-from sim.episode import Frame, Tally
+from sim.drive.episode import Frame, Tally
 from sim.mjcf import scene_names
-from sim.robots import control_limits
-from sim.scenarios import prepare
+from sim.mjcf.robot import control_limits
+from sim.scenario import prepare
 from sim.sweeps import runs
 from sim.sweeps.runs import Job
 
@@ -236,7 +236,7 @@ def score(
         environment: a wrapped `Drive`; without it one of `scene` and `options` is made.
 
     Returns:
-        records that `sim.sweeps.rows` makes rows of a dataset of.
+        records that `sim.sweeps.columns` makes rows of a dataset of.
 
     Raises:
         OptionError: a negative seed, or a policy whose control has another shape or is not finite.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pirrht.tree.homology_tree import HomologyTree
-from sim.scenarios import Scenario, prepare
+from sim.scenario import Scenario, prepare
 
 
 @pytest.fixture(scope="session")

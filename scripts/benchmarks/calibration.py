@@ -31,7 +31,7 @@ from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference, OptionError
 from pirrht.exact.desirability import Desirability
-from sim.scenarios import Scenario, prepare
+from sim.scenario import Scenario, prepare
 
 NOISES = (0.1, 0.2, 0.3)
 SCENES, STATES, PLANS = 30, 12, 20

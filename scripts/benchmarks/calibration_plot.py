@@ -10,8 +10,8 @@ from benchmarks.calibration_table import EDGES, scores
 from benchmarks.plots import COLORS
 from benchmarks.scenes import scenario_of
 
-from sim.figures import draw_scene, pyplot
-from sim.scenarios import prepare
+from sim.figures.draw import draw_scene, pyplot
+from sim.scenario import prepare
 
 NOMINAL = 0.9545  # of errors within two standard errors
 LEAST, MOST = 0.5, 8.0  # of the colours of the map: error over standard error

@@ -15,7 +15,7 @@ from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
 from pirrht.tree.homology_tree import HomologyTree
-from sim.scenarios import Scenario, prepare
+from sim.scenario import Scenario, prepare
 
 STATES = 20
 REPEATS = 100

@@ -17,8 +17,8 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.estimation.estimate import Estimate
 from pirrht.tree.homology_tree import HomologyTree
-from sim import episode
-from sim.scenarios import Scenario, prepare
+from sim.drive import episode
+from sim.scenario import Scenario, prepare
 
 APART = 10  # control steps between the states that are looked at
 REPEATS = 20

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sim import episode
-from sim.scenarios import prepare
+from sim.drive import episode
+from sim.scenario import prepare
 
 NUMBERS = (10, 100, 1000)
 SIDE = 24.0  # [m]

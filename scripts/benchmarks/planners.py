@@ -18,7 +18,7 @@ from numba import njit
 
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import Grid, clearance
-from sim.scenarios import Scenario, prepare
+from sim.scenario import Scenario, prepare
 
 NUMBERS = (1000, 10_000)  # vertices
 REPEATS = {1000: 5, 10_000: 3}

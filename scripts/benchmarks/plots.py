@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.colors import PALETTE
-from sim.figures import pyplot
+from sim.drawing.colors import PALETTE
+from sim.figures.draw import pyplot
 
 COLORS = [tuple(c / 255.0 for c in color) for color in PALETTE]
 

@@ -29,7 +29,7 @@ from pirrht.problem import Problem
 from pirrht.steering.dubins import Dubins
 from pirrht.systems.unicycle import Unicycle
 from pirrht.tree.homology_tree import HomologyTree
-from sim.scenarios import Scenario, prepare
+from sim.scenario import Scenario, prepare
 
 NOISES = (0.1, 0.2, 0.3)
 POINTS, REPEATS = 20, 40

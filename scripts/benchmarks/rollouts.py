@@ -18,7 +18,7 @@ from benchmarks.timing import interleaved, row
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.leads import Batch, Proposal
-from sim.scenarios import Scenario, prepare
+from sim.scenario import Scenario, prepare
 
 NUMBERS = (600, 6000, 60_000)  # rollouts of all classes together
 STEPS, DT = 60, 0.1

@@ -20,7 +20,7 @@ from pirrht.arrays import Array, BoolArray
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from sim.mjcf import load
-from sim.scenarios import Scenario, prepare
+from sim.scenario import Scenario, prepare
 
 SIDE = 5.0  # of the workspace [m]
 HIGH = 0.4  # half height of what stands [m]

@@ -16,9 +16,9 @@ import numpy as np
 from benchmarks import planners, rollouts
 from benchmarks.timing import row
 
-from sim import episode
-from sim.recorder import Recorder
-from sim.scenarios import Scenario, prepare
+from sim.drive import episode
+from sim.recording.recorder import Recorder
+from sim.scenario import Scenario, prepare
 
 REPEATS = 5
 PARTS = {"rollouts": rollouts.rows, "planners": planners.rows}

@@ -17,7 +17,7 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from sim.sweeps.rows import COLUMNS, key_of, record_of, row_of
+from sim.sweeps.columns import COLUMNS, key_of, record_of, row_of
 
 FORMAT = 1
 TREES = ".trees-"  # begins the names of folders that trees lie in while they are driven through

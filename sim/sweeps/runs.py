@@ -17,9 +17,9 @@ from pirrht.control.policy import Policy
 from pirrht.errors import PirrhtError
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
-from sim import episode
-from sim.library import find
-from sim.scenarios import Scenario, prepare
+from sim.drive import episode
+from sim.mjcf.library import find
+from sim.scenario import Scenario, prepare
 
 KEPT = 4  # scenes, trees and grids that a process keeps at hand
 

@@ -18,14 +18,13 @@ from tqdm import tqdm
 from pirrht.control.methods import METHODS
 from pirrht.errors import OptionError
 from pirrht.exact.desirability import Desirability
-from sim import present
-from sim.colors import title
+from sim.drawing.colors import title
 from sim.mjcf import scene_names
 from sim.sweeps import engine, runs
+from sim.sweeps.columns import key_of
 from sim.sweeps.dataset import TREES, Dataset
-from sim.sweeps.rows import key_of
 from sim.sweeps.runs import Errand, Job, Planned, Survey
-from sim.words import counted
+from sim.text import counted, table
 
 _OWN = ("methods", "noise", "seeds", "jobs", "output", "scheduler", "again")  # options that are no settings of a run
 
@@ -63,7 +62,7 @@ def parse_grid(arguments: argparse.Namespace) -> Grid:
     Raises:
         OptionError: an unknown method, or seeds or noise that are no numbers, or something said twice.
     """
-    from sim.commands import given
+    from sim.cli.commands import given
 
     methods = [m.strip() for m in arguments.methods.split(",")]
     for method in methods:
@@ -208,7 +207,7 @@ def summary(rows: Sequence[dict[str, Any]], room: int | None = None) -> str:
                 _shares([r["executed_class"] for r in arrived]),
             ]
         )
-    return present.table(header, lines, room, keep=3)
+    return table(header, lines, room, keep=3)
 
 
 Crew = Callable[[Callable[[Any], Any], Sequence[Any], Callable[[Any, str], Any]], Iterator[Any]]

@@ -22,10 +22,10 @@ from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.tree.homology_tree import HomologyTree
-from sim.episode import Frame, Tally, run
-from sim.executor import Executor
+from sim.drive.episode import Frame, Tally, run
+from sim.drive.executor import Executor
 from sim.mjcf import load
-from sim.recorder import Recorder
+from sim.recording.recorder import Recorder
 
 PERIOD, MAX_TIME = 0.01, 0.5
 
@@ -59,7 +59,7 @@ def timed(frames: Iterable[Frame]) -> Iterator[Frame]:
     """Frames while the writer's clock shows their time: into how many chunks it cuts does not depend on the machine."""
     now = 0.0
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sim.writer.time", SimpleNamespace(monotonic=lambda: now))
+        patch.setattr("sim.recording.writer.time", SimpleNamespace(monotonic=lambda: now))
         for frame in frames:
             now = frame.end_time
             yield frame

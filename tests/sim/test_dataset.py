@@ -14,8 +14,8 @@ from repository import environment
 
 from pirrht.errors import OptionError
 from sim.sweeps import dataset as module
+from sim.sweeps.columns import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
 from sim.sweeps.dataset import Dataset, Unwritable, wished
-from sim.sweeps.rows import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
 
 SETTINGS = {"samples": 50, "robot": None, "start": (1.0, 2.0)}
 SCENES = {"slit": "0123"}

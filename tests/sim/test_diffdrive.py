@@ -11,7 +11,7 @@ from test_executor import QUIET, WALL, problem_of, scene_file
 
 from pirrht.outcome import Outcome
 from pirrht.systems.unicycle import Unicycle
-from sim.executor import Executor
+from sim.drive.executor import Executor
 from sim.mjcf import Loaded, load
 
 

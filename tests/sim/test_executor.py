@@ -15,9 +15,9 @@ from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.executor import Analytic, Executor, commanded_rate
+from sim.drive.executor import Analytic, Executor, commanded_rate
+from sim.drive.room import Room
 from sim.mjcf import Loaded, load
-from sim.room import Room
 
 QUIET = 1e-12  # a noise level that is as good as none
 STEP = 0.002

@@ -9,10 +9,10 @@ import pyarrow.parquet as pq
 import pytest
 from drives import Drive
 
-from sim import export, recording
 from sim.cli import main
-from sim.columns import COLUMNS, described
-from sim.truth import Truth
+from sim.drive.truth import Truth
+from sim.recording import export, read
+from sim.recording.columns import COLUMNS, described
 
 FAKE = Truth(value=9.0, control=np.array([0.5, -0.5]))
 
@@ -30,7 +30,7 @@ def drive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def table(drive):
-    return export.table(recording.read(drive[0]))
+    return export.table(read.read(drive[0]))
 
 
 def test_columns_hold_what_the_frames_held(drive, table):
@@ -97,7 +97,7 @@ def test_a_car_has_a_heading_and_one_control(tmp_path):
     small = ["--vertices", "80", "--samples", "20", "--noise", "0.1", "--max-time", "0.3"]
     record = str(tmp_path / "a.rrd")
     assert main(["run", "slit", "--robot", "unicycle", *small, "--record", record]) == 1
-    table = export.table(recording.read(tmp_path / "a.rrd"))
+    table = export.table(read.read(tmp_path / "a.rrd"))
     assert {"heading", "end_heading", "control_1", "noise_1"} <= table.keys()
     assert not {"control_2", "noise_2", "exact_value"} & table.keys()
     assert all(described(name).text for name in table)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pirrht.errors import OptionError
-from sim import film, offscreen
 from sim.cli import main
+from sim.film import film, offscreen
 from sim.mjcf import load
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]

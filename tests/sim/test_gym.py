@@ -16,11 +16,12 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from pirrht.errors import OptionError  # noqa: E402
 from pirrht.systems.unicycle import Unicycle  # noqa: E402
 from pirrht.tree.homology_tree import HomologyTree  # noqa: E402
-from sim import episode, gym  # noqa: E402
+from sim import gym  # noqa: E402
+from sim.drive import episode  # noqa: E402
 from sim.mjcf import scene_names  # noqa: E402
-from sim.robots import control_limits  # noqa: E402
-from sim.scenarios import Scenario  # noqa: E402
-from sim.sweeps import rows, runs  # noqa: E402
+from sim.mjcf.robot import control_limits  # noqa: E402
+from sim.scenario import Scenario  # noqa: E402
+from sim.sweeps import columns, runs  # noqa: E402
 
 INFO = {"outcome", "cost", "time", "min_clearance", "path_length"}
 
@@ -173,12 +174,12 @@ def test_scores_are_records_of_a_sweep():
     sweeps = runs.drive(job, planned)
     for seed, record in enumerate(records):
         assert record.keys() == sweeps.keys()
-        assert {name: type(value) for name, value in record.items() if name in rows.KEY} == {
-            name: type(sweeps[name]) if name != "scene_digest" else str for name in rows.KEY
+        assert {name: type(value) for name, value in record.items() if name in columns.KEY} == {
+            name: type(sweeps[name]) if name != "scene_digest" else str for name in columns.KEY
         }
         assert (record["seed"], record["method"], record["outcome"]) == (seed, "steering wheel", "goal")
         assert record["executed_class"] == "0,0"
-        assert rows.record_of(rows.row_of(record))["cost"] == record["cost"]
+        assert columns.record_of(columns.row_of(record))["cost"] == record["cost"]
     assert record["scene_digest"] == runs.digest(job)
 
 

@@ -16,12 +16,12 @@ from pirrht.estimation.estimate import Rollouts
 from pirrht.outcome import Outcome
 from pirrht.topology.driven import Driven
 from pirrht.tree.homology_tree import HomologyTree
-from sim import realtime
-from sim.ahead import Handover, Planner, Ready, foreseen
 from sim.cli import main
-from sim.episode import Frame, Tally
-from sim.executor import Analytic
-from sim.scenarios import Scenario
+from sim.drive import realtime
+from sim.drive.episode import Frame, Tally
+from sim.drive.executor import Analytic
+from sim.drive.realtime_planner import Handover, Planner, Ready, foreseen
+from sim.scenario import Scenario
 
 PERIOD, STEP = 0.1, 0.01
 

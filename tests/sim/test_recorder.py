@@ -17,13 +17,15 @@ from rerun.chunk import RrdReader
 
 from pirrht.compiled.jit import cached
 from pirrht.errors import OptionError
-from sim import drawing, recording, viewer, warm
-from sim.colors import PALETTE, ClassColors, title
-from sim.episode import run
-from sim.recorder import ROOM
-from sim.stage import telling
-from sim.steps import Row
-from sim.stream import Stream
+from sim.cli import warm
+from sim.drawing import strokes
+from sim.drawing.colors import PALETTE, ClassColors, title
+from sim.drive.episode import run
+from sim.recording import read, viewer
+from sim.recording.recorder import ROOM
+from sim.recording.static import telling
+from sim.recording.step_row import Row
+from sim.recording.stream import Stream
 
 STATIC_BYTES = 350_000  # scene, robot, tree, legend, and 140 kB of blueprint
 
@@ -144,7 +146,7 @@ def lost_when_killed(file: Path, pause: float, steps: int) -> float:
     process.kill()
     killed = time.monotonic()
     process.wait()
-    kept = [step for step, _, _ in recording.read(file).steps]
+    kept = [step for step, _, _ in read.read(file).steps]
     assert kept == list(range(len(kept)))
     return killed - taken[len(kept)] if len(kept) < len(taken) else 0.0
 
@@ -184,7 +186,7 @@ def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
     frame = next(drive.frames())
     monkeypatch.setattr(viewer, "probe", lambda url: None)
     monkeypatch.setattr(Stream, "connect", lambda self, url, blueprint: release.wait())
-    monkeypatch.setattr("sim.recorder.GRACE", 0.1)
+    monkeypatch.setattr("sim.recording.recorder.GRACE", 0.1)
     recorder = drive.recorder(tmp_path / "both.rrd", connect=viewer.EXAMPLE)
     for _ in range(ROOM + 100):  # what waited for the viewer would wait for ever
         recorder.log(frame)
@@ -229,9 +231,9 @@ def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side()
     drive = Drive()
     homology = drive.space.homology
     for reference in drive.tree.references(drive.scene.start[:2]):
-        line = drawing.even(reference.trajectory.points, 32)
+        line = strokes.even(reference.trajectory.points, 32)
         for k in range(homology.M):
-            height = drawing.remaining(homology, reference, line, k)
+            height = strokes.remaining(homology, reference, line, k)
             assert height[0] == reference.signature[k]
             assert height[-1] == pytest.approx(1.0 + homology.straight(line[-1:])[0, k], abs=1e-9)
             assert np.abs(np.diff(height)).max() < 0.25
@@ -254,8 +256,8 @@ def test_a_tree_that_grows_is_drawn_vertex_by_vertex_and_none_twice(tmp_path):
     assert size > before
     for k in (0, 1):
         rows = columns(file)[f"/tree/{k + 1}/growth"]["LineStrips3D:strips"]
-        ends, _ = drawing.tree_edges(drive.tree, k, 10_000, since=before)
-        gained = {tuple(tail) for tail in drawing.lift(ends[:, 0, :2], 0.0)[:, :2]}
+        ends, _ = strokes.tree_edges(drive.tree, k, 10_000, since=before)
+        gained = {tuple(tail) for tail in strokes.lift(ends[:, 0, :2], 0.0)[:, :2]}
         drawn = [{tuple(strip[0, :2]) for strip in np.array(row)} for row in rows]
         assert 2 <= len(rows) <= 5  # pictures are drawn five times a second
         assert set().union(*drawn) <= gained
@@ -265,10 +267,10 @@ def test_a_tree_that_grows_is_drawn_vertex_by_vertex_and_none_twice(tmp_path):
 
 def test_edges_of_a_tree_are_those_of_its_first_vertices_and_of_the_later_ones():
     tree = Drive().tree
-    whole, _ = drawing.tree_edges(tree, 0, 10_000)
-    first = len(whole) - len(drawing.tree_edges(tree, 0, 10_000, since=120)[0])
+    whole, _ = strokes.tree_edges(tree, 0, 10_000)
+    first = len(whole) - len(strokes.tree_edges(tree, 0, 10_000, since=120)[0])
     assert 0 < first < len(whole)
-    assert np.array_equal(whole[first:], drawing.tree_edges(tree, 0, 10_000, since=120)[0])
+    assert np.array_equal(whole[first:], strokes.tree_edges(tree, 0, 10_000, since=120)[0])
 
 
 def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_one_chooses(tmp_path):

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from sim.cli import main
-from sim.sweeps import report_text
+from sim.report import wording
+from sim.report.summary import ALL, report
+from sim.sweeps.columns import RESULTS
 from sim.sweeps.dataset import Dataset
-from sim.sweeps.report import ALL, report
-from sim.sweeps.rows import RESULTS
 
 ASKED = {"methods": ["pi-rrht", "passive", "optimal"], "noise": {"slit": [0.1]}, "seeds": [0, 40]}
 SETTINGS = {"samples": 50, "plan_seed": 0}
@@ -177,7 +177,7 @@ def test_a_sweep_of_errors_alone_tells_how_many_there_were_of_each(tmp_path, cap
 
 def test_a_scene_of_errors_alone_takes_no_picture_from_another(tmp_path):
     pytest.importorskip("matplotlib")
-    from sim.sweeps.report_pictures import pictures
+    from sim.report.plots import pictures
 
     asked = {"methods": ["pi-rrht"], "noise": {"a": [0.1], "b": [0.1]}, "seeds": [0, 3]}
     records = [record("pi-rrht", seed, scene="a") for seed in range(3)]
@@ -188,7 +188,7 @@ def test_a_scene_of_errors_alone_takes_no_picture_from_another(tmp_path):
 
 def test_step_times_stand_at_an_axis_of_plain_numbers():
     pyplot = pytest.importorskip("matplotlib.pyplot")
-    from sim.sweeps.report_pictures import _logarithmic
+    from sim.report.plots import _logarithmic
 
     for values in ([2.1, 2.3], [0.5, 300.0]):
         figure, axes = pyplot.subplots()
@@ -203,15 +203,15 @@ def test_step_times_stand_at_an_axis_of_plain_numbers():
 
 
 def test_columns_have_names_of_their_own_and_a_ratio_to_the_optimum_only_if_there_is_one(dataset, tmp_path):
-    known = report_text.tables(report(dataset))
+    known = wording.tables(report(dataset))
     for table in known:
         assert len(set(table.header)) == len(table.header)
         assert all(len(row) == len(table.header) for row in table.rows)
     assert {"p goals", "p cost"} <= set(known[3].header)
     assert "cost over optimal" in known[1].header
     alone = report(stored(tmp_path / "alone", [record("pi-rrht", 0)]))
-    assert "optimal" not in report_text.markdown(alone).replace("passive", "")
-    assert all(len(row) == len(table.header) for table in report_text.tables(alone) for row in table.rows)
+    assert "optimal" not in wording.markdown(alone).replace("passive", "")
+    assert all(len(row) == len(table.header) for table in wording.tables(alone) for row in table.rows)
 
 
 @pytest.mark.parametrize(("seeds", "hopeless"), [(5, True), (6, True), (7, False)])
@@ -220,20 +220,20 @@ def test_too_few_seeds_for_any_finding_are_said_to_be_too_few(seeds, hopeless, t
     same = [record(method, seed) for method in ("pi-rrht", "single") for seed in range(seeds)]
     known = report(stored(tmp_path / "sweep", same))
     assert known.least_p == pytest.approx(4 * 0.5**seeds)
-    told = " ".join(report_text.findings(known))
+    told = " ".join(wording.findings(known))
     assert "None of 2 comparisons" in told
     assert ("It takes at least 7 pairs" in told) == hopeless
 
 
 def test_no_runs_are_not_missing_methods(tmp_path):
     empty = report(stored(tmp_path / "sweep", []))
-    assert report_text.findings(empty) == ["No comparison: there are no runs."]
+    assert wording.findings(empty) == ["No comparison: there are no runs."]
 
 
 def test_one_is_singular(tmp_path):
     asked = {**ASKED, "methods": ["pi-rrht"], "seeds": [0, 1]}
     failed = report(stored(tmp_path / "sweep", [record("pi-rrht", 0, None, error="no way")], asked))
-    assert report_text.lead(failed)[:2] == [
+    assert wording.lead(failed)[:2] == [
         "1 of 1 run asked for is there.",
         "1 run ended with an error and counts in no figure:",
     ]

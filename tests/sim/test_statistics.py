@@ -8,7 +8,7 @@ from math import comb, isnan
 import numpy as np
 import pytest
 
-from sim.sweeps.statistics import holm, mcnemar, mean, paired_shares, ratio, sign_flips, wilson
+from sim.report.statistics import holm, mcnemar, mean, paired_shares, ratio, sign_flips, wilson
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 from benchmarks import calibration, calibration_car, calibration_table, scenes
 
 from pirrht import FreeSpace
-from sim import present
+from sim.files import plain
 from sim.mjcf import load
 
 SEEDS = (3, 13)
@@ -90,7 +90,7 @@ def test_the_table_has_coverage_by_room_and_a_picture(tmp_path: Path):
     assert (total["states"], total["plans"] + total["without"]) == (4, 12)
     assert 0.0 < total["v2"] <= 1.0
     assert values["truth"][0]["v"] < 0.01
-    json.dumps(present.plain(values))
+    json.dumps(plain(values))
     assert OPTIONS.png.stat().st_size > 10_000
 
 

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from mjcf_samples import FLOOR, GOAL, SITES, START, mjcf
 
-from sim import present
+from sim import text
 from sim.cli import main
-from sim.options import refuse_idle
-from sim.scenarios import prepare
+from sim.scenario import prepare
+from sim.settings import refuse_idle
+from sim.text import say, table
 
 Run = Callable[..., tuple[int, Any]]
 
@@ -382,24 +383,24 @@ def test_estimate_says_what_its_standard_errors_do_not_know(capsys):
 
 def test_a_table_wider_than_the_terminal_becomes_several_that_fit():
     header, rows = ["scene", "b", "success", "cost", "time"], [["slit", "0.1", "99", "8.4401", "4.2"]]
-    whole = present.table(header, rows)
-    assert present.table(header, rows, len(whole.splitlines()[1])) == whole
-    parts = present.table(header, rows, 24, keep=2).split("\n\n")
+    whole = table(header, rows)
+    assert table(header, rows, len(whole.splitlines()[1])) == whole
+    parts = table(header, rows, 24, keep=2).split("\n\n")
     assert [part.splitlines()[0].split() for part in parts] == [
         ["scene", "b", "success"],
         ["scene", "b", "cost", "time"],
     ]
     assert all(len(line) <= 24 for part in parts for line in part.splitlines())
     assert [part.splitlines()[2].split() for part in parts] == [["slit", "0.1", "99"], ["slit", "0.1", "8.4401", "4.2"]]
-    assert present.table(header, rows, 3).count("slit") == 4  # one column beside the first, however narrow
+    assert table(header, rows, 3).count("slit") == 4  # one column beside the first, however narrow
 
 
 def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
     line = "class -1,0, 1 class switches, 0 fallbacks, least clearance 0.115 m"
-    present.say(line)
+    say(line)
     assert capsys.readouterr().out == line + "\n"
-    monkeypatch.setattr(present, "width", lambda: 40)
-    present.say(line)
+    monkeypatch.setattr(text, "width", lambda: 40)
+    say(line)
     shown = capsys.readouterr().out.splitlines()
     assert " ".join(part.strip() for part in shown) == line
     assert max(map(len, shown)) <= 40

@@ -17,9 +17,9 @@ from repository import environment
 
 from pirrht.errors import OptionError, PirrhtError
 from sim.cli import main
+from sim.sweeps.columns import RESULTS, key_of
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.engine import Agenda, Stop
-from sim.sweeps.rows import RESULTS, key_of
 
 distributed = pytest.importorskip("distributed")
 

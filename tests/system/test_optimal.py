@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pirrht import Outcome
-from sim import episode
 from sim.cli import main
+from sim.drive import episode
 
 
 @pytest.fixture(scope="module")

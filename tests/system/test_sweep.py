@@ -17,10 +17,11 @@ import numpy as np
 import pytest
 from repository import environment
 
-from sim.cli import _parser, main
-from sim.sweeps import runs, sweep, sweeping
+from sim.cli import main, sweep_commands
+from sim.cli.parser import _parser
+from sim.sweeps import runs, sweep
+from sim.sweeps.columns import RESULTS, key_of
 from sim.sweeps.dataset import Dataset
-from sim.sweeps.rows import RESULTS, key_of
 
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
 WALL = """<mujoco model="wall"><worldbody>
@@ -33,14 +34,14 @@ WALL = """<mujoco model="wall"><worldbody>
 
 INTERRUPTED = """
 import os, signal, sys
-from sim import cli
+from sim.cli import parser
 from sim.sweeps import dataset
 def once(file, table, write=dataset._write):
     dataset._write = write
     write(file, table)
     os.killpg(0, signal.SIGINT)  # as a terminal does, to all processes
 dataset.CHUNK_RUNS, dataset._write = 20, once
-sys.exit(cli.main(sys.argv[1:]))
+sys.exit(parser.main(sys.argv[1:]))
 """
 
 
@@ -191,13 +192,13 @@ def test_a_run_that_crashes_is_a_row_and_the_others_go_on(tmp_path, capsys, monk
 
 def test_of_many_errors_the_most_frequent_are_told(capsys):
     errors = ["a", "b", "c", "c\nmore", "d", "e", "d"]
-    sweeping._tell(errors, stored=True)
+    sweep_commands._tell(errors, stored=True)
     assert capsys.readouterr().err.splitlines() == [
         "7 runs ended with an error:",
         *("  2 x c", "  2 x d", "  1 x a", "  and 2 other errors"),
         "the same command with --again makes them anew",
     ]
-    sweeping._tell([], stored=True)
+    sweep_commands._tell([], stored=True)
     assert capsys.readouterr().err == ""
 
 

@@ -11,8 +11,8 @@ import pytest
 from repository import ROOT
 from sdf_samples import BALL, PLANE, TASK, ball, collision, link, model, sdf
 
+from sim.importing.scene_file import Imported, import_world
 from sim.mjcf import load
-from sim.worlds import Imported, import_world
 
 BARN = ROOT.parent / "shared" / "data" / "barn"
 

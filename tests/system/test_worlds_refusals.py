@@ -9,7 +9,7 @@ import pytest
 from sdf_samples import BALL, PLANE, TASK, ball, collision, link, model, sdf
 
 from pirrht.errors import SceneError
-from sim.worlds import Imported, import_world
+from sim.importing.scene_file import Imported, import_world
 
 
 @pytest.fixture

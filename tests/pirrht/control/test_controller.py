@@ -12,7 +12,7 @@ from pirrht.errors import NoReference, OptionError
 from pirrht.steering.straight_line import StraightLine
 from pirrht.steering.trajectory import running_cost
 from pirrht.tree.homology_tree import HomologyTree
-from sim.scenarios import Scenario
+from sim.scenario import Scenario
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
 

@@ -10,7 +10,7 @@ from pirrht.exact.desirability import Desirability
 from pirrht.problem import Problem
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
-from sim.scenarios import prepare
+from sim.scenario import prepare
 
 START = np.array([1.0, 2.5])  # both detours are worth the same there
 

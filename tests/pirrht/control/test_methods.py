@@ -17,8 +17,9 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.tree.homology_tree import HomologyTree
-from sim import cli, episode
-from sim.scenarios import Scenario
+from sim.cli import parser
+from sim.drive import episode
+from sim.scenario import Scenario
 
 
 def noisy(slit: Scenario) -> Problem:
@@ -129,7 +130,7 @@ def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit: Scenario, 
 @pytest.mark.parametrize("command", ["run", "estimate", "sweep"])
 def test_every_method_is_explained_on_the_command_line(command: str, capsys):
     with pytest.raises(SystemExit):
-        cli.main([command, "--help"])
+        parser.main([command, "--help"])
     text = capsys.readouterr().out
     for name, what in METHODS.items():
         assert any(line.split()[0] == name and what in line for line in text.splitlines() if line.strip())

@@ -16,8 +16,8 @@ from pirrht.steering.straight_line import StraightLine
 from pirrht.steering.trajectory import running_cost
 from pirrht.systems.unicycle import Unicycle
 from pirrht.tree.homology_tree import HomologyTree
-from sim import episode
-from sim.scenarios import Scenario
+from sim.drive import episode
+from sim.scenario import Scenario
 
 B, RADIUS = 0.3, 0.3
 

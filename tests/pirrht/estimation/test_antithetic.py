@@ -10,7 +10,7 @@ from batches import batch_of
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.tree.homology_tree import HomologyTree
-from sim.scenarios import Scenario
+from sim.scenario import Scenario
 
 TIMES = np.arange(61) * 0.1
 PLANS = 60

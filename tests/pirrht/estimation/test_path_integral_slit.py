@@ -9,7 +9,7 @@ from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import Estimate
 from pirrht.outcome import Outcome
 from pirrht.topology.homology import class_id
-from sim.scenarios import Scenario
+from sim.scenario import Scenario
 
 
 def plan_at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Plan:

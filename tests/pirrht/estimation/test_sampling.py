@@ -29,7 +29,7 @@ from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.tree.homology_tree import HomologyTree
-from sim.scenarios import Scenario
+from sim.scenario import Scenario
 
 HALF, NOISE = 0.5, 0.5  # of the strip: half its width L [m], b [m/sqrt(s)]
 X = np.array([0.2, 0.0])

@@ -23,7 +23,7 @@ from pirrht.steering.dubins import Dubins
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.systems.unicycle import Unicycle
 from pirrht.tree.homology_tree import HomologyTree
-from sim.scenarios import Scenario, prepare
+from sim.scenario import Scenario, prepare
 
 POST = np.array([2.2, 0.1])  # left of the straight way to the goal, so that passing it on the right is cheaper
 

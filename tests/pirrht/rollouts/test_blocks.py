@@ -16,7 +16,7 @@ from pirrht.rollouts.general.loops import loops
 from pirrht.rollouts.general.path import Kind, any_path
 from pirrht.rollouts.records import Paths
 from pirrht.tree.homology_tree import HomologyTree
-from sim.scenarios import Scenario
+from sim.scenario import Scenario
 
 TIMES = np.concatenate([np.arange(10) * 0.01, np.arange(1, 40) * 0.1])
 RULES = [

@@ -5,7 +5,7 @@ import pytest
 
 from pirrht.errors import OptionError
 from pirrht.tree.convergence import grow
-from sim.scenarios import prepare
+from sim.scenario import prepare
 
 
 @pytest.fixture(scope="module")

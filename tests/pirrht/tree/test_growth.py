@@ -12,9 +12,9 @@ from repository import environment
 
 from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_point
 from pirrht.tree.homology_tree import HomologyTree
-from sim import episode
 from sim.cli import main
-from sim.scenarios import Scenario, prepare
+from sim.drive import episode
+from sim.scenario import Scenario, prepare
 
 FEW = {"vertices": 60, "samples": 20, "noise": 0.2}
 
@@ -131,7 +131,7 @@ def test_what_cannot_grow_is_refused(capsys):
 def test_the_kernel_of_growth_is_found_on_disk_by_the_next_process(slit_tree):
     """A kernel is looked up by what its closure holds; compiling must not change that."""
     program = (
-        "from sim.scenarios import prepare\n"
+        "from sim.scenario import prepare\n"
         "tree = prepare('slit').empty_tree(); tree.reserve(20)\n"
         "stats = tree._grow_kernel.stats; print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))"
     )

@@ -19,7 +19,7 @@ from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.homology import class_id
 from pirrht.tree.graph import class_at
 from pirrht.tree.homology_tree import HomologyTree, Reference
-from sim.scenarios import Scenario
+from sim.scenario import Scenario
 
 EXACT = {"0,0": 8.4, "-1,0": 8.67746, "0,1": 8.67746}  # cost of the taut paths, from their geometry
 

@@ -1,0 +1,5 @@
+"""The command `pirrht`."""
+
+from sim.cli.parser import main
+
+__all__ = ["main"]

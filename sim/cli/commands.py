@@ -1,0 +1,365 @@
+"""What each command of the CLI does."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Generator
+from contextlib import closing, nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from pirrht.arrays import Array
+from pirrht.control.methods import TREELESS
+from pirrht.control.policy import Policy
+from pirrht.errors import OptionError, SceneError
+from pirrht.estimation.estimate import OTHER, Estimate
+from pirrht.outcome import Outcome
+from pirrht.tree import file as tree_file
+from pirrht.tree.convergence import Convergence
+from pirrht.tree.homology_tree import HomologyTree, Reference
+from sim.cli import sweep_commands, tables, warm
+from sim.drawing.colors import title
+from sim.drive import episode, realtime, realtime_timing
+from sim.drive.executor import Plant
+from sim.drive.truth import Truth, Witness
+from sim.files import check_writable, write_json
+from sim.mjcf import load, scene_names
+from sim.result import estimate_json, passages_json, plan_json, run_json, settings_json
+from sim.scenario import Scenario, prepare
+from sim.settings import refuse_idle
+from sim.text import counted, say, table, width
+
+
+def scenes(_: argparse.Namespace) -> int:
+    """List the built-in scenes."""
+    rows = []
+    for name in scene_names():
+        loaded = load(name)
+        size = loaded.scene.upper - loaded.scene.lower
+        rows.append(
+            [
+                name,
+                f"{size[0]:g} x {size[1]:g} m",
+                str(len(loaded.scene.obstacles)),
+                loaded.robot,
+                str(loaded.path),
+            ]
+        )
+    print(table(["scene", "size", "solids", "robot", "file"], rows, width()))
+    return 0
+
+
+def plan(arguments: argparse.Namespace) -> int:
+    """Grow the tree and print one row per class."""
+    _check_outputs(arguments, "json", "png", "convergence", "output")
+    for option in ("png", "convergence"):
+        path: Path | None = getattr(arguments, option)
+        if path is not None:
+            from sim.figures import draw
+
+            draw.check(path, f"--{option}")
+    began = time.perf_counter()
+    scenario = _scenario(arguments)
+    convergence = None
+    if arguments.convergence:
+        tree, convergence = _watched(scenario)
+        references = tree.references(scenario.start, polished=scenario.settings.polish)
+    else:
+        tree, references = _planned(scenario)
+    seconds = time.perf_counter() - began
+    print(tables.class_table(references, width()))
+    say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
+    say(tables.passages_line(passages_json(tree, references)))
+    if arguments.output:
+        tree_file.save(tree, arguments.output)
+        print(f"tree: {arguments.output}")
+    if arguments.json:
+        write_json(arguments.json, plan_json(scenario, tree, references, seconds, convergence))
+    if arguments.png:
+        draw.draw_plan(arguments.png, scenario, tree, references)
+    if convergence is not None:
+        draw.draw_convergence(arguments.convergence, scenario.loaded.scene.name, convergence, references)
+    return 0
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plan, drive, record and sum up."""
+    _check_outputs(arguments, "json", "record", "video", "png")
+    if not (np.isfinite(arguments.record_hz) and arguments.record_hz > 0):
+        raise OptionError(f"--record-hz is {arguments.record_hz:g}; it must be a positive number")
+    scenario = _scenario(arguments)
+    settings = scenario.settings
+    optimal = settings.method == "optimal"
+    film = _film(arguments, scenario)
+    truth = scenario.truth() if arguments.truth else None
+    witness = None if truth is None else Witness(truth)
+    compiling = None if optimal else warm.start(scenario.loaded.dynamics_name)
+    tree, references = (None, []) if settings.method in TREELESS else _planned(scenario)
+    if references:
+        print(tables.class_table(references, width()))
+    if compiling is not None:
+        compiling.wait()
+    exact = truth if truth is not None and truth.dt is None else None
+    controller = scenario.optimal(exact) if optimal else scenario.controller(tree)
+    if not optimal:
+        controller.path_integral.warm_up()
+    tally = episode.Tally(settings.period)
+    plant = scenario.plant()
+    frames = _frames(plant, controller, scenario)
+    recorder = _recorder(arguments, scenario, tree, controller.path_integral)
+    with closing(frames), recorder or nullcontext(), _bar("drive", settings.max_time, "s") as bar:
+        for frame in frames:
+            news = tally.add(frame)
+            known = None if witness is None else witness.add(frame.plan)
+            if recorder is not None:
+                recorder.log(frame, news, known)
+            if film is not None:
+                film.add(frame)
+            if news and frame.outcome is None:  # how it ended is in the summary
+                bar.write(news)
+            bar.update(round(frame.end_time - bar.n, 6))
+            bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
+    result = {**tally.result(), **({} if witness is None else {"truth": witness.result()})}
+    _print_summary(result)
+    if recorder is not None and recorder.live:
+        result["dropped_frames"] = recorder.dropped
+        print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
+    if arguments.record:
+        print(f"recording: {arguments.record}  (open it with: rerun {arguments.record})")
+    if arguments.json:
+        write_json(arguments.json, run_json(scenario, references, result))
+    if film is not None:
+        with _bar("film", film.length, " pictures") as bar:
+            film.save(bar.update)
+        print("film:", *(file for file in (arguments.video, arguments.png) if file is not None))
+    if recorder is not None and recorder.server is not None and sys.stdout.isatty():
+        print("served until Ctrl-C", flush=True)
+        recorder.server.stay()
+    return 0 if tally.outcome is Outcome.GOAL else 1
+
+
+def estimate(arguments: argparse.Namespace) -> int:
+    """What the controller would do at one state, repeated with independent samples."""
+    _check_outputs(arguments, "json")
+    if arguments.repeat < 1:
+        raise OptionError(f"--repeat is {arguments.repeat}; it must be at least 1")
+    scenario = _scenario(arguments)
+    if scenario.settings.method == "optimal":
+        raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
+    x = _state(arguments.at, scenario)
+    truth = _truth(scenario, x) if arguments.truth else None
+    tree, _ = (None, []) if scenario.settings.method in TREELESS else _planned(scenario)
+    controller = scenario.controller(tree)
+    controller.begin(x)
+    estimates: list[Estimate | None] = []
+    references: tuple[Reference, ...] = ()
+    for _ in range(arguments.repeat):
+        decision = controller.plan(x)
+        references = decision.references
+        estimates.append(decision.estimate)
+    print(tables.estimate_table(estimates, [r.id for r in references], truth, width()))
+    if any(e is None for e in estimates):
+        dead = sum(e is None for e in estimates)
+        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples")
+    for line in tables.doubts(estimates, [r.id for r in references], scenario.settings.target_error):
+        say(line)
+    if arguments.json:
+        write_json(arguments.json, estimate_json(scenario, references, estimates, truth))
+    return 0
+
+
+def import_world(arguments: argparse.Namespace) -> int:
+    """Turn a Gazebo world or a ROS map into a scene."""
+    from sim.importing import scene_file
+
+    _check_outputs(arguments, "output")
+    with tqdm(desc="boxes", unit=" cells", leave=False, disable=None) as bar:
+        imported = scene_file.import_world(
+            arguments.world,
+            arguments.output,
+            start=arguments.start,
+            goal=arguments.goal,
+            workspace=arguments.workspace,
+            unknown=arguments.unknown,
+            progress=bar.update,
+        )
+    print(f"{imported.path}: {imported.geoms} geoms, {imported.obstacles} of them obstacles")
+    return 0
+
+
+def export(arguments: argparse.Namespace) -> int:
+    """Turn a recording into a table."""
+    from sim.recording import export as engine
+    from sim.recording import read
+
+    _check_outputs(arguments, "output")
+    engine.check_format(arguments.output)
+    known = read.read(arguments.recording)
+    columns = engine.table(known)
+    engine.write(arguments.output, columns, known.settings)
+    print(f"{arguments.output}: {len(known.steps)} control steps, {len(columns)} columns")
+    if not known.whole:
+        print(f"{arguments.recording} ends at {known.steps[-1][1]:.2f} s without an outcome; what it holds is exported")
+    return 0
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "scenes": scenes,
+    "plan": plan,
+    "run": run,
+    "estimate": estimate,
+    "sweep": sweep_commands.sweep,
+    "report": sweep_commands.report,
+    "import": import_world,
+    "export": export,
+}
+
+
+def given(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the user said, by setting."""
+    skip = {"command", "scene", "scenes", "robot", "radius", "start", "goal", "preset", "json", "png", "convergence"}
+    said = {name: value for name, value in vars(arguments).items() if name not in skip}
+    if "methods" in said:
+        refuse_idle(said, [m.strip() for m in said["methods"].split(",")])
+    return said
+
+
+def _scenario(arguments: argparse.Namespace) -> Scenario:
+    if arguments.start is not None and len(arguments.start) not in (2, 3):
+        raise OptionError(f"--start has {len(arguments.start)} numbers; it must be X Y or X Y TH")
+    scenario = prepare(
+        arguments.scene,
+        robot=arguments.robot,
+        radius=arguments.radius,
+        start=arguments.start,
+        goal=arguments.goal,
+        preset=arguments.preset,
+        given=given(arguments),
+    )
+    warm.announce(scenario.loaded.dynamics_name, sampling=arguments.command != "plan")
+    return scenario
+
+
+def _planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
+    """The grown tree and the references at the start."""
+    with _bar("plan", scenario.settings.vertices, " vertices") as bar:
+        tree = scenario.grown_tree(lambda size: bar.update(size - bar.n))
+    return tree, tree.references(scenario.start, polished=scenario.settings.polish)
+
+
+def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
+    """The grown tree, and the lengths of the best path per class from the start while it grew."""
+    from pirrht.tree.convergence import grow
+
+    tree, vertices = scenario.empty_tree(), scenario.settings.vertices
+    with _bar("plan", vertices, " vertices") as bar:
+        convergence = grow(
+            tree,
+            scenario.start,
+            vertices,
+            every=max(1, vertices // 200),
+            progress=lambda size: bar.update(size - bar.n),
+        )
+    return tree, convergence
+
+
+def _frames(plant: Plant, controller: Policy, scenario: Scenario) -> Generator[episode.Frame]:
+    """The drive, as fast as it goes or in real time."""
+    s, start, rng = scenario.settings, scenario.start, scenario.plant_rng()
+    if s.real_time:
+        return realtime.run(plant, controller, start, rng, period=s.period, max_time=s.max_time, grow=s.grow)
+    return episode.run(plant, controller, start, rng, max_time=s.max_time, grow=s.grow or 0)
+
+
+def _truth(scenario: Scenario, x: Array) -> Truth:
+    """The grid's value and control at x (n,)."""
+    return Truth.at(scenario.truth(), x)
+
+
+def _state(at: list[float], scenario: Scenario) -> Array:
+    if len(at) not in (2, 3) or not np.all(np.isfinite(at)):
+        raise OptionError(f"--at has {len(at)} numbers; it must be X Y or X Y TH, all finite")
+    x = scenario.problem.dynamics.state_of(np.array([*at, 0.0]))
+    where = f"--at {' '.join(f'{v:g}' for v in at)}"
+    if scenario.space.clearance(x) <= 0.0:
+        raise SceneError(f"{where}: this state is in collision or outside the workspace; choose another")
+    if scenario.loaded.scene.goal.contains(x[:2]):
+        raise SceneError(f"{where}: this state is already in the goal; choose another")
+    return x
+
+
+def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any) -> Any:
+    if not (arguments.record or arguments.connect or arguments.view or arguments.serve):
+        return None
+    from sim.recording.recorder import Recorder
+
+    recorder = Recorder(
+        scenario.loaded,
+        scenario.space,
+        tree,
+        path_integral,
+        file=arguments.record,
+        connect=arguments.connect,
+        view=arguments.view,
+        serve=arguments.serve,
+        hz=arguments.record_hz,
+        samples=arguments.record_samples,
+        truth=arguments.truth,
+        lift=arguments.record_lift,
+        settings=settings_json(scenario),
+    )
+    if recorder.server is not None:
+        print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
+    return recorder
+
+
+def _film(arguments: argparse.Namespace, scenario: Scenario) -> Any:
+    if arguments.video is None and arguments.png is None:
+        return None
+    from sim.film.film import Film
+
+    return Film(scenario.loaded, video=arguments.video, still=arguments.png)
+
+
+def _check_outputs(arguments: argparse.Namespace, *options: str) -> None:
+    for option in options:
+        path: Path | None = getattr(arguments, option)
+        if path is not None:
+            check_writable(path, f"--{option}")
+
+
+def _bar(what: str, total: float, unit: str) -> Any:
+    style = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit} {postfix}"
+    return tqdm(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=style)
+
+
+def _print_summary(result: dict[str, Any]) -> None:
+    ms = result["step_ms"]
+    executed = "none" if result["executed_class"] is None else title(result["executed_class"])
+    say(
+        f"{result['outcome']} after {result['time']:.2f} s: cost {result['cost']:.3f}, "
+        f"noisy path of {result['path_length']:.2f} m"
+    )
+    say(
+        f"class {executed}, {counted(result['class_switches'], 'class switch', 'class switches')}, "
+        f"{counted(result['fallbacks'], 'fallback')}, "
+        f"least clearance {result['min_clearance']:.3f} m"
+    )
+    if "real_time" in result:
+        say(realtime_timing.summary(result["real_time"]))
+    say(
+        f"{counted(result['steps'], 'control step')}: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, "
+        f"max {ms['max']:.1f}, "
+        f"{result['deadline_misses']} {'late' if 'real_time' in result else 'longer than the period'}"
+    )
+    if "truth" in result:
+        exact = result["truth"]
+        say(
+            f"beside the optimal control: |u - u*| {exact['mean_control_error']:.3f} on average, "
+            f"{exact['max_control_error']:.3f} at most; exact value at the start {exact['value']:.4f}"
+        )

@@ -1,0 +1,98 @@
+"""What a person reads on the terminal of plans and estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pirrht.arrays import Array
+from pirrht.estimation.estimate import FEW, Estimate
+from pirrht.tree.homology_tree import Reference
+from sim.drawing.colors import title
+from sim.drive.truth import Truth
+from sim.text import counted, table
+
+FEW_CLASSES = 4
+LONE = 1.5  # effective samples of a class of which no more than one has any weight
+WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
+
+
+def class_table(references: Sequence[Reference], room: int | None = None) -> str:
+    """One row per homology class, cheapest first."""
+    if references and len(references[0].winding) > 4:  # too wide for a terminal; JSON has it all
+        rows = [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}"] for r in references]
+        return table(["class", "cost", "length [m]"], rows, room)
+    rows = [[r.id, f"{r.cost:.4f}", f"{r.length:.3f}", " ".join(f"{h:+.2f}" for h in r.signature)] for r in references]
+    return table(["class", "cost", "length [m]", "H"], rows, room)
+
+
+def estimate_table(
+    estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None, room: int | None = None
+) -> str:
+    """One row per repeat: value, control, their standard errors, effective sample size and class weights.
+
+    With a truth also the errors.
+    """
+    off = [] if truth is None else ["v error", "u error"]
+    if len(ids) > FEW_CLASSES:  # too wide for a terminal; JSON has them all
+        ids = [name for name in ids if any(e and e.class_weights.get(name, 0.0) >= 5e-4 for e in estimates)]
+    header = ["repeat", "value", "v stderr", "control", "u stderr", *off, "ESS", *map(title, ids), "other"]
+    rows = []
+    for i, e in enumerate(estimates):
+        if e is None:
+            rows.append([str(i), "none", "-", "none", "-", *["-"] * len(off), "0", *["-"] * (len(ids) + 1)])
+            continue
+        known = [e.class_weights.get(name, 0.0) for name in ids]
+        weights = [f"{weight:.3f}" for weight in [*known, max(0.0, 1.0 - sum(known))]]
+        errors = [] if truth is None else [f"{error:+.4f}" for error in truth.errors(e)]
+        value = [f"{e.value:.4f}", f"{e.value_error:.4f}"]
+        control = [_vector(e.control), "(" + ", ".join(f"{error:.3f}" for error in e.control_error) + ")"]
+        rows.append([str(i), *value, *control, *errors, f"{e.ess:.1f}", *weights])
+    if truth is not None:
+        exact = [f"{truth.value:.4f}", "-", _vector(truth.control), "-"]
+        rows.append(["truth", *exact, *["-"] * (len(ids) + 4)])
+    return table(header, rows, room)
+
+
+def doubts(estimates: Sequence[Estimate | None], ids: Sequence[str], target: float | None) -> list[str]:
+    """What standard errors do not tell: that few samples have any weight, or are of a class, and targets missed."""
+    known = [e for e in estimates if e is not None]
+    lines = []
+    poor = sum(e.doubtful for e in known)
+    if poor:
+        lines.append(
+            f"effective sample size (ESS) below {FEW:g} in {poor} of {len(known)} repeats; standard errors say "
+            "nothing there, try more --samples"
+        )
+    for name in ids:
+        thin = sum(e.class_ess.get(name, 0.0) < LONE for e in known)
+        if thin and max(e.class_weights.get(name, 0.0) for e in known) >= WORTH:
+            lines.append(
+                f"class {title(name)}: hardly a sample in {thin} of {len(known)} repeats; standard errors do not know "
+                "what it is worth, try more --samples"
+            )
+    if target is not None:
+        missed = sum(float(e.control_error.max()) > target for e in known)
+        drawn = [sum(part.size for part in e.parts) for e in known]
+        lines.append(
+            f"--target-error {target:g}: not reached in {missed} of {len(known)} repeats, "
+            f"at most {max(drawn, default=0)} samples drawn"
+        )
+    return lines
+
+
+def _vector(values: Array) -> str:
+    return "(" + ", ".join(f"{v:+.3f}" for v in values) + ")"
+
+
+def passages_line(found: dict[str, Any]) -> str:
+    """What a person should know of open passages (`passages_json`) that no path leads through; empty without any."""
+    unused = found["unused"]
+    if not unused:
+        return ""
+    first = unused[0]
+    return (
+        f"{len(unused)} of {counted(found['open'], 'open passage')} on no path, the narrowest "
+        f"{first['width']:.2f} m wide at ({first['at'][0]:.2f}, {first['at'][1]:.2f}) between "
+        f"{' and '.join(first['between'])}: more --vertices or --classes or a higher --limit may lead there"
+    )

@@ -1,0 +1,1 @@
+"""What every picture shares: the colours of classes, and the lines that are drawn."""

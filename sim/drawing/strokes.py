@@ -1,0 +1,205 @@
+"""Lines to be drawn: sampled paths by class, references, the tree lifted by the paper's H."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.estimation.estimate import OTHER, Estimate
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.topology.homology import Homology
+from pirrht.tree.graph import ROOT, edge_turns_around, node_turns_around
+from pirrht.tree.homology_tree import HomologyTree, Reference
+from sim.drawing.colors import Color
+
+Floats = NDArray[np.float32]
+Indices = NDArray[np.int64]
+DEAD = "dead"
+TAPE_SAMPLES = 2000  # of a round, for the line where the tape leads
+
+
+def at_most(points: Array, count: int) -> Array:
+    """A polyline (k, d) thinned out to at most `count` points, ends included."""
+    if len(points) <= count:
+        return points
+    return points[np.rint(np.linspace(0, len(points) - 1, count)).astype(np.int64)]
+
+
+def even(points: Array, count: int) -> Array:
+    """A polyline (k, 2) cut anew into `count` points at equal distances, (count, 2)."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    at = np.linspace(0.0, along[-1], count)
+    return np.column_stack([np.interp(at, along, points[:, i]) for i in (0, 1)])
+
+
+def ahead(plan: Plan, problem: Problem) -> Array:
+    """Where a plan's tape alone would lead, (k, 2), as far as a tenth of the weight is still under way."""
+    x, still, path = plan.state, np.zeros(problem.dynamics.m), [plan.state[:2]]
+    tape, alive = _tape_of(plan)
+    for u, dt, share in zip(tape, np.diff(plan.times), alive, strict=True):
+        if share < 0.1 or problem.scene.goal.contains(x[:2]):
+            break
+        x = problem.dynamics.step(x, u, still, dt)
+        path.append(x[:2])
+    return np.array(path)
+
+
+def _tape_of(plan: Plan) -> tuple[Array, Array]:
+    """A plan's tape (T, m) and the weight under way (T,), by as many samples as a picture needs.
+
+    All noise must be drawn again for it. Of several batches the smallest serves that is large enough.
+    """
+    estimate = plan.estimate
+    if estimate is None or plan.replay is None or len(estimate.parts) == 1:
+        return plan.tape, plan.alive
+    met = [part for part in estimate.parts if np.isfinite(part.log_weight.max())]
+    enough = [part for part in met if part.size >= TAPE_SAMPLES]
+    return plan.replay.tape(
+        [min(enough, key=lambda part: part.size) if enough else max(met, key=lambda part: part.size)]
+    )
+
+
+def apart(lines: Sequence[NDArray[Any]]) -> list[int]:
+    """For each of several lines (k, d) the index of its point farthest from the others: room for a name."""
+    found = []
+    for i, line in enumerate(lines):
+        others = np.vstack([other for j, other in enumerate(lines) if j != i] or [line[[0, -1]]])
+        gap = np.linalg.norm(line[:, None] - others, axis=-1).min(axis=1)
+        found.append(int(np.argmax(gap)))
+    return found
+
+
+def lift(points: Array, z: float | Array) -> Floats:
+    """Planar points (..., 2) at height z, (..., 3), single precision."""
+    out = np.empty((*points.shape[:-1], 3), np.float32)
+    # Whole 1/256 m leave zero bytes behind, which the file's compression turns into half the size.
+    out[..., :2] = np.rint(points[..., :2] * 256.0) / 256.0
+    out[..., 2] = z
+    return out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fan:
+    """Sampled paths of one class, or of those that died."""
+
+    strips: Floats  # (k, l, 3)
+    opacity: Array  # (k,) grows with the weight
+
+
+def fans(
+    path_integral: PathIntegral,
+    estimate: Estimate,
+    names: Mapping[int, str],
+    *,
+    points: int,
+    everything: bool,
+) -> dict[str, Fan]:
+    """Chosen samples by the class of their own path.
+
+    Args:
+        names: additive class keys of the references.
+        points: how many points may be drawn altogether.
+        everything: draw all samples instead, however many.
+    """
+    paths = estimate.rollouts.paths
+    members = _members(paths.outcome, paths.key, names)
+    length = 2 + int(paths.steps.max(initial=0)) // 2
+    share = max(4, points // (length * max(1, len(members))))
+    chosen = {name: m if everything else _pick(m, estimate.weight, min(share, 50)) for name, m in members.items()}
+    length = length if everything else max(2, min(length, points // max(1, sum(map(len, chosen.values())))))
+    top = float(estimate.weight.max())
+    drawn = {}
+    for name, group in chosen.items():
+        opacity = np.sqrt(estimate.weight[group] / top)
+        order = np.argsort(opacity, kind="stable")  # the heavy ones are drawn last, on top
+        strips = _strips(path_integral, estimate, group[order], length)
+        strips[..., 2] += 0.02 * opacity[order, None].astype(np.float32)
+        drawn[name] = Fan(strips=strips, opacity=opacity[order])
+    return drawn
+
+
+def _members(outcome: NDArray[np.int8], key: Indices, names: Mapping[int, str]) -> dict[str, Indices]:
+    alive = outcome == Outcome.GOAL
+    members = {name: np.flatnonzero(alive & (key == k)) for k, name in names.items()}
+    members[OTHER] = np.flatnonzero(alive & ~np.isin(key, list(names)))
+    members[DEAD] = np.flatnonzero(~alive)
+    return {name: group for name, group in members.items() if len(group)}
+
+
+def _pick(group: Indices, weight: Array, count: int) -> Indices:
+    """The heaviest third of `count`, and an even choice among the others."""
+    if len(group) <= count:
+        return group
+    by_weight = group[np.argsort(-weight[group], kind="stable")]
+    heavy, rest = by_weight[: count // 3], np.sort(by_weight[count // 3 :])
+    even = rest[np.linspace(0, len(rest) - 1, count - len(heavy)).astype(np.int64)]
+    return np.sort(np.concatenate([heavy, even]))
+
+
+def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, length: int) -> Floats:
+    """Paths of chosen samples with `length` points each, (k, length, 3)."""
+    states, steps = path_integral.replay.trace(estimate.rollouts, chosen)
+    times = estimate.rollouts.leads.times  # steps may be unequal; points are even in time
+    at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
+    return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02)
+
+
+def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) -> tuple[Array, Array]:
+    """Edges from nodes to their parents with the paper's H of one obstacle as third coordinate.
+
+    Args:
+        most: so many at most.
+        since: only those of vertices from this number on.
+
+    Returns:
+        (k, 2, 3) ends [m, m, turns] with k at most `most`, and (k,) height of the middle [turns].
+    """
+    graph, size = tree.graph, tree.size
+    width = graph.parent.shape[1]
+    live = np.arange(width) < graph.nodes[since:size, None]
+    vertex, slot = np.nonzero(live & (graph.parent[since:size] != ROOT))
+    vertex += since
+    if len(vertex) > most:
+        keep = np.linspace(0, len(vertex) - 1, most).astype(np.int64)
+        vertex, slot = vertex[keep], slot[keep]
+    edge = graph.parent[vertex, slot]
+    head = graph.head[edge]
+    ends = np.empty((len(vertex), 2, 3))
+    ends[:, 0, :2], ends[:, 1, :2] = tree.states[vertex, :2], tree.states[head, :2]
+    turns = node_turns_around(graph, vertex, slot, obstacle).astype(float)
+    ends[:, 0, 2] = 1.0 + graph.straight[vertex, obstacle] + turns
+    ends[:, 1, 2] = 1.0 + graph.straight[head, obstacle] + turns - edge_turns_around(graph, obstacle)[edge]
+    return ends, ends[:, :, 2].mean(axis=1)
+
+
+def remaining(homology: Homology, reference: Reference, line: Array, obstacle: int) -> Array:
+    """The paper's H [turns] of what is left of a reference at each point of its line (k, 2), (k,)."""
+    away = line - homology.markers[obstacle]
+    cross = away[:-1, 0] * away[1:, 1] - away[:-1, 1] * away[1:, 0]
+    swept = np.arctan2(cross, np.sum(away[:-1] * away[1:], axis=1)) / (2.0 * np.pi)
+    left: Array = reference.signature[obstacle] - np.concatenate([[0.0], np.cumsum(swept)])
+    return left
+
+
+def heights(values: Array, low: float, high: float) -> NDArray[np.uint8]:
+    """Colours (k, 3) for heights (k,), from dim blue to pale sand."""
+    anchors = np.array([(44, 62, 110), (92, 105, 138), (150, 150, 140), (226, 208, 150)], dtype=float)
+    place = np.clip((values - low) / max(high - low, 1e-9), 0.0, 1.0) * (len(anchors) - 1)
+    grid = np.arange(len(anchors))
+    mixed = np.stack([np.interp(place, grid, anchors[:, c]) for c in range(3)], axis=1)
+    colors: NDArray[np.uint8] = np.rint(mixed).astype(np.uint8)
+    return colors
+
+
+def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:
+    """Colours (k, 3) as 0xRRGGBBAA (k,), opaque; Rerun takes these without converting one by one."""
+    rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
+    return rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32) + np.uint32(255)

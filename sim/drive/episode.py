@@ -1,0 +1,185 @@
+"""The receding-horizon loop as a generator of frames, and the tally that sums a drive up."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.control.policy import Policy
+from pirrht.estimation.estimate import OTHER
+from pirrht.outcome import Outcome
+from pirrht.topology.homology import class_id
+from pirrht.tree.homology_tree import HomologyTree
+from sim.drawing.colors import title
+from sim.drive.executor import Advance, Plant
+from sim.drive.realtime_timing import Timing, figures
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """One control period: where the robot was, what was planned there and what came of it."""
+
+    step: int  # number of the period, from 0
+    time: float  # simulated time at its start [s]
+    plan: Plan
+    advance: Advance
+    outcome: Outcome | None  # how the drive ended in this period, TIMEOUT included; None while it goes on
+    cost: float  # integral of q + u'Ru/2 up to the end of this period
+    length: float  # driven up to there [m]
+    clearance: float  # FCL's clearance at the start of the period [m]
+    driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
+    plan_seconds: float  # wall time the plan took [s]
+    vertices: int = 0  # of the tree that the plan was made with
+    timing: Timing | None = None  # of real-time drives only
+
+    @property
+    def end_time(self) -> float:
+        """Simulated time at the end of the period [s]."""
+        return self.time + self.advance.time
+
+    @property
+    def state(self) -> Array:
+        """State at the end of the period, (n,)."""
+        return self.advance.states[-1] if len(self.advance.states) else self.plan.state
+
+
+def run(
+    plant: Plant, controller: Policy, start: Array, rng: np.random.Generator, *, max_time: float, grow: int = 0
+) -> Generator[Frame]:
+    """Drive from start until the goal, a collision or max_time [s] of simulated time (Algorithm 4).
+
+    Args:
+        grow: vertices that the controller's tree gains between two plans.
+
+    Raises:
+        NoReference: already the start has no reference.
+    """
+    plant.reset(start)
+    controller.begin(plant.state)
+    now, cost, length, step = 0.0, 0.0, 0.0, 0
+    outcome: Outcome | None = None
+    while outcome is None:
+        began = time.perf_counter()
+        plan = controller.plan(plant.state)
+        seconds = time.perf_counter() - began
+        vertices = size_of(controller.tree)
+        clearance = controller.space.clearance(plan.state)
+        advance = plant.advance(plan.at, rng)
+        controller.observe(advance.states, advance.time)
+        cost, length = cost + advance.cost, length + advance.length
+        outcome = advance.outcome
+        if outcome is None and now + advance.time >= max_time - 1e-9:
+            outcome = Outcome.TIMEOUT
+        yield Frame(
+            step=step,
+            time=now,
+            plan=plan,
+            advance=advance,
+            outcome=outcome,
+            cost=cost,
+            length=length,
+            clearance=clearance,
+            driven_class=controller.driven_class(),
+            plan_seconds=seconds,
+            vertices=vertices,
+        )
+        if controller.tree is not None and outcome is None and grow:
+            controller.tree.grow(vertices + grow)
+        now, step = now + advance.time, step + 1
+
+
+def size_of(tree: HomologyTree | None) -> int:
+    """Vertices of a tree; 0 if there is none."""
+    return 0 if tree is None else tree.size
+
+
+@dataclass(slots=True)
+class Tally:
+    """Sums a drive up as its frames pass by."""
+
+    period: float  # [s]
+    first: Plan | None = None
+    last: Frame | None = None
+    switches: int = 0
+    fallbacks: int = 0
+    doubtful: int = 0  # plans that rest on few effective samples
+    misses: int = 0
+    min_clearance: float = np.inf
+    favourite: str | None = None
+    plan_seconds: list[float] = field(default_factory=list)
+    timings: list[Timing] = field(default_factory=list)
+
+    def add(self, frame: Frame) -> str | None:
+        """Take a frame into account; a line for the log if something happened that a person wants to know."""
+        news = self._news(frame)
+        if self.first is None:
+            self.first = frame.plan
+        if frame.plan.fallback is not None:
+            self.fallbacks += 1
+        elif self.favourite is not None and frame.plan.favourite != self.favourite:
+            self.switches += 1
+        if frame.plan.fallback is None:
+            self.favourite = frame.plan.favourite
+        estimate = frame.plan.estimate
+        self.doubtful += estimate is not None and estimate.doubtful
+        self.min_clearance = min(self.min_clearance, frame.clearance, frame.advance.clearance)
+        self.plan_seconds.append(frame.plan_seconds)
+        if frame.timing is None:
+            self.misses += frame.plan_seconds > self.period
+        else:
+            self.misses += frame.timing.missed
+            self.timings.append(frame.timing)
+        self.last = frame
+        return news
+
+    def _news(self, frame: Frame) -> str | None:
+        news = []
+        before = None if self.last is None else self.last.plan.fallback
+        favourite = frame.plan.favourite
+        if frame.plan.fallback not in (None, before):
+            news.append(f"{frame.plan.fallback} at {frame.time:.2f} s: following what is known; try more --samples")
+        if frame.plan.fallback is None and self.favourite not in (None, favourite):
+            news.append(f"class {title(self.favourite or OTHER)} -> {title(favourite or OTHER)} at {frame.time:.2f} s")
+        if frame.outcome is not None:
+            news.append(f"{frame.outcome.name.lower()} at {frame.end_time:.2f} s")
+        return "; ".join(news) or None
+
+    @property
+    def outcome(self) -> Outcome:
+        """How the drive ended; TIMEOUT if it has not."""
+        return Outcome.TIMEOUT if self.last is None or self.last.outcome is None else self.last.outcome
+
+    def result(self) -> dict[str, Any]:
+        """The figures of the drive under the names of the public JSON (SI units)."""
+        assert self.last is not None, "a drive has at least one frame"
+        assert self.first is not None
+        milliseconds = 1e3 * np.array(self.plan_seconds)
+        estimate = self.first.estimate
+        reached = self.outcome is Outcome.GOAL
+        return {
+            "outcome": self.outcome.name.lower(),
+            "time": self.last.end_time,
+            "cost": self.last.cost,
+            "path_length": self.last.length,
+            "steps": self.last.step + 1,
+            "vertices": self.last.vertices,
+            "min_clearance": self.min_clearance,
+            "value_estimate": self.first.exact if estimate is None else estimate.value,
+            "executed_class": class_id(self.last.driven_class) if reached else None,
+            "class_switches": self.switches,
+            "fallbacks": self.fallbacks,
+            "doubtful_plans": self.doubtful,
+            "step_ms": {
+                "median": float(np.median(milliseconds)),
+                "p95": float(np.percentile(milliseconds, 95)),
+                "max": float(milliseconds.max()),
+            },
+            "deadline_misses": self.misses,
+            **({"real_time": figures(self.timings, self.period)} if self.timings else {}),
+        }

@@ -1,0 +1,194 @@
+"""Figures on paper: the map of a plan, with matplotlib (extra `figures`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError
+from pirrht.geometry.scene import Obstacle
+from pirrht.tree.convergence import Convergence
+from pirrht.tree.homology_tree import HomologyTree, Reference
+from sim.drawing.colors import ClassColors, title
+from sim.scenario import Scenario
+
+ENDINGS = (".png", ".pdf", ".svg")
+
+
+def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Sequence[Reference]) -> None:
+    """Write a map with obstacles, tree and the reference of every class."""
+    plt = pyplot()
+    scene = scenario.loaded.scene
+    size = scene.upper - scene.lower
+    figure, axes = plt.subplots(figsize=(8.0, 6.2 * float(size[1] / size[0]) + 0.8), layout="constrained")
+    draw_scene(axes, scenario)
+    number_obstacles(axes, scenario)
+    draw_tree(axes, tree)
+    colors = ClassColors()
+    colors.meet(reference.id for reference in references)
+    for reference in reversed(references):
+        line = reference.trajectory.points
+        label = f"{title(reference.id)}: {reference.cost:.2f}"
+        axes.plot(line[:, 0], line[:, 1], color=_rgb(colors[reference.id]), lw=2.2, label=label)
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(
+        handles[::-1], labels[::-1], fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False,
+        title="class: cost", title_fontsize=8,
+    )  # fmt: skip
+    axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first", fontsize=10)
+    _save(plt, figure, path, "--png")
+
+
+def draw_convergence(
+    path: Path, scene: str, convergence: Convergence, references: Sequence[Reference], *, at_most: int = 16
+) -> None:
+    """Write the lengths of the best path per class against the iteration, like the paper's Fig. 3a."""
+    plt = pyplot("--convergence")
+    figure, axes = plt.subplots(figsize=(8.0, 4.8), layout="constrained")
+    colors = ClassColors()
+    colors.meet(reference.id for reference in references)
+    taut = {reference.id: reference.length for reference in references}
+    shown = [name for name in taut if name in convergence.ids][:at_most]
+    for name in shown:
+        lengths = convergence.lengths[:, convergence.ids.index(name)]
+        label = f"{title(name)}: {lengths[-1]:.2f} m, taut {taut[name]:.2f}"
+        lengths = np.where(np.isfinite(lengths), lengths, np.nan)
+        axes.step(convergence.iterations, lengths, where="post", color=_rgb(colors[name]), lw=1.6, label=label)
+        end = convergence.iterations[-1]
+        axes.plot([0.97 * end, 1.03 * end], [taut[name]] * 2, color=_rgb(colors[name]), lw=1.6, ls=":")
+    if shown:  # first paths may be several times as long as the last ones: those are what one looks at
+        axes.set_ylim(0.97 * min(taut.values()), 1.5 * max(taut[name] for name in shown))
+    axes.set_xlabel("iteration (random states drawn)")
+    axes.set_ylabel("length of the tree's best path per class [m]")
+    axes.set_title(f"{scene}: {convergence.vertices[-1]} vertices; dotted: pulled taut within the class", fontsize=10)
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(
+        fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, title="class", title_fontsize=8
+    )
+    _save(plt, figure, path, "--convergence")
+
+
+def draw_scene(axes: Any, scenario: Scenario) -> None:
+    """Workspace, obstacles seen from above, start and goal."""
+    from matplotlib.patches import Circle, Polygon, Rectangle
+
+    scene = scenario.loaded.scene
+    axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc="#f7f7f5", ec="#777777", lw=1))
+    for obstacle in scene.obstacles:
+        axes.add_patch(Polygon(outline(obstacle), closed=True, fc="#4d5866", ec="none"))
+    axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc="#8fd19e", ec="#3c8f52", lw=1, zorder=1))
+    axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec="black", lw=1.2, zorder=4))
+    heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
+    if scenario.problem.dynamics.angles:
+        axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})
+    axes.set_aspect("equal")
+    margin = 0.02 * float((scene.upper - scene.lower).max())
+    axes.set_xlim(scene.lower[0] - margin, scene.upper[0] + margin)
+    axes.set_ylim(scene.lower[1] - margin, scene.upper[1] + margin)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+
+
+def number_obstacles(axes: Any, scenario: Scenario) -> None:
+    """The numbers by which classes name the topological obstacles, from 1, at their markers."""
+    for i, (x, y) in enumerate(scenario.space.homology.markers, 1):
+        axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
+
+
+def draw_tree(axes: Any, tree: HomologyTree) -> None:
+    """The best edge of every vertex, as its own curve."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(tree_lines(tree), colors="#55aacc", lw=0.35, alpha=0.5, zorder=1))
+
+
+def tree_lines(tree: HomologyTree) -> list[Array]:
+    """The edge that each vertex' cheapest node takes, as polylines (k, 2)."""
+    graph = tree.graph
+    tails, heads = [], []
+    for v in range(tree.size):
+        count = int(graph.nodes[v])
+        if count == 0:
+            continue
+        e = int(graph.parent[v, int(np.argmin(graph.cost[v, :count]))])
+        if e >= 0:
+            tails.append(v)
+            heads.append(int(graph.head[e]))
+    curves = tree.steering.connect(tree.states[tails], tree.states[heads])
+    return curves.points(0.15)
+
+
+def outline(obstacle: Obstacle) -> Array:
+    """Corners (k, 2) of an obstacle's convex outline seen from above [m]."""
+    from scipy.spatial import ConvexHull
+
+    from pirrht.geometry.scene import Kind
+
+    if obstacle.kind is Kind.MESH:
+        assert obstacle.vertices is not None
+        body = obstacle.vertices
+    else:
+        body = _surface(obstacle.kind.value, obstacle.size)
+    world = body @ obstacle.rotation.T + obstacle.position
+    hull = ConvexHull(world[:, :2])
+    corners: Array = world[hull.vertices, :2]
+    return corners
+
+
+def _surface(kind: str, size: Array) -> Array:
+    """Points whose convex hull is close to a primitive, in its own frame, (k, 3)."""
+    if kind == "box":
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        return np.asarray(signs * size)
+    turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    ring = np.column_stack([np.cos(turn), np.sin(turn)])
+    if kind == "cylinder":
+        ends = [np.column_stack([size[0] * ring, np.full(64, z)]) for z in (-size[1], size[1])]
+        return np.vstack(ends)
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, 33)
+    ball = np.vstack([np.column_stack([np.cos(a) * ring, np.full(64, np.sin(a))]) for a in latitude])
+    if kind == "capsule":
+        shift = np.array([0.0, 0.0, size[1]])
+        return np.vstack([size[0] * ball + shift, size[0] * ball - shift])
+    return np.asarray(ball * (size if kind == "ellipsoid" else size[0]))
+
+
+def _save(plt: Any, figure: Any, path: Path, option: str) -> None:
+    try:
+        figure.savefig(path, dpi=150, bbox_inches="tight")
+    except (OSError, ValueError) as error:
+        raise OptionError(f"{option} {path}: {error}; give a file that ends in .png, .pdf or .svg") from None
+    finally:
+        plt.close(figure)
+
+
+def _rgb(color: Any) -> tuple[float, ...]:
+    return tuple(float(v) / 255.0 for v in color[:3])
+
+
+def check(path: Path, option: str) -> None:
+    """Make sure, before any work, that a figure can be drawn and has an ending that says how.
+
+    Raises:
+        OptionError: matplotlib is missing, or it knows no such ending.
+    """
+    pyplot(option)
+    if path.suffix.lower() not in ENDINGS:
+        raise OptionError(f"{option} {path}: no figure has this ending; give a file that ends in {', '.join(ENDINGS)}")
+
+
+def pyplot(option: str = "--png") -> Any:
+    """matplotlib.pyplot without a display; OptionError, naming the option, if matplotlib is not installed."""
+    try:
+        import matplotlib
+    except ImportError:
+        raise OptionError(f"{option} needs matplotlib; install it with: pip install matplotlib") from None
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    return plt

@@ -1,0 +1,92 @@
+"""Fig. 3: lengths of the best paths of the car per class while the tree grows, and the references at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.tree.convergence import Convergence, grow
+from pirrht.tree.homology_tree import HomologyTree, Reference
+from sim.drawing.colors import ClassColors, title
+from sim.figures import ground, style
+from sim.figures.effort import Effort, Tick
+from sim.scenario import Scenario
+
+VERTICES, NOTES = 1000, 250  # of the tree, as in the paper; notes of lengths taken on the way
+SHOWN = 8  # classes, the shortest first
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lengths:
+    """What the figure shows."""
+
+    scenario: Scenario
+    tree: HomologyTree
+    convergence: Convergence
+    references: Sequence[Reference]  # polished, the shortest of all classes first
+
+    def history(self, reference: Reference) -> Array:
+        """Lengths of a class' best path at each note, NaN before it is found [m]."""
+        column = self.convergence.lengths[:, self.convergence.ids.index(reference.id)]
+        known: Array = np.where(np.isfinite(column), column, np.nan)
+        return known
+
+
+def work(effort: Effort, tick: Tick) -> Lengths:
+    """Grow the tree of `clutter`."""
+    scenario = effort.scenario("clutter", vertices=effort.vertices or VERTICES)
+    tree, vertices = scenario.empty_tree(), scenario.settings.vertices
+    convergence = grow(tree, scenario.start, vertices, every=max(1, vertices // NOTES))
+    references = tree.references(scenario.start, polished=scenario.settings.polish)
+    tick()
+    known = [reference for reference in references if reference.id in convergence.ids]
+    return Lengths(scenario=scenario, tree=tree, convergence=convergence, references=known[:SHOWN])
+
+
+def draw(plt: Any, shown: Lengths) -> Any:
+    """Lengths against iterations beside the map of the references."""
+    scene = shown.scenario.loaded.scene
+    figure, (left, right) = plt.subplots(
+        1, 2, figsize=(style.PAGE, 3.15), layout="constrained", gridspec_kw={"width_ratios": [1.25, 1.0]}
+    )
+    colors = ClassColors()
+    colors.meet(reference.id for reference in shown.references)
+    _histories(left, shown, colors)
+    ground.draw(right, scene)
+    for reference in reversed(shown.references):
+        ground.dots(right, reference.trajectory.points, style.rgb(colors[reference.id]), width=1.2, count=18)
+    ground.robot(right, scene, shown.scenario.start)
+    for i, (x, y) in enumerate(shown.scenario.space.homology.markers, 1):
+        right.text(x, y, str(i), color="white", fontsize=6, ha="center", va="center", zorder=11)
+    ground.frame(right, scene.lower, scene.upper)
+    right.set_xlabel("$x$ [m]")
+    right.set_ylabel("$y$ [m]")
+    style.panel(right, 1, f"references, {shown.tree.size} vertices")
+    figure.legend(
+        *left.get_legend_handles_labels(), loc="outside lower center", ncols=4, columnspacing=1.6,
+        title="class: turns around obstacles, length of its reference", title_fontsize=7,
+    )  # fmt: skip
+    return figure
+
+
+def _histories(axes: Any, shown: Lengths, colors: ClassColors) -> None:
+    convergence, end = shown.convergence, shown.convergence.iterations[-1]
+    for reference in shown.references:
+        color, lengths = style.rgb(colors[reference.id]), shown.history(reference)
+        label = f"{title(reference.id)}: {reference.length:.2f} m"
+        axes.step(convergence.iterations, lengths, where="post", color=color, lw=1.2, label=label)
+        axes.plot([1.01 * end, 1.05 * end], [reference.length] * 2, color=color, lw=1.6)
+    last = [r.length for r in shown.references]
+    if last:  # first paths may be several times as long as the last ones: those are what one looks at
+        axes.set_ylim(0.97 * min(last), 1.35 * max(last))
+    axes.set_xlim(0, 1.06 * end)
+    axes.set_xlabel("iteration (random states drawn)")
+    axes.set_ylabel("shortest path of the class [m]")
+    axes.grid(color="#e3e3e3", lw=0.4)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    style.panel(axes, 0, "tree's paths; bars at the right: references, pulled taut")

@@ -1,0 +1,176 @@
+"""Figs. 2 and 4: snapshots of drives with samples, references, the path that the chosen tape leads along, the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.estimation.estimate import OTHER
+from pirrht.estimation.sampler import PathIntegral
+from sim.drawing import strokes
+from sim.drawing.colors import ClassColors, Color, title
+from sim.drive import episode
+from sim.drive.episode import Frame
+from sim.figures import ground, style
+from sim.scenario import Scenario
+
+POINTS = 9000  # of samples in a panel
+CURVE = 120  # points of a reference
+MARGIN = 0.75  # around paths and obstacles [m]
+MOST = 6  # classes in colour, the cheapest at the start; others are grey
+DASHES = (0, (3, 1.5))
+BAR = 0.045  # height of the bar of weights [in]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drive:
+    """A drive, and which of its control steps are shown."""
+
+    scenario: Scenario
+    path_integral: PathIntegral
+    frames: Sequence[Frame]
+    shown: Sequence[int]
+
+    def driven(self, step: int) -> Array:
+        """The path from the start to the beginning of a step, (k, 2)."""
+        first = self.frames[0].plan.state[None, :2]
+        return np.vstack([first, *(frame.advance.states[:, :2] for frame in self.frames[:step])])
+
+
+def drive(scenario: Scenario, moments: Sequence[float]) -> Drive:
+    """Drive once; `moments` are shares of the driven time, of which snapshots are taken."""
+    controller, plant, s = scenario.controller(scenario.grown_tree()), scenario.plant(), scenario.settings
+    controller.path_integral.warm_up()
+    frames = list(
+        episode.run(plant, controller, scenario.start, scenario.plant_rng(), max_time=s.max_time, grow=s.grow or 0)
+    )
+    shown = [min(len(frames) - 1, round(moment * len(frames))) for moment in moments]
+    return Drive(scenario=scenario, path_integral=controller.path_integral, frames=frames, shown=shown)
+
+
+def draw(plt: Any, drives: Sequence[Drive], *, labels: Sequence[str], width: float, whole: bool) -> Any:
+    """A row of panels per drive.
+
+    Args:
+        labels: what each drive's panels are called, beside their time.
+        width: of the figure [in].
+        whole: show the whole workspace, not only the part where something happens.
+    """
+    columns = len(drives[0].shown)
+    low, high = _extent(drives, whole)
+    height = width / columns * float((high - low)[1] / (high - low)[0])
+    figure, panels = plt.subplots(
+        len(drives), columns, figsize=(width, len(drives) * (height + 0.16) + 0.75), squeeze=False, layout="constrained"
+    )
+    figure.get_layout_engine().set(w_pad=0.02, h_pad=0.03, wspace=0.02, hspace=0.03)
+    colors = ClassColors()
+    colors.meet(name for one in drives for name in one.frames[0].plan.ids)
+    for row, (one, label) in enumerate(zip(drives, labels, strict=True)):
+        for column, step in enumerate(one.shown):
+            axes, frame = panels[row][column], one.frames[step]
+            _panel(axes, one, step, colors)
+            ground.frame(axes, low, high)
+            style.panel(axes, row * columns + column, f"{label}$t$ = {frame.time:.1f} s")
+            _ticks(axes, first_column=column == 0, last_row=row == len(drives) - 1)
+            _weights(axes, frame, colors, height)
+    figure.legend(handles=_handles(colors), loc="outside lower center", ncols=5, columnspacing=1.4, handletextpad=0.5)
+    return figure
+
+
+def _extent(drives: Sequence[Drive], whole: bool) -> tuple[Array, Array]:
+    scene = drives[0].scenario.loaded.scene
+    if whole:
+        return scene.lower, scene.upper
+    lines = [one.driven(len(one.frames)) for one in drives]
+    lines += [r.trajectory.points for one in drives for step in one.shown for r in one.frames[step].plan.references]
+    return ground.around(lines, scene, MARGIN)
+
+
+def _panel(axes: Any, one: Drive, step: int, colors: ClassColors) -> None:
+    """The plan at a step, and the path driven to it."""
+    scene, frame = one.scenario.loaded.scene, one.frames[step]
+    ground.draw(axes, scene)
+    _samples(axes, one, frame, colors)
+    for reference, name in list(zip(frame.plan.references, frame.plan.ids, strict=True))[::-1]:
+        line = strokes.even(reference.trajectory.points, CURVE)
+        if name in colors.names[:MOST]:
+            ground.dots(axes, line, style.rgb(colors[name]), width=1.1)
+        else:
+            axes.plot(*line.T, color=style.LONGER, lw=0.7, zorder=4)
+    chosen = strokes.ahead(frame.plan, one.scenario.problem)
+    axes.plot(*chosen.T, color=style.INK, lw=0.9, ls=DASHES, zorder=7)
+    axes.plot(*one.driven(step).T, color=style.INK, lw=0.8, zorder=8)
+    ground.robot(axes, scene, frame.plan.state)
+
+
+def _samples(axes: Any, one: Drive, frame: Frame, colors: ClassColors) -> None:
+    """Sampled paths: dead ones at the bottom, then by weight."""
+    from matplotlib.collections import LineCollection
+
+    if frame.plan.estimate is None:
+        return
+    key = one.scenario.space.homology.key
+    names = {key(r.winding): name for r, name in zip(frame.plan.references, frame.plan.ids, strict=True)}
+    found = strokes.fans(one.path_integral, frame.plan.estimate, names, points=POINTS, everything=False)
+    for name, fan in found.items():
+        dead = name == strokes.DEAD
+        shade = np.ones((len(fan.strips), 4))
+        shade[:, :3] = style.rgb(style.DEAD if dead else _color(name, colors))
+        shade[:, 3] = 0.45 if dead else 0.2 + 0.7 * fan.opacity
+        axes.add_collection(LineCollection(list(fan.strips[..., :2]), colors=shade, lw=0.4, zorder=2 if dead else 3))
+
+
+def _ticks(axes: Any, *, first_column: bool, last_row: bool) -> None:
+    """Numbers at the figure's left and bottom only."""
+    from matplotlib.ticker import MultipleLocator
+
+    span = axes.get_xlim()[1] - axes.get_xlim()[0]
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(1.0 if span < 7 else 2.0))
+    axes.tick_params(labelleft=first_column, labelbottom=last_row)
+    axes.set_xlabel("$x$ [m]" if last_row else "")
+    axes.set_ylabel("$y$ [m]" if first_column else "")
+
+
+def _weights(axes: Any, frame: Frame, colors: ClassColors, height: float) -> None:
+    """A bar at the bottom of a panel of that height [in]: the share of psi that each class has."""
+    from matplotlib.patches import Rectangle
+
+    weights = frame.plan.estimate.class_weights if frame.plan.estimate else {}
+    left = 0.0
+    for name in [*frame.plan.ids, OTHER]:
+        place, share = (left, 0.0), weights.get(name, 0.0)
+        color = style.rgb(_color(name, colors))
+        axes.add_patch(Rectangle(place, share, BAR / height, transform=axes.transAxes, fc=color, ec="none", zorder=12))
+        left += share
+
+
+def _color(name: str, colors: ClassColors) -> Color:
+    return colors[name if name in colors.names[:MOST] else OTHER]
+
+
+def _handles(colors: ClassColors) -> list[Any]:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    ink, many = style.INK, len(colors.names) > MOST
+    return [
+        *(
+            Line2D(
+                [], [], color=style.rgb(colors[n]), lw=1.1, marker="o", ms=2.5, mfc="white", label=f"class {title(n)}"
+            )
+            for n in colors.names[:MOST]
+        ),
+        *([Line2D([], [], color=style.LONGER, lw=0.7, label="longer classes")] if many else []),
+        Line2D([], [], color=style.rgb(style.DEAD), lw=0.5, label="samples that died"),
+        Line2D([], [], color=ink, lw=0.8, label="driven"),
+        Line2D([], [], color=ink, lw=0.9, ls=DASHES, label="where the chosen tape leads"),
+        Line2D([], [], color=ink, marker="o", ms=5, mfc=style.ROBOT, mew=0.6, ls="none", label="robot"),
+        Patch(fc=style.GOAL, ec=style.GOAL_EDGE, lw=0.6, label="goal"),
+        Patch(fc=style.WALL, label="obstacle"),
+        Patch(fc=style.rgb(colors[colors.names[0]]), label="bar: class weights"),
+    ]

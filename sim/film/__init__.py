@@ -1,0 +1,1 @@
+"""Films of drives, rendered by MuJoCo without a display."""

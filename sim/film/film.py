@@ -1,0 +1,145 @@
+"""A drive as a film: MuJoCo's scene with references and driven path drawn in, at the pace of the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.errors import OptionError
+from pirrht.files import replaced
+from sim.drawing.colors import ClassColors
+from sim.drawing.strokes import at_most
+from sim.drive.episode import Frame
+from sim.film.offscreen import Offscreen, Picture
+from sim.mjcf import Loaded
+from sim.mjcf.coordinates import stance_of
+from sim.recording.static import DRIVEN
+
+WIDTH, HEIGHT = 1280, 720
+RATE = 30  # pictures per second
+HOLD = 1.0  # how long the last picture stays [s]
+ELEVATION = 68.0  # of the eye [degrees]
+REFERENCE_POINTS, PATH_POINTS = 32, 300
+
+
+class Film:
+    """Collects the frames of a drive and draws them afterwards.
+
+    Args:
+        video: the film's file, .mp4.
+        still: the file of its last picture, .png.
+
+    Raises:
+        OptionError: files that cannot be made, for want of a library, of graphics or of the right ending.
+    """
+
+    def __init__(self, loaded: Loaded, *, video: Path | None = None, still: Path | None = None) -> None:
+        self._video, self._still = video, still
+        if video is not None:
+            _check(video, "--video", ".mp4", "av")
+        if still is not None:
+            _check(still, "--png", ".png", "PIL")
+        option = "--png" if video is None else "--video"
+        self._eye = Offscreen(loaded.model, width=WIDTH, height=HEIGHT, option=option)
+        extent, lower = loaded.scene.upper - loaded.scene.lower, loaded.scene.lower
+        size = max(float(extent[1]), float(extent[0]) * HEIGHT / WIDTH)
+        center = np.array([*(lower + (0.5, 0.46) * extent), 0.0])  # what is near takes more room
+        self._thick = max(1.0, size / 6.0)  # of lines
+        self._eye.look_at(center, distance=1.32 * size, elevation=ELEVATION)
+        self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
+        self._stance, self._colors = stance_of(loaded.model), ClassColors()
+        self._states: list[Array] = []
+        self._times: list[Array] = []
+        self._plans: list[tuple[float, Plan]] = []
+
+    def add(self, frame: Frame) -> None:
+        """Take a control step in."""
+        states = frame.advance.states
+        if not self._plans:
+            self._states.append(frame.plan.state[None])
+            self._times.append(np.zeros(1))
+        self._states.append(states)
+        self._times.append(frame.time + frame.advance.time * np.arange(1, len(states) + 1) / max(1, len(states)))
+        self._plans.append((frame.time, frame.plan))
+        self._colors.meet(frame.plan.ids)
+
+    @property
+    def length(self) -> int:
+        """Pictures in the film."""
+        return 1 + int(self._times[-1][-1] * RATE) + round(HOLD * RATE)
+
+    def save(self, progress: Callable[[int], None]) -> None:
+        """Draw everything and write the files; `progress` is told each picture drawn.
+
+        Raises:
+            OptionError: a file cannot be written.
+        """
+        if self._video is not None:
+            with replaced(self._video, "--video") as stream:
+                _encode(stream, self._pictures(progress))
+        if self._still is not None:
+            from PIL import Image
+
+            with replaced(self._still, "--png") as stream:
+                Image.fromarray(self._picture(np.inf)).save(stream, "png")
+        self._eye.close()
+
+    def _pictures(self, progress: Callable[[int], None]) -> Iterator[Picture]:
+        moving = self.length - round(HOLD * RATE)
+        for k in range(moving):
+            yield self._picture(k / RATE)
+            progress(1)
+        last = self._picture(np.inf)
+        for _ in range(self.length - moving):
+            yield last
+            progress(1)
+
+    def _picture(self, time: float) -> Picture:
+        states, times = np.concatenate(self._states), np.concatenate(self._times)
+        now = int(np.searchsorted(times, time + 1e-9, side="right")) - 1
+        nu = self._model.nu
+        self._stance.place(self._data, states[now], np.zeros(2), np.zeros(nu))
+        mujoco.mj_forward(self._model, self._data)
+        self._eye.pose(self._data)
+        begun = [began for began, _ in self._plans]
+        self._references(self._plans[int(np.searchsorted(begun, time + 1e-9, side="right")) - 1][1])
+        self._eye.line(_raised(at_most(states[: now + 1, :2], PATH_POINTS), 0.03), DRIVEN, 0.015 * self._thick)
+        return self._eye.draw()
+
+    def _references(self, plan: Plan) -> None:
+        weights = plan.estimate.class_weights if plan.estimate else {}
+        for reference, name in zip(plan.references, plan.ids, strict=True):
+            radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
+            points = at_most(reference.trajectory.points, REFERENCE_POINTS)
+            self._eye.line(_raised(points, 0.02), self._colors[name], radius * self._thick)
+
+
+def _raised(points: Array, z: float) -> Array:
+    return np.column_stack([points, np.full(len(points), z)])
+
+
+def _check(file: Path, option: str, ending: str, library: str) -> None:
+    if file.suffix.lower() != ending:
+        raise OptionError(f"{option} {file}: the ending must be {ending}")
+    try:
+        __import__(library)
+    except ImportError as error:
+        raise OptionError(f"{option} needs the extra `video` ({error}); pip install 'pirrht[video]'") from None
+
+
+def _encode(stream: Any, pictures: Iterator[Picture]) -> None:
+    """H.264 in MP4, as browsers and players take it."""
+    import av
+
+    with av.open(stream, "w", format="mp4") as container:
+        track = container.add_stream("libx264", rate=RATE, options={"crf": "20"})
+        track.width, track.height, track.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        for picture in pictures:
+            container.mux(track.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")))
+        container.mux(track.encode())

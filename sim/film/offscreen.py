@@ -1,0 +1,117 @@
+"""Pictures of a MuJoCo scene without a window: by EGL, else by OSMesa, or by what MUJOCO_GL names."""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import os
+import sys
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError
+from sim.drawing.colors import Color
+
+Picture = NDArray[np.uint8]  # (height, width, 3)
+
+BACKENDS = ("egl", "osmesa")
+CHOSEN = os.environ.get("MUJOCO_GL")  # by the user; MuJoCo's bindings have heeded it when they were imported
+MOST = 6000  # shapes in a picture
+SLICES, STACKS = 28, 8  # corners of round shapes
+
+
+class Offscreen:
+    """Draws one model, with lines of capsules added to it.
+
+    Raises:
+        OptionError: there is no way to draw; names the option that asked for it.
+    """
+
+    def __init__(self, model: mujoco.MjModel, *, width: int, height: int, option: str) -> None:
+        self._model = copy.copy(model)
+        self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
+        # Without a GPU corners and mirrors are what takes time: 100 ms a picture instead of 800.
+        self._model.vis.quality.numslices, self._model.vis.quality.numstacks = SLICES, STACKS
+        self._model.mat_reflectance[:] = 0.0
+        self._gl = _context(width, height, option)
+        self._gl.make_current()
+        self._renderer = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_150)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
+        self._frame = mujoco.MjrRect(0, 0, width, height)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=MOST)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
+        self._options, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
+
+    def look_at(self, center: Array, *, distance: float, elevation: float) -> None:
+        """Look northward at a point (3,) from a distance [m], down by an angle [degrees]."""
+        self._camera.lookat[:] = center
+        self._camera.distance, self._camera.elevation, self._camera.azimuth = distance, -elevation, 90.0
+
+    def pose(self, data: mujoco.MjData) -> None:
+        """Take the places of all bodies from data; what was added before is gone."""
+        everything = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(self._model, data, self._options, None, self._camera, everything, self._scene)
+
+    def line(self, points: Array, color: Color, radius: float) -> None:
+        """Add a polyline (k, 3)."""
+        rgba = np.array([*color, 255], np.float32) / 255
+        for a, b in zip(points[:-1], points[1:], strict=True):
+            if self._scene.ngeom == MOST:
+                return
+            shape = self._scene.geoms[self._scene.ngeom]
+            mujoco.mjv_initGeom(shape, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+            mujoco.mjv_connector(shape, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)
+            shape.emission = 0.2
+            self._scene.ngeom += 1
+
+    def draw(self) -> Picture:
+        """The picture."""
+        self._gl.make_current()
+        mujoco.mjr_render(self._frame, self._scene, self._renderer)
+        pixels = np.empty((self._frame.height, self._frame.width, 3), np.uint8)
+        mujoco.mjr_readPixels(pixels, None, self._frame, self._renderer)
+        return pixels[::-1]
+
+    def close(self) -> None:
+        """Give the memory of the graphics back."""
+        self._gl.make_current()
+        self._renderer.free()
+        try:
+            self._gl.free()
+        except Exception:  # MuJoCo 4.0 cannot let go of OSMesa's, and would complain again when the process ends
+            self._gl._context = None
+
+
+def _context(width: int, height: int, option: str) -> Any:
+    """An OpenGL context, the first that can be had."""
+    chosen = CHOSEN or ("" if sys.platform.startswith("linux") else "window system")
+    reasons = []
+    for name in ("",) if chosen else BACKENDS:
+        try:
+            if name:
+                os.environ["MUJOCO_GL"] = name  # the library reads it too
+            module = importlib.import_module(f"mujoco.{name}") if name else mujoco
+            context = module.GLContext(width, height)
+            context.make_current()
+            return context
+        except Exception as error:  # whatever a driver and its bindings come up with
+            reasons.append(f"{name or chosen}: {str(error).splitlines()[0][:80]}")
+            if name:
+                _forget_bindings()
+    raise OptionError(
+        f"{option}: nothing draws without a window ({'; '.join(reasons)}); install libegl1 or libosmesa6, "
+        "or leave it out"
+    )
+
+
+def _forget_bindings() -> None:
+    """PyOpenGL serves one backend only, until it is imported anew."""
+    for variable in ("MUJOCO_GL", "PYOPENGL_PLATFORM"):
+        os.environ.pop(variable, None)
+    for name in list(sys.modules):
+        if name.split(".")[0] == "OpenGL" or name.startswith(tuple(f"mujoco.{backend}" for backend in BACKENDS)):
+            del sys.modules[name]

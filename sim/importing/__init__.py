@@ -1,0 +1,1 @@
+"""Worlds and maps that other programs made, as scenes."""

@@ -1,0 +1,259 @@
+"""Scenes and robots from MJCF files, joined and read by convention; there are no side files.
+
+A scene file declares
+  site `goal`       cylinder or sphere; its first size is the radius
+  site `start`      position, and the direction of its x-axis as heading
+  site `workspace`  box that bounds the robot's centre; without it the horizontal floor plane does
+  obstacles         every static geom, whatever body it hangs in, whose contact bits match the robot's and
+                    whose height range meets the robot's; the floor is none. A mocap body stands still; one with
+                    a motion (`pirrht_motion_BODY`) is refused
+  custom            `<numeric name="pirrht_noise" data="0.1"/>`: defaults of options (- becomes _);
+                    `<text name="pirrht_robot" data="unicycle"/>`: the robot it is meant for
+
+A robot file declares
+  body `robot`      its root, at the origin, moved by a slide along x, a slide along y [and a hinge about z],
+                    so that the joint positions are the state; or by a free joint and wheels that stand on
+                    the robot's own infinite plane `ground`, which they touch by contact pairs
+  geom `footprint`  a sphere: radius and height with which the robot plans; if it collides, another radius
+                    scales the robot as a whole, else whatever collides must lie inside it
+  actuators         velocity servos tuned for the file's own timestep and integrator
+  custom            `<text name="pirrht_dynamics" data="single_integrator"/>` or "unicycle";
+                    `<numeric name="pirrht_command" size="2*nu" data="..."/>`: row by row the (nu, 2) matrix
+                    M of ctrl = M @ twist with `Dynamics.twist`: (vx, vy), or (forward speed, turn rate)
+
+The joined model takes timestep and looks from the scene; gravity, contact model, integrator, flags and medium
+(none) from the robot, whose servos are carried over to the timestep. The robot's elements get the prefix
+`robot/`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+from pirrht.geometry.scene import Goal, Scene
+from sim.mjcf.coordinates import stance_of
+from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
+from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace
+from sim.mjcf.robot import Robot, read_robot
+
+__all__ = ["Loaded", "load", "models_folder", "robot_names", "scene_names"]
+
+_OPTIONS = (
+    *(
+        "radius",
+        "speed",
+        "rho",
+        "noise",
+        "seed",
+        "vertices",
+        "classes",
+        "samples",
+        "dt",
+        "period",
+        "limit",
+        "phi",
+    ),
+    *("repeat", "record-hz", "max-time"),
+)  # those with one number as value
+_FROM_ROBOT = (
+    *("integrator", "disableflags", "enableflags", "density", "viscosity", "gravity"),
+    *("cone", "impratio", "solver", "iterations", "tolerance", "noslip_iterations"),
+)  # options of the physics
+_GEOM = mujoco.mjtGeom
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loaded:
+    """A scene as plain values beside the MuJoCo model it was read from, with the robot in it."""
+
+    scene: Scene
+    model: mujoco.MjModel  # its keyframe "start" places the robot
+    obstacle_geoms: Mask  # (ngeom,) what counts as a collision, in the order of scene.obstacles
+    robot_geoms: Mask  # (ngeom,)
+    dynamics_name: str  # "single_integrator" or "unicycle"
+    command: Array  # (nu, 2) M of ctrl = M @ twist
+    robot: str  # name of the robot
+    path: Path  # the scene's file
+
+
+def load(
+    scene: str | Path,
+    *,
+    robot: str | Path | None = None,
+    radius: float | None = None,
+    start: Sequence[float] | None = None,
+    goal: Sequence[float] | None = None,
+) -> Loaded:
+    """A scene with a robot in it.
+
+    Args:
+        scene: a built-in name or the path of an MJCF file.
+        robot: likewise; without it the scene's `pirrht_robot`, else the puck.
+        radius: footprint [m]; without it the scene's `pirrht_radius`, else the robot's own.
+        start: x, y [m] and optionally heading [rad], in place of the site `start`.
+        goal: x, y, radius [m], in place of the site `goal`.
+
+    Raises:
+        SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
+    """
+    path = find("scene", scene)
+    spec = parse(path)
+    defaults = _defaults(spec, path)
+    machine = read_robot(robot or _meant_robot(spec, path), _radius(radius, defaults, path))
+    model = _join(spec, machine, path)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    robot_geoms = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
+    span = max(machine.height - machine.radius, 0.0), machine.height + machine.radius
+    mask, obstacles = read_obstacles(model, data, robot_geoms, span, path)
+    lower, upper = read_workspace(model, data, path)
+    values = Scene(
+        name=path.stem,
+        lower=lower,
+        upper=upper,
+        obstacles=obstacles,
+        goal=_goal(model, data, goal, path),
+        start=_start(model, data, start, path),
+        robot_radius=machine.radius,
+        robot_height=machine.height,
+        defaults=defaults,
+    )
+    _leave_only(model, mask, robot_geoms)
+    _place(model, data, machine.rest, values.start)
+    _check_start(model, data, mask, path)
+    return Loaded(
+        scene=values,
+        model=model,
+        obstacle_geoms=mask,
+        robot_geoms=robot_geoms,
+        dynamics_name=machine.dynamics_name,
+        command=machine.command,
+        robot=machine.name,
+        path=path,
+    )
+
+
+def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
+    if not spec.option.timestep > 0:
+        raise SceneError(f"{path}: option timestep is {spec.option.timestep:g}; write a positive number [s]")
+    robot.tune(spec.option.timestep)
+    for name in _FROM_ROBOT:
+        setattr(spec.option, name, getattr(robot.spec.option, name))
+    spec.attach(robot.spec, prefix="robot/", frame=spec.worldbody.add_frame())
+    for key in list(spec.keys):
+        spec.delete(key)
+    spec.add_key(name="start")
+    model = compile_spec(spec, path)
+    if model.nu != len(robot.command):
+        raise SceneError(f"{path}: the scene has actuators; only the robot may have some: remove them")
+    return model
+
+
+def _leave_only(model: mujoco.MjModel, obstacles: Mask, robot: Mask) -> None:
+    """Let the robot touch obstacles and nothing else, without margins, which the planner does not know."""
+    bystanders = ~(obstacles | robot)
+    model.geom_contype[bystanders] = 0
+    model.geom_conaffinity[bystanders] = 0
+    model.geom_margin[:] = 0
+    model.geom_gap[:] = 0
+
+
+def _place(model: mujoco.MjModel, data: mujoco.MjData, rest: Array, start: Array) -> None:
+    """Make the keyframe the robot at rest at the start."""
+    model.key_qpos[0] = rest
+    stance_of(model).place(data, start, np.zeros(2), np.zeros(model.nu))
+    model.key_qpos[0] = data.qpos
+
+
+def _defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
+    defaults = {}
+    for numeric in spec.numerics:
+        if not numeric.name.startswith("pirrht_"):
+            continue
+        option, values = numeric.name.removeprefix("pirrht_").replace("_", "-"), list(numeric.data)
+        if option not in _OPTIONS:
+            if option.startswith("motion-"):
+                raise _moves(numeric.name, path)
+            known = ", ".join("pirrht_" + name.replace("-", "_") for name in _OPTIONS)
+            raise SceneError(f'{path}: custom numeric "{numeric.name}" is no option; those are {known}')
+        if len(values) != 1 or not np.isfinite(values[0]):
+            raise SceneError(f'{path}: custom numeric "{numeric.name}" is {values}; write one finite number')
+        defaults[option] = float(values[0])
+    return defaults
+
+
+def _moves(element: str, path: Path) -> SceneError:
+    body = element.removeprefix("pirrht_motion_")
+    return SceneError(
+        f'{path}: body "{body}" moves (mocap, by "{element}"), and moving obstacles are not supported yet; '
+        "remove its motion, and it stands where it is"
+    )
+
+
+def _radius(given: float | None, defaults: dict[str, float], path: Path) -> float | None:
+    radius = defaults.get("radius") if given is None else given
+    if radius is not None and not (np.isfinite(radius) and radius > 0):
+        where = 'numeric "pirrht_radius"' if given is None else "--radius"
+        raise SceneError(f"{path}: {where} is {radius:g}; it must be a positive number [m]")
+    return radius
+
+
+def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
+    robot = "puck"
+    for text in spec.texts:
+        if text.name == "pirrht_robot":
+            robot = str(text.data)
+            if robot not in robot_names():
+                known = ", ".join(robot_names())
+                raise SceneError(f'{path}: custom text "pirrht_robot" is "{robot}"; write one of {known}')
+        elif text.name.startswith("pirrht_motion_"):
+            raise _moves(text.name, path)
+        elif text.name.startswith("pirrht_"):
+            raise SceneError(f'{path}: custom text "{text.name}" is no option; the only one is pirrht_robot')
+    return robot
+
+
+def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Goal:
+    if given is not None:
+        if len(given) != 3:
+            raise SceneError(f"{path}: the goal has {len(given)} numbers; give three: x, y and radius")
+        return Goal(center=np.array(given[:2], dtype=float), radius=float(given[2]))
+    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "goal")
+    remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
+    if site < 0:
+        raise SceneError(f'{path}: no site "goal"; add {remedy} or give --goal X Y R')
+    kind, tilt = _GEOM(int(model.site_type[site])), abs(data.site_xmat[site, 8])
+    if kind != _GEOM.mjGEOM_SPHERE and (kind != _GEOM.mjGEOM_CYLINDER or tilt < 1 - 1e-6):
+        shape = kind.name.removeprefix("mjGEOM_").lower()
+        raise SceneError(f'{path}: site "goal" is no sphere or upright cylinder: {shape}; write {remedy}')
+    return Goal(center=np.array(data.site_xpos[site, :2]), radius=float(model.site_size[site, 0]))
+
+
+def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Array:
+    if given is not None and len(given) not in (2, 3):
+        raise SceneError(f"{path}: the start has {len(given)} numbers; give x, y and optionally a heading")
+    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "start")
+    if given is None and site < 0:
+        raise SceneError(f'{path}: no site "start"; add <site name="start" pos="x y 0"/> or give --start X Y')
+    heading = float(np.arctan2(data.site_xmat[site, 3], data.site_xmat[site, 0])) if site >= 0 else 0.0
+    place = data.site_xpos[site, :2] if given is None else given
+    return np.array([*place[:2], place[2] if len(place) == 3 else heading], dtype=float)
+
+
+def _check_start(model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, path: Path) -> None:
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_fwdPosition(model, data)
+    touched = [g for pair in data.contact.geom for g in pair if obstacles[g]]
+    if touched:
+        x, y = model.key_qpos[0, :2]
+        raise SceneError(
+            f"{path}: at the start ({x:g}, {y:g}) the robot touches {geom_label(model, int(touched[0]))}; "
+            'move site "start", or choose another --start or a smaller --radius'
+        )

@@ -1,0 +1,140 @@
+"""Viewers that a recording is sent to while it is made: finding a running one, starting one, serving browsers.
+
+Everything started here listens on the loopback interface alone.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import quote, urlsplit
+
+from pirrht.errors import OptionError
+from sim.recording import guard
+
+SCHEMES = ("rerun", "rerun+http", "rerun+https")
+EXAMPLE = "rerun+http://127.0.0.1:9876/proxy"
+RERUN = (sys.executable, "-m", "rerun", "--bind", "127.0.0.1")
+DATA_PORT, WEB_PORT = 9876, 9090  # of --serve, if they are free
+PATIENCE = 20.0  # how long a viewer or a server may take to come up [s]
+
+
+def probe(url: str, *, timeout: float = 1.0) -> None:
+    """Make sure that something listens where a viewer should be.
+
+    Raises:
+        OptionError: the URL is no viewer's, or nobody listens there.
+    """
+    host, port = _address(url)
+    try:
+        socket.create_connection((host, port), timeout).close()
+    except OSError as error:
+        raise OptionError(
+            f"--connect {url}: no viewer listens there ({error.strerror or error}); start one with "
+            f"`rerun --bind 127.0.0.1 --port {port}`, or record to a file"
+        ) from None
+
+
+def spawn() -> str:
+    """Start a viewer of this machine's own on a free port of the loopback interface; its URL.
+
+    Raises:
+        OptionError: there is no display, or the viewer does not come up.
+    """
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise OptionError("--view needs a display, and there is none; use --record FILE.rrd and open it elsewhere")
+    port = _free_port()
+    options = ["--port", str(port), "--expect-data-soon"]
+    viewer = _start([*RERUN, *options], stdin=subprocess.DEVNULL, start_new_session=True)
+    _await(viewer, [port], "--view: the viewer")
+    return _url(port)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Server:
+    """A viewer for browsers of this machine, and the data that it shows; both end with this process."""
+
+    page: str  # address for the browser
+    url: str  # where data goes to
+    process: subprocess.Popen[bytes]
+
+    @classmethod
+    def start(cls) -> Server:
+        """Serve on the loopback interface, on Rerun's usual ports if they are free.
+
+        Raises:
+            OptionError: the server does not come up.
+        """
+        data = _free_port(DATA_PORT)
+        web = _free_port(WEB_PORT)
+        options = ["--serve-web", "--port", str(data), "--web-viewer-port", str(web), "--server-memory-limit", "1GB"]
+        process = _start([sys.executable, "-m", "sim.recording.guard", *RERUN, *options], stdin=subprocess.PIPE)
+        _await(process, [data, web], "--serve: the server")
+        page = f"http://127.0.0.1:{web}/?url={quote(_url(data), safe='')}"
+        return cls(page=page, url=_url(data), process=process)
+
+    def stay(self) -> None:
+        """Serve until the user has seen enough (Ctrl-C) or the server ends."""
+        with suppress(KeyboardInterrupt):
+            self.process.wait()
+
+
+def _start(command: list[str], **options: Any) -> subprocess.Popen[bytes]:
+    environment = {name: value for name, value in os.environ.items() if name != "FORCE_RERUN_ANALYTICS"}
+    return subprocess.Popen(
+        command,
+        env=environment | {"CI": "1"},  # Rerun's usage statistics stay off where this is set
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        **options,
+    )
+
+
+def _await(process: subprocess.Popen[bytes], ports: Sequence[int], what: str) -> None:
+    deadline, waiting = time.monotonic() + PATIENCE, list(ports)
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            socket.create_connection(("127.0.0.1", waiting[0]), 1.0).close()
+            waiting.pop(0)
+            if not waiting:
+                return
+        except OSError:
+            time.sleep(0.05)
+    if process.poll() is None:
+        process.stdin.close() if process.stdin is not None else guard.end(process)
+        raise OptionError(f"{what} did not come up within {PATIENCE:g} s; use --record FILE.rrd")
+    raise OptionError(
+        f"{what} ended at once (exit status {process.returncode}); run `rerun` to see why, or use --record FILE.rrd"
+    )
+
+
+def _url(port: int) -> str:
+    return f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def _address(url: str) -> tuple[str, int]:
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host, port = None, None
+    if not host or parts.scheme not in SCHEMES or parts.path != "/proxy":
+        raise OptionError(f"--connect {url}: that is no viewer's address; write one like {EXAMPLE}")
+    return host, port or (443 if parts.scheme.endswith("https") else 80)
+
+
+def _free_port(wanted: int = 0) -> int:
+    """The port wanted, if it is free on the loopback interface; otherwise any."""
+    with socket.socket() as listener:
+        try:
+            listener.bind(("127.0.0.1", wanted))
+        except OSError:
+            listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])

@@ -1,0 +1,141 @@
+"""What a recording holds of a drive, batch by batch: numbers at every step, pictures where they are due.
+
+/steps        a row per control step, described in `steps.py`
+/world/robot  pose, and as an arrow where the control would take it, as a second one, where it is known, where the
+              optimal control would; one row more for where the drive ended
+/world/path   position after every physics step
+/why/weight   lower and upper edges, in turn, of all other classes and of each of a few classes as they gain weight,
+              on top of each other; `switch` below it where another class has come to weigh most
+/why/ess      effective sample size of the same classes
+/why/value    -lambda log psi of all paths, one standard error below and above it, then of each of those classes;
+              last, where it is known, the exact one
+/why/optimum  control: the length of u's standard error, and |u - u*| of the control chosen;
+              value: one standard error below and above the estimate's error, that error, and 0 for the exact one
+/tree/K       tree lifted by the H of obstacle K: references from the state, and in `growth` the edges of the vertices
+              that it has gained since the picture before, those of its first ones being static
+/log          what happened
+/timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from math import inf
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from pirrht.arrays import Array
+from sim.drawing.colors import ClassColors
+from sim.drawing.strokes import lift
+from sim.recording.plan_view import Pictures
+from sim.recording.plots import Plots
+from sim.recording.static import Subject, branches, properties, stage
+from sim.recording.step_row import Row, columns
+from sim.recording.stream import Stream
+
+BATCH_STEPS = 36  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
+WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
+BATCH_LEAST, BATCH_TIME = 8, 0.36  # fewer will do once they span so much simulated time [s]
+AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
+
+
+class Writer:
+    """Writes one recording into a stream; runs on one thread."""
+
+    def __init__(self, stream: Stream, subject: Subject) -> None:
+        self.stream, self._subject = stream, subject
+        colors = ClassColors()
+        self._pictures = Pictures(stream, subject, colors)
+        self._plots = Plots(stream, subject.path_integral.temperature, colors, truth=subject.truth)
+        self._batch: list[Row] = []
+        self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
+
+    def begin(self) -> None:
+        """Everything that stays as it is."""
+        subject = self._subject
+        self.stream.properties(properties(subject.settings), name=subject.name)
+        stage(subject, self.stream.static)
+        self._plots.begin()
+
+    def add(self, row: Row) -> bool:
+        """Take in a step; whether its batch was written, which depends on steps and simulated time alone."""
+        self._batch.append(row)
+        self._waiting_since = min(self._waiting_since, time.monotonic())
+        count, span = len(self._batch), row.time + row.duration - self._batch[0].time
+        long_enough = count >= BATCH_LEAST and span >= BATCH_TIME - 1e-9
+        if count < BATCH_STEPS and not long_enough and row.outcome is None:
+            return False
+        self._write()
+        return True
+
+    def secure(self) -> bool:
+        """Write the steps ahead that have waited too long, lest a crash lose them; whether there were any."""
+        if time.monotonic() - self._waiting_since < WAIT:
+            return False
+        rows = self._batch[self._secured :]
+        self._columns("/timing/plan", rows, columns(rows))
+        self._secured, self._waiting_since = len(self._batch), inf
+        return True
+
+    def end(self) -> None:
+        """Write what is left and close the stream."""
+        if self._batch:
+            self._write()
+        self.stream.close()
+
+    def _write(self) -> None:
+        rows, self._batch = self._batch, []
+        self._secured, self._waiting_since = 0, inf
+        self._columns("/steps", rows, columns(rows))
+        self._robot(rows)
+        self._plots.draw(rows)
+        self._columns("/timing/plan", rows, rr.Scalars.columns(scalars=[1e3 * r.plan_seconds for r in rows]))
+        for row in rows:
+            if row.news is not None:
+                self.stream.log("/log", row.step, row.time, rr.TextLog(row.news, level="INFO"))
+            if row.plan is not None:
+                self._pictures.draw(row.plan, row.step, row.time)
+            for (_, path, _), edges in zip(self._subject.lifted, row.growth, strict=False):
+                self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, *edges))
+
+    def _robot(self, rows: Sequence[Row]) -> None:
+        states = np.array([r.state for r in rows])
+        pose = rr.Transform3D.columns(translation=_spatial(states), quaternion=_turned(states))
+        controls = [(r.state, u) for r in rows for u in (r.control, *([] if r.truth is None else [r.truth.control]))]
+        vectors = np.array([self._ahead(x, u) for x, u in controls])
+        arrows = rr.Arrows3D.columns(vectors=vectors).partition([len(vectors) // len(rows)] * len(rows))
+        self._columns("/world/robot", rows, [*pose, *arrows])
+        pieces = [lift(np.vstack([r.state[:2], r.states[:, :2]]), 0.06) for r in rows]
+        self._columns("/world/path", rows, rr.LineStrips3D.columns(strips=pieces))
+        last = rows[-1]
+        if last.outcome is not None and len(last.states):
+            end = last.states[-1:]
+            pose = rr.Transform3D(translation=_spatial(end)[0], quaternion=_turned(end)[0])
+            self.stream.log("/world/robot", last.step + 1, last.time + last.duration, pose)
+
+    def _ahead(self, x: Array, u: Array) -> Array:
+        """Where the control would take the robot in a short while without noise, in the robot's frame, (3,)."""
+        dynamics = self._subject.path_integral.problem.dynamics
+        start, still = x, np.zeros(dynamics.m)
+        for _ in range(5):
+            x = dynamics.step(x, u, still, AHEAD / 5)
+        dx, dy = x[:2] - start[:2]
+        c, s = (np.cos(start[2]), np.sin(start[2])) if len(start) > 2 else (1.0, 0.0)
+        return np.array([c * dx + s * dy, c * dy - s * dx, 0.0])
+
+    def _columns(self, path: str, rows: Sequence[Row], columns: Iterable[Any]) -> None:
+        self.stream.columns(path, [r.step for r in rows], [r.time for r in rows], columns)
+
+
+def _spatial(states: Array) -> Array:
+    return np.column_stack([states[:, :2], np.zeros(len(states))])
+
+
+def _turned(states: Array) -> Array:
+    """Headings as quaternions (k, 4), scalar part last."""
+    heading = states[:, 2] if states.shape[1] > 2 else np.zeros(len(states))
+    zero = np.zeros(len(states))
+    return np.column_stack([zero, zero, np.sin(0.5 * heading), np.cos(0.5 * heading)])

@@ -1,0 +1,237 @@
+"""A report for people: tables and sentences, of which Markdown, a page and the terminal are made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from sim.drawing.colors import title
+from sim.report.statistics import Interval
+from sim.report.summary import ALL, BASE, BEST, LEVEL, Comparison, Point, Report, p_value, pairs_needed
+from sim.text import counted, table
+
+SHOWN = 4  # classes in a table
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A heading, what it is about, and cells as text."""
+
+    heading: str
+    text: str
+    header: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+
+
+def lead(report: Report) -> list[str]:
+    """How complete the sweep is, and how it was made."""
+    lines = [f"{report.found} of {counted(report.asked, 'run')} asked for {_be(report.asked)} there."]
+    if report.found < report.asked:
+        lines[0] += " The sweep is unfinished: its command, given again, goes on."
+    failed = sum(report.errors.values())
+    if failed:
+        count = "counts" if failed == 1 else "count"
+        lines.append(f"{counted(failed, 'run')} ended with an error and {count} in no figure:")
+        lines += [f"{number} x {error}" for error, number in report.errors.items()]
+    settings = report.manifest["settings"]
+    said = " ".join(
+        f"--{name.replace('_', '-')} {' '.join(map(str, value)) if isinstance(value, list) else value}"
+        for name, value in settings.items()
+    )
+    versions = ", ".join(f"{name} {number}" for name, number in report.manifest["libraries"].items())
+    return [*lines, f"Settings: {said}. pirrht {report.manifest['version']}, {versions}."]
+
+
+def findings(report: Report) -> list[str]:
+    """What is significant, plainly."""
+    questions = report.questions
+    if not questions:
+        return [f"No comparison: {_why_none(report)}."]
+    if not report.findings:
+        none = f"None of {questions} comparisons" if questions > 1 else "The only comparison"
+        told = f"{none} with {BASE} is {'not ' if questions == 1 else ''}significant."
+        return [told, *([_hopeless(report)] if report.least_p >= LEVEL else [])]
+    return [*(f"Significant: {line}." for line in report.findings), _rest(questions - len(report.findings))]
+
+
+def _why_none(report: Report) -> str:
+    if not report.found:
+        return "there are no runs"
+    if sum(report.errors.values()) == report.found:
+        return "every run ended with an error"
+    if not report.comparisons:
+        return f"the sweep has no method beside {BASE}, or not {BASE}"
+    return f"there is no seed with which both {BASE} and another method came to an end"
+
+
+def _hopeless(report: Report) -> str:
+    pairs, questions = max(c.pairs for c in report.comparisons), report.questions
+    return (
+        f"None could be, with so few seeds: if all of {counted(pairs, 'pair')} differed one way, McNemar's p would be "
+        f"{p_value(report.least_p)} after adjustment for {counted(questions, 'comparison')}. "
+        f"It takes at least {pairs_needed(questions)} pairs."
+    )
+
+
+def _rest(others: int) -> str:
+    if not others:
+        return "There are no other comparisons."
+    return f"The other {f'{others} comparisons' if others > 1 else 'comparison'} {_be(others)} not significant."
+
+
+def _be(number: int) -> str:
+    return "is" if number == 1 else "are"
+
+
+def tables(report: Report) -> list[Table]:
+    """All figures."""
+    return [_outcomes(report.points), _costs(report.points), _decisions(report.points), _against(report.comparisons)]
+
+
+def method() -> str:
+    """How the figures were made."""
+    return (
+        "Brackets hold 95 % intervals: Wilson's for shares, percentile bootstrap (10 000 draws) for means and ratios, "
+        "Bonett and Price's for differences of paired shares. Equal seeds meet equal plant noise; comparisons are "
+        f"paired by scene and seed. p: McNemar's exact test for reaching the goal, sign flips for cost where both "
+        f"arrive; Holm's adjustment is over all comparisons of this report, and significant means adjusted p < 0.05. "
+        f"'{ALL}' treats runs as independent, so it speaks of these scenes only. Step times depend on the machine and "
+        "on what else it did."
+    )
+
+
+def terminal(report: Report) -> str:
+    """What is printed: of many scenes only all of them together."""
+
+    many = ALL in report.scenes and len(report.scenes) > 4
+    parts = ["\n".join(lead(report))]
+    for one in tables(report):
+        rows = [row for row in one.rows if not many or row[0] == ALL]
+        if rows:
+            parts.append(f"{one.heading}\n\n{table(one.header, rows)}")
+    return "\n\n".join([*parts, "\n".join(findings(report))])
+
+
+def markdown(report: Report) -> str:
+    """The report as a Markdown file."""
+    parts = [f"# Sweep {report.name}", *lead(report), "## Findings"]
+    parts.append("\n".join(f"* {line}" for line in findings(report)))
+    for one in tables(report):
+        if one.rows:
+            parts += [f"## {one.heading}", one.text, _markdown_table(one)]
+    return "\n\n".join([*parts, "## How", method()]) + "\n"
+
+
+def _markdown_table(table: Table) -> str:
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+    return "\n".join([line(table.header), line(["---"] * len(table.header)), *map(line, table.rows)])
+
+
+def _outcomes(points: Sequence[Point]) -> Table:
+    rows = [
+        (*_where(p), str(p.runs), str(p.errors), _share(p.success), _share(p.collision), _share(p.timeout))
+        for p in points
+    ]
+    header = ("scene", "b", "method", "runs", "errors", "goal %", "collision %", "time-out %")
+    return Table(heading="Outcomes", text="Shares of the runs that came to an end.", header=header, rows=rows)
+
+
+def _costs(points: Sequence[Point]) -> Table:
+    known = any(p.method == BEST for p in points)
+    rows = [
+        (
+            *_where(p),
+            _mean(p.cost),
+            *((_mean(p.cost_over_optimal, 4),) if known else ()),
+            _mean(p.path_length),
+            _mean(p.time),
+        )
+        for p in points
+    ]
+    text, ratios = "Of runs that reached the goal.", ("cost over optimal",) if known else ()
+    if known:
+        text += f" Cost over optimal is the ratio of mean costs on the seeds by which `{BEST}` reached it too."
+    header = ("scene", "b", "method", "cost", *ratios, "path [m]", "time [s]")
+    return Table(heading="Cost and path", text=text, header=header, rows=rows)
+
+
+def _decisions(points: Sequence[Point]) -> Table:
+    rows = [
+        (*_where(p), _mean(p.class_switches, 2), _mean(p.step_ms, 2), _mean(p.step_p95_ms, 2), _classes(p))
+        for p in points
+    ]
+    text = (
+        "Class switches per run; wall time of a control step: means over runs of its median and 95th percentile; "
+        "shares of the driven homology classes among the runs that reached the goal."
+    )
+    header = ("scene", "b", "method", "switches", "step median [ms]", "step p95 [ms]", "classes %")
+    return Table(heading="Decisions", text=text, header=header, rows=rows)
+
+
+def _against(comparisons: Sequence[Comparison]) -> Table:
+    rows = [
+        (
+            *_where(c),
+            str(c.pairs),
+            f"+{c.gained} -{c.lost}",
+            _points(c.success),
+            f"{p_value(c.success_p)} ({p_value(c.success_adjusted)})",
+            str(c.arrived),
+            _mean(c.cost, sign="+"),
+            f"{p_value(c.cost_p)} ({p_value(c.cost_adjusted)})",
+        )
+        for c in comparisons
+    ]
+    header = (
+        "scene",
+        "b",
+        "method",
+        "pairs",
+        "goals",
+        "points",
+        "p goals",
+        "both arrive",
+        "cost",
+        "p cost",
+    )
+    text = (
+        f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost difference; "
+        "p with the adjusted one in brackets."
+    )
+    return Table(heading=f"Against {BASE}", text=text, header=header, rows=rows)
+
+
+def _where(row: Any) -> tuple[str, str, str]:
+    return row.scene, f"{row.noise:g}", row.method
+
+
+def _share(interval: Interval) -> str:
+    return _text(interval, lambda x: f"{100 * x:.1f}")
+
+
+def _points(interval: Interval) -> str:
+    return _text(interval, lambda x: f"{100 * x:+.1f}")
+
+
+def _mean(interval: Interval, digits: int = 3, sign: str = "") -> str:
+    return _text(interval, lambda x: f"{x:{sign}.{digits}f}")
+
+
+def _text(interval: Interval, number: Any) -> str:
+    if not isfinite(interval.value):
+        return "-"
+    if not isfinite(interval.low):
+        return str(number(interval.value))
+    return f"{number(interval.value)} [{number(interval.low)}, {number(interval.high)}]"
+
+
+def _classes(point: Point) -> str:
+    shown = list(point.classes.items())[:SHOWN]
+    more = len(point.classes) - len(shown)
+    told = ["none" if name == "None" else title(name) for name, _ in shown]
+    texts = [f"{name}: {_share(share)}" for name, (_, share) in zip(told, shown, strict=True)]
+    return "; ".join([*texts, *([f"{more} more"] if more else [])]) or "-"

@@ -1,0 +1,207 @@
+"""From a scene and settings to the objects of a run: problem, free space, tree, controller and plant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.control.mppi import Mppi
+from pirrht.control.optimal import Optimal
+from pirrht.errors import OptionError
+from pirrht.estimation.sampling import Sampling
+from pirrht.exact.desirability import Desirability
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Scene
+from pirrht.problem import Problem
+from pirrht.steering.steering import Steering
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.systems.unicycle import Unicycle
+from pirrht.tree import file as tree_file
+from pirrht.tree.homology_tree import HomologyTree
+from sim.drive.executor import Analytic, Executor, Plant
+from sim.mjcf import Loaded, load
+from sim.settings import Settings, settle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scenario:
+    """A scene with a robot, a problem and settings; everything random comes from `settings.seed`."""
+
+    loaded: Loaded
+    settings: Settings
+    problem: Problem
+    space: FreeSpace
+
+    @property
+    def start(self) -> Array:
+        """Start state, (n,)."""
+        return self.problem.dynamics.state_of(self.problem.scene.start)
+
+    def seeds(self) -> tuple[np.random.SeedSequence, ...]:
+        """Independent seeds of the tree, the sampler and the plant."""
+        tree, sampler, plant = np.random.SeedSequence(self.settings.seed).spawn(3)
+        if self.settings.plan_seed is not None:
+            tree = np.random.SeedSequence(self.settings.plan_seed).spawn(3)[0]
+        return tree, sampler, plant
+
+    def with_settings(self, **changes: Any) -> Scenario:
+        """The same scene under other settings; the free space is kept."""
+        settings = replace(self.settings, **changes)
+        problem = pose(self.loaded.dynamics_name, self.loaded.scene, settings)
+        return replace(self, settings=settings, problem=problem)
+
+    def steering(self) -> Steering:
+        """The two-point optimum that fits the dynamics."""
+        if isinstance(self.problem.dynamics, Unicycle):
+            from pirrht.steering.dubins import Dubins
+
+            return Dubins.of(self.problem)
+        return StraightLine.of(self.problem)
+
+    def empty_tree(self) -> HomologyTree:
+        """A tree that has its roots only."""
+        return HomologyTree(
+            self.space,
+            self.steering(),
+            limit=self.settings.limit,
+            classes=self.settings.classes,
+            rng=np.random.default_rng(self.seeds()[0]),
+        )
+
+    def grown_tree(self, progress: Callable[[int], None] | None = None) -> HomologyTree:
+        """A tree of `settings.vertices` vertices, or the one that was saved as `settings.tree`.
+
+        Raises:
+            OptionError: that is no tree for this scene, robot and limit.
+        """
+        s = self.settings
+        if s.tree is not None:
+            return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
+        tree = self.empty_tree()
+        tree.grow(s.vertices, progress=progress)
+        return tree
+
+    def truth(self) -> Desirability:
+        """The exact solution: in continuous time, or for steps of dt if exit is judged at their ends.
+
+        Raises:
+            OptionError: no grid solves this problem.
+        """
+        dt = self.settings.dt if self.settings.exit == "endpoint" else None
+        return Desirability.of(self.problem, self.space, dt=dt)
+
+    def optimal(self, truth: Desirability | None = None) -> Optimal:
+        """The grid's feedback law, in continuous time; `truth` if it has been solved for before."""
+        return Optimal(truth or Desirability.of(self.problem, self.space), self.sampling)
+
+    def mppi(self) -> Mppi:
+        """MPPI, with at least as many samples as "pi-rrht" draws from the start."""
+        s = self.settings
+        sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent")
+        loud = replace(s, noise=s.exploration * s.noise)
+        problem = pose(self.loaded.dynamics_name, self.loaded.scene, loud)
+        return Mppi(problem, self.space, sampling, horizon=s.horizon, rng=np.random.default_rng(self.seeds()[1]))
+
+    def _at_once(self) -> Sampling:
+        """Sampling around one reference, or none, with at least as many samples as "pi-rrht" draws from the start."""
+        s, classes = self.settings, self._classes_at_start()
+        budget = None if s.budget is None else s.budget * classes
+        return replace(self.sampling, samples=s.samples * classes, budget=budget)
+
+    def _classes_at_start(self) -> int:
+        """Classes with |1 - H_i| <= H_limit at the start, `settings.classes` at most."""
+        straight, limit = self.space.homology.straight(self.start[None, :2])[0], self.settings.limit
+        most = self.settings.classes or Settings().classes
+        number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
+        return int(np.clip(np.prod(number), 1, most))
+
+    def controller(self, tree: HomologyTree | None) -> Controller | Mppi:
+        """The receding-horizon controller over a grown tree; MPPI if that is the method."""
+        if self.settings.method == "mppi":
+            return self.mppi()
+        return Controller(
+            self.problem,
+            self.space,
+            tree,
+            self._at_once() if self.settings.method in ("single", "passive") else self.sampling,
+            method=self.settings.method,
+            polished=self.settings.polish,
+            consistency=self.settings.consistency,
+            between=self.settings.between,
+            rng=np.random.default_rng(self.seeds()[1]),
+        )
+
+    @property
+    def sampling(self) -> Sampling:
+        """How paths are drawn and weighed."""
+        s = self.settings
+        first = s.period if s.period < s.dt else None
+        return Sampling(
+            dt=s.dt,
+            first=first,
+            samples=s.samples,
+            exit=s.exit,
+            steps=s.steps,
+            weights=s.weights,
+            guide=s.guide,
+            allocation=s.allocation,
+            draws=s.draws,
+            target=s.target_error,
+            budget=s.budget,
+            threads=s.threads,
+        )
+
+    def plant(self) -> Plant:
+        """The robot in MuJoCo, or its stochastic equation."""
+        period = self.settings.period
+        if self.settings.plant == "mujoco":
+            return Executor(self.loaded, self.problem, period=period)
+        step = float(self.loaded.model.opt.timestep)
+        return Analytic(self.problem, self.space.collision.clearance, period=period, physics_step=step)
+
+    def plant_rng(self) -> np.random.Generator:
+        """The plant's noise; one increment per physics step whatever the method."""
+        return np.random.default_rng(self.seeds()[2])
+
+
+def prepare(
+    scene: str | Path,
+    *,
+    robot: str | Path | None = None,
+    radius: float | None = None,
+    start: Sequence[float] | None = None,
+    goal: Sequence[float] | None = None,
+    preset: str | None = None,
+    given: Mapping[str, Any] | None = None,
+) -> Scenario:
+    """Load a scene and settle everything a run needs; `given` holds settings by name, None where not said.
+
+    Raises:
+        SceneError, OptionError, NotLinearlySolvable: with one line for a person.
+    """
+    loaded = load(scene, robot=robot, radius=radius, start=start, goal=goal)
+    settings = settle(loaded.dynamics_name, loaded.scene.defaults, given or {}, preset)
+    problem = pose(loaded.dynamics_name, loaded.scene, settings)
+    scenario = Scenario(loaded=loaded, settings=settings, problem=problem, space=FreeSpace.of(loaded.scene))
+    scenario.plant()
+    return scenario
+
+
+def pose(dynamics_name: str, scene: Scene, settings: Settings) -> Problem:
+    """The problem of the paper's example that a kind of dynamics belongs to."""
+    dynamics: Dynamics
+    if dynamics_name == "single_integrator":
+        dynamics = SingleIntegrator(b=settings.noise)
+        return Problem(dynamics=dynamics, scene=scene, R=2.0 * np.eye(2), q=1.0, phi=settings.phi)
+    if dynamics_name == "unicycle":
+        dynamics = Unicycle(V=settings.speed, rho=settings.rho, b=settings.noise)
+        return Problem(dynamics=dynamics, scene=scene, R=np.eye(1), q=1.0, phi=settings.phi)
+    raise OptionError(f"no problem is known for the dynamics {dynamics_name!r}; pose one with the Python API")
