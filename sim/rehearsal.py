@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from pirrht.control.methods import TREELESS
 from pirrht.errors import PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.tree.homology_tree import HomologyTree
 from sim.scenario import Scenario
 
 VERTICES = 30
@@ -28,16 +28,26 @@ _ROOM = Scene(
 )
 
 
-def rehearse(scenario: Scenario) -> None:
-    """Do once, elsewhere, what `Scenario.grown_tree` and the references at the start need; results stay as they are."""
+def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
+    """Do once, elsewhere, what a grown tree and its references need; results stay as they are.
+
+    Args:
+        driving: make a control step's plan too.
+    """
     s = scenario.settings
-    tree = HomologyTree(
-        FreeSpace.of(replace(_ROOM, defaults={})),
-        scenario.steering(),
-        limit=s.limit,
-        classes=s.classes,
-        rng=np.random.default_rng(0),
+    small = replace(
+        scenario,
+        settings=replace(s, vertices=VERTICES, tree=None, target_error=None, budget=None),
+        problem=replace(scenario.problem, scene=_ROOM),
+        space=FreeSpace.of(_ROOM),
     )
     with suppress(PirrhtError):  # where this robot cannot turn in so small a room, the rest is loaded all the same
-        tree.grow(VERTICES)
-        tree.references(scenario.problem.dynamics.state_of(_ROOM.start), polished=s.polish)
+        tree = None if s.method in TREELESS else small.grown_tree()
+        if tree is not None:
+            tree.references(small.start, polished=s.polish)
+        if driving and s.method != "optimal":
+            driver = small.driver(tree)
+            driver.path_integral.warm_up()
+            driver.begin(small.start)
+            plan = driver.plan(small.start)
+            plan.at(small.start, 0.0)

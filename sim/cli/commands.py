@@ -106,8 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
     if compiling is not None:
         compiling.wait()
     driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None)
-    if not optimal:
-        driver.path_integral.warm_up()
+    rehearse(scenario, driving=True)
     tally = episode.Tally(settings.period)
     frames = scenario.drive(scenario.plant(), driver)
     recorder = _recorder(arguments, scenario, tree, driver.path_integral)

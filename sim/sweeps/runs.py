@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.control.methods import TREELESS
-from pirrht.control.optimal import Optimal
 from pirrht.errors import PirrhtError
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
@@ -27,6 +26,7 @@ KEPT = 4  # scenes, trees and grids that a process keeps at hand
 
 Frozen = tuple[tuple[str, Any], ...]
 
+_rehearsed: set[tuple[Any, ...]] = set()
 _alone = threading.Lock()  # a worker with several threads drives one robot at a time: its time is its own
 
 
@@ -163,8 +163,7 @@ def drive(job: Job, planned: Planned | None = None) -> dict[str, Any]:
     if job.digest and job.digest != digest(job):
         raise PirrhtError(f"{job.scene}: the file is not the one that the sweep began with")
     driver = _driver(job, scenario, planned)
-    if not isinstance(driver, Optimal):
-        driver.path_integral.warm_up()
+    _ready(job, scenario)
     began, tally = time.perf_counter(), episode.Tally(scenario.settings.period)
     for frame in scenario.drive(scenario.plant(), driver):
         tally.add(frame)
@@ -266,6 +265,14 @@ def key(job: Job, noise: float | None) -> dict[str, Any]:
 @lru_cache(KEPT)
 def _prepared(scene: str, task: Frozen, given: Frozen) -> Scenario:
     return prepare(scene, **dict(task), given=dict(given))
+
+
+def _ready(job: Job, scenario: Scenario) -> None:
+    """See to it that a drive does not have to wait for the compiler; once per kind of drive and process."""
+    kind = scenario.loaded.dynamics_name, job.method, job.given
+    if kind not in _rehearsed:
+        rehearse(scenario, driving=True)
+        _rehearsed.add(kind)
 
 
 @lru_cache(KEPT)
