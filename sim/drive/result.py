@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -57,8 +57,9 @@ FIGURES = tuple(
 )
 
 
-def explained(names: Iterable[str]) -> str:
-    """Some figures as text, one per line."""
-    known = [f for f in FIGURES if f.name in set(names)]
-    width = max(len(f.name) for f in known)
-    return "\n".join(f"  {f.name:{width}}  {f'[{f.unit}] ' if f.unit not in ('', '1') else ''}{f.text}" for f in known)
+def explained() -> str:
+    """All figures as text, one per line."""
+    width = max(len(f.name) for f in FIGURES)
+    return "\n".join(
+        f"  {f.name:{width}}  {f'[{f.unit}] ' if f.unit not in ('', '1') else ''}{f.text}" for f in FIGURES
+    )

@@ -9,7 +9,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -115,7 +115,7 @@ class Dataset:
             for left in self.folder.glob(f"{TREES}*"):
                 shutil.rmtree(left, ignore_errors=True)
 
-    def ask(self, settings: Mapping[str, Any], scenes: Mapping[str, str], wishes: Sequence[Mapping[str, Any]]) -> None:
+    def ask(self, settings: Mapping[str, Any], scenes: Mapping[str, str], wishes: Iterable[Mapping[str, Any]]) -> None:
         """Make the folder, or add to what one was asked for, beside a sweep that may be at it.
 
         Raises:

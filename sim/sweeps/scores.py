@@ -50,7 +50,7 @@ def kept(folder: Path, job: Job, identities: Sequence[Mapping[str, Any]], again:
         )
     scene, digest, method = (identities[0][name] for name in ("scene", "scene_digest", "method"))
     seeds = [int(one["seed"]) for one in identities]
-    dataset.ask(settings, {scene: digest}, list(wishes(method, scene, scenario.settings.noise, seeds)))
+    dataset.ask(settings, {scene: digest}, wishes(method, scene, scenario.settings.noise, seeds))
     done: set[tuple[Any, ...]] = set()
 
     def keep(record: Mapping[str, Any]) -> None:
@@ -68,7 +68,8 @@ def kept(folder: Path, job: Job, identities: Sequence[Mapping[str, Any]], again:
 def _agreed(dataset: Dataset, job: Job, scenario: Scenario) -> dict[str, Any]:
     """The settings of a folder, which must mean the same task and plant; those of the job if it holds no sweep yet."""
     if not (dataset.folder / "manifest.json").exists():
-        return {**dict(job.task), **dict(job.given), "plan_seed": 0}
+        given = {name: value for name, value in job.given if name != "noise"}  # it is each run's own
+        return {**dict(job.task), **given, "plan_seed": 0}
     settings: dict[str, Any] = dataset.manifest()["settings"]
     theirs = runs.settled(_under(job, settings))
     for name in PLANT:
