@@ -9,7 +9,8 @@ Importing this module registers `pirrht/Slit-v0`, `pirrht/Clutter-v0` and so on 
 * Reward: -(q + u'Ru/2) dt, summed over the period; at a collision also the problem's phi is taken off, or `penalty`
   where that is infinite.
 * `terminated` in the goal or at a collision, `truncated` after `max_time`.
-* `info`: outcome ("goal", "collision", "timeout" or None), cost, time [s], min_clearance [m], path_length [m].
+* `info`: outcome ("goal", "collision", "timeout" or None), cost, time [s], min_clearance [m], path_length [m]
+  (without the path's noise, as `pirrht run` tells it).
 
 `reset(seed=s)` gives the plant the noise that it has under `pirrht run --seed s`.
 """

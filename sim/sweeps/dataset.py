@@ -202,9 +202,10 @@ class Dataset:
             OptionError: a file cannot be read.
         """
         found: dict[tuple[Any, ...], dict[str, Any]] = {}
-        for file in self.files():
-            for row in parts.read(file).to_pylist():
-                found.setdefault(key_of(row), record_of(row))
+        with self._turn():
+            for file in self.files():
+                for row in parts.read(file).to_pylist():
+                    found.setdefault(key_of(row), record_of(row))
         return list(found.values())
 
     def forget_errors(self) -> None:

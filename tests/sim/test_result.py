@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
-from sim.cli import commands
+from sim.cli import commands, main
 from sim.drive.episode import Frame, Tally
 from sim.drive.executor import Advance
 from sim.drive.odometer import Odometer, ending
@@ -111,6 +112,21 @@ def test_policies_without_samples_are_not_doubted():
     tally = Tally(PERIOD)
     assert tally.add(frame(0)) is None
     assert (tally.drive().doubtful_plans, tally.drive().least_ess) == (0, None)
+
+
+@pytest.mark.slow
+def test_a_drive_says_how_many_of_its_plans_are_guesses(tmp_path, capsys):
+    file = tmp_path / "run.json"
+    words = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--max-time", "0.1", "--json", str(file)]
+    assert main([*words, "--samples", "2"]) == 1
+    told, known = capsys.readouterr().out, json.loads(file.read_text())
+    assert known["doubtful_plans"] > 0
+    weak = f"{known['doubtful_plans']} of 10 plans on fewer than 10 effective samples, the weakest on"
+    assert f"{weak} {known['least_ess']:.1f} at {known['least_ess_time']:.2f} s" in told
+    assert told.count("the control is a guess") == 1
+    assert known["path_length"] < known["noisy_path_length"]
+    assert main([*words, "--samples", "400"]) == 1
+    assert "effective samples" not in capsys.readouterr().out
 
 
 # -- what times hold ---------------------------------------------------------------------------------------------
