@@ -3,8 +3,7 @@
 At its start: state [m, m, rad], control, clearance [m], vertices of the tree, value, value_error and control_error
 (one standard error), doubtful (1 where the plan rests on fewer than 10 effective samples), where a grid was solved
 exact_value and exact_control, and class by class in the same order classes (ids and "other"), weights, ess. Over it:
-duration [s], noise (sum of the Brownian increments) [sqrt(s)]. Up to its end: cost, length (without the path's noise,
-`sim.drive.length`) [m]. The last one has the
+duration [s], noise (sum of the Brownian increments) [sqrt(s)]. Up to its end: cost, length [m]. The last one has the
 state where the drive ended, and the outcome. `columns.py` has them as a table.
 """
 

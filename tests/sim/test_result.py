@@ -176,6 +176,14 @@ def test_a_sweeps_times_hold_no_compiling(monkeypatch: pytest.MonkeyPatch):
     assert compiler.now == 180.0  # once per kind of drive
 
 
+def test_a_rehearsal_that_cannot_be_prevents_nothing(slit: Scenario, monkeypatch: pytest.MonkeyPatch):
+    def fails(self: Scenario, *_: object) -> None:
+        raise ValueError("a user's own steering")
+
+    monkeypatch.setattr(Scenario, "steering", fails)
+    rehearse(slit, driving=True)
+
+
 @pytest.mark.parametrize("method", ["pi-rrht", "mppi", "optimal"])
 def test_a_rehearsal_leaves_everything_as_it_was(slit: Scenario, method: str):
     scenario = slit.with_settings(method=method, samples=20, vertices=60)
