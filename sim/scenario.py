@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
 from pirrht.control.optimal import Optimal
+from pirrht.control.policy import Policy
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
@@ -26,9 +27,13 @@ from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
+from sim.drive import episode, realtime
 from sim.drive.executor import Analytic, Executor, Plant
+from sim.drive.odometer import Frame
 from sim.mjcf import Loaded, load
 from sim.settings import Settings, settle
+
+Driver = Controller | Mppi | Optimal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,6 +143,26 @@ class Scenario:
             between=self.settings.between,
             rng=np.random.default_rng(self.seeds()[1]),
         )
+
+    def driver(self, tree: HomologyTree | None = None, truth: Desirability | None = None) -> Driver:
+        """Who decides under the settings' method.
+
+        Args:
+            tree: a grown one, of methods that need one.
+            truth: of the method "optimal", the exact solution in continuous time if it is known already.
+        """
+        return self.optimal(truth) if self.settings.method == "optimal" else self.controller(tree)
+
+    def drive(self, plant: Plant, driver: Policy) -> Generator[Frame]:
+        """The drive from the start, as fast as it goes or in real time; one frame per control period.
+
+        Raises:
+            NoReference: already the start has no reference.
+        """
+        s, start, rng = self.settings, self.start, self.plant_rng()
+        if s.real_time:
+            return realtime.run(plant, driver, start, rng, period=s.period, max_time=s.max_time, grow=s.grow)
+        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow or 0)
 
     @property
     def sampling(self) -> Sampling:

@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from pirrht.control.methods import METHODS
 from pirrht.errors import OptionError, PirrhtError
+from sim.drive.result import explained as figures
 from sim.recording.columns import explained
 
 EXPLAINED = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
@@ -76,6 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     estimate.add_argument("--truth", action="store_true", help="add the exact value and control, solved for on a grid")
     for command in (run, estimate):
         _explain_methods(command)
+    run.epilog = f"{EXPLAINED}\n\nfigures of a drive, as its summary and --json tell them:\n{figures()}"
     for command in (plan, run, estimate):
         command.add_argument("scene", metavar="SCENE", help="built-in name or MJCF file")
         _common_options(command, skip=("tree",) if command is plan else ())

@@ -28,7 +28,7 @@ COLUMNS = (
     Column(name="end_y", unit="m", text="position at its end"),
     Column(name="end_heading", unit="rad", text="heading of a car at its end"),
     Column(name="cost", unit="cost", text="integral of q + u'Ru/2 from the start of the drive to the end of the step"),
-    Column(name="length", unit="m", text="driven from the start of the drive to the end of the step"),
+    Column(name="length", unit="m", text="driven up to the end of the step, without the path's noise (path_length)"),
     Column(name="clearance", unit="m", text="room around the robot at the start of the step"),
     Column(name="value", unit="cost", text="estimate of v = -lambda log psi; infinite if no sample survived"),
     Column(name="value_error", unit="cost", text="its standard error; 0 if exact, infinite if unknown"),

@@ -284,3 +284,11 @@ def test_a_short_drive_against_the_real_clock(tmp_path, capsys):
 def test_time_and_precision_cannot_both_end_sampling(capsys):
     assert main(["run", "slit", "--real-time", "--target-error", "0.1"]) == 2
     assert "--target-error" in capsys.readouterr().err
+
+
+def test_periods_add_up_as_they_do_without_a_clock(slit: Scenario):
+    frames, _, tally = drive(slit, lambda i: 0.05)
+    assert [frame.time for frame in frames] == pytest.approx(PERIOD * np.arange(6))
+    assert tally.result()["cost"] == pytest.approx(sum(frame.advance.cost for frame in frames))
+    assert frames[-1].noisy_length == pytest.approx(sum(frame.advance.length for frame in frames))
+    assert tally.result()["path_length"] == pytest.approx(0.01 * PERIOD * 21, rel=1e-3)  # 1 to 6 cm/s, without noise
