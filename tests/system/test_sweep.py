@@ -18,8 +18,10 @@ import pytest
 from repository import environment
 
 from sim.cli import main, sweep_commands
+from sim.cli.commands import given
 from sim.cli.parser import _parser
-from sim.sweeps import runs, sweep
+from sim.mjcf import load
+from sim.sweeps import grid, runs, sweep
 from sim.sweeps.columns import RESULTS, key_of
 from sim.sweeps.dataset import Dataset
 
@@ -148,7 +150,10 @@ def test_ctrl_c_twice_and_sigterm_end_it_at_once_and_keep_what_was_finished(tmp_
 @pytest.mark.slow
 def test_equal_seeds_meet_equal_noise_in_the_dataset_as_in_memory(tmp_path):
     """Processes of their own, trees that travel and files change nothing."""
-    words = ["sweep", "slit", "--methods", "pi-rrht,passive", "--noise", "0.1,0.3", "--seeds", "0:2", *QUICK]
+    other = tmp_path / "other.xml"  # a second tree, which grows while the first is driven through
+    other.write_text(load("slit").path.read_text())
+    words = ["sweep", "slit", str(other), "--methods", "pi-rrht,passive", "--noise", "0.1,0.3", "--seeds", "0:2"]
+    words += QUICK
     stored, direct = tmp_path / "stored.json", tmp_path / "direct.json"
     assert main([*words, "-o", str(tmp_path / "sweep"), "--json", str(stored), "--jobs", "2"]) == 0
     assert main([*words, "--json", str(direct), "--jobs", "1"]) == 0
@@ -157,7 +162,9 @@ def test_equal_seeds_meet_equal_noise_in_the_dataset_as_in_memory(tmp_path):
         return [{name: one.get(name) for name in RESULTS} for one in json.loads(file.read_text())]
 
     assert results(stored) == results(direct)
-    assert len(results(direct)) == 8
+    assert len(results(direct)) == 16
+    labels = [row["scene"] for row in results(direct)]
+    assert labels == sorted(labels, key=["slit", "other"].index)
 
 
 @pytest.mark.slow
@@ -223,8 +230,8 @@ def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_meth
             assert culprit in told.err
             assert told.out == ""
     assert not Path("sweep").exists()
-    grid = sweep.parse_grid(_parser().parse_args(["sweep", *robot, "--methods", "passive"]))
-    assert len(sweep.checked(grid.jobs())) == 10
+    arguments = _parser().parse_args(["sweep", *robot, "--methods", "passive"])
+    assert len(sweep.checked(sweep_commands.parse_grid(arguments, given(arguments)).jobs())) == 10
 
 
 @pytest.mark.slow
@@ -276,6 +283,16 @@ def test_a_scene_that_has_changed_is_refused_and_one_that_moved_is_not(tmp_path,
         ("slit --noise 0.1,0.2,0.10", "0.1 twice"),
         ("slit nosuch -o sweep", "nosuch"),
         ("slit --noise -1 -o sweep", "--noise is -1"),
+        ("slit --noise a,b", "'a' is no number"),
+        ("slit --noise nan", "--noise is nan"),
+        ("slit --methods x", "--methods names 'x'"),
+        ("slit --seeds 5:1", "'5:1' holds no seed"),
+        ("slit --seeds 0:1000000000000", "a sweep has 1000000 at most"),
+        (f"slit --seeds 0:1{'0' * 30}", "the largest seed"),
+        ("slit --jobs 0", "--jobs is 0"),
+        ("slit --jobs 1000000000", "at most"),
+        ("slit --scheduler foo", "foo: no scheduler answers there (it has no port)"),
+        ("slit --scheduler tcp://127.0.0.1:x", "no scheduler answers there"),
     ],
 )
 def test_a_bad_sweep_is_refused_before_anything_is_written(words, culprit, tmp_path, monkeypatch, capsys):
@@ -298,8 +315,8 @@ def test_files_of_one_name_are_told_apart(tmp_path):
     for path in paths:
         path.parent.mkdir()
         path.write_text(WALL)
-    assert sweep._labels(["slit", *map(str, paths)]) == ["slit", *map(str, paths)]
-    assert sweep._labels(["slit", str(paths[0])]) == ["slit", "wall"]
+    assert grid.labels(["slit", *map(str, paths)]) == ["slit", *map(str, paths)]
+    assert grid.labels(["slit", str(paths[0])]) == ["slit", "wall"]
 
 
 @pytest.mark.slow
