@@ -151,4 +151,5 @@ def report(arguments: argparse.Namespace) -> int:
 
 def _watched(what: str, items: Sequence[Any]) -> Iterable[Any]:
     """The items, with a line on a terminal that says how many of them are done."""
-    return tqdm(items, desc=what, leave=False, disable=None, dynamic_ncols=True)
+    watched: Iterable[Any] = tqdm(items, desc=what, leave=False, disable=None, dynamic_ncols=True)
+    return watched

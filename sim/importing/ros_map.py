@@ -35,12 +35,20 @@ class Map:
     resolution: float  # side of a cell [m]
     origin: Array  # (3,) x, y [m] of the lower left corner, yaw [rad] of the grid
 
-    def world(self, unknown: str = "occupied", progress: Callable[[int], object] | None = None) -> World:
+    def world(self, unknown: str = "occupied", progress: Callable[[int, int], object] | None = None) -> World:
         """Boxes where the map is occupied, or not free; its own border is the ground's, if it is not turned."""
         if unknown not in UNKNOWN:
             raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
         blocked = ~self.free if unknown == "occupied" else self.occupied
-        solids = tuple(self._box(i, piece) for i, piece in enumerate(cover(blocked, progress), start=1))
+        done, total = 0, int(blocked.sum())
+
+        def covered(more: int) -> None:
+            nonlocal done
+            done += more
+            if progress is not None:
+                progress(done, total)
+
+        solids = tuple(self._box(i, piece) for i, piece in enumerate(cover(blocked, covered), start=1))
         x, y, yaw = self.origin
         rows, columns = blocked.shape
         border = np.array([x, x + columns * self.resolution, y, y + rows * self.resolution])

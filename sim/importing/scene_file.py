@@ -97,7 +97,7 @@ def import_world(
     goal: Sequence[float] | None = None,
     workspace: Sequence[float] | None = None,
     unknown: str | None = None,
-    progress: Callable[[int], object] | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> Imported:
     """Write the static obstacles of an SDF world, or the walls of a ROS map, as a scene for the unicycle.
 
@@ -108,7 +108,7 @@ def import_world(
         goal: x, y, radius [m].
         workspace: x0, x1, y0, y1, the box that holds the robot's centre [m].
         unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
-        progress: told how many more cells of a map have become boxes.
+        progress: told how many of how many cells of a map, or shapes of a world, are done, now and then.
 
     Raises:
         SceneError: the world has something that cannot be taken over, start, goal or workspace are missing or
@@ -125,7 +125,7 @@ def import_world(
     elif unknown is not None:
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
     else:
-        world = read_sdf(source)
+        world = read_sdf(source, progress)
     place, goal_disc = _task(source, "map" if mapped else "world", start, goal)
     if workspace is None and mapped and world.ground is None:
         raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")

@@ -7,12 +7,13 @@ has the last word, as in Gazebo: its poses of models and links are in world coor
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
+from defusedxml.common import DTDForbidden
+from defusedxml.ElementTree import fromstring
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
@@ -48,19 +49,23 @@ class World:
     ground: Array | None  # (4,) x0, x1, y0, y1 of the first ground plane that has a size [m]
 
 
-def read_sdf(path: Path) -> World:
+def read_sdf(path: Path, progress: Callable[[int, int], object] | None = None) -> World:
     """The static obstacles of the one world in an SDF file.
+
+    Args:
+        progress: told how many of how many collision shapes are done, now and then.
 
     Raises:
         SceneError: unreadable, malformed, with a document type, or with a part that cannot be taken over.
     """
     try:
-        return _read(Scope.of_world(_world(path), path))
+        return _read(Scope.of_world(_world(path), path), progress)
     except RecursionError:
         raise SceneError(f"{path}: poses refer to each other in too long a chain; shorten it") from None
 
 
-def _read(scope: Scope) -> World:
+def _read(scope: Scope, progress: Callable[[int, int], object] | None) -> World:
+    done, total = 0, sum(1 for _ in scope.element.iter("collision"))
     solids: list[Solid] = []
     grounds: list[Array] = []
     for model in _models(scope):
@@ -73,6 +78,9 @@ def _read(scope: Scope) -> World:
             elif geometry.tag != "empty":
                 name = model.label if len(shapes) == 1 else f"{link.label}::{collision.get('name')}"
                 solids.append(_solid(" ".join(name.split()), link, collision, geometry))
+        done += len(found)
+        if progress is not None:
+            progress(done, total)
     return World(solids=tuple(solids), ground=grounds[0] if grounds else None)
 
 
@@ -86,23 +94,15 @@ def _world(path: Path) -> ET.Element:
     if len(data) > LARGEST_FILE:
         raise SceneError(f"{path}: larger than {LARGEST_FILE >> 20} MiB; remove what is no obstacle")
     try:
-        _refuse_document_type(data, path)
-        root = ET.fromstring(data)
-    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
+        root = fromstring(data, forbid_dtd=True)
+    except DTDForbidden as error:
+        raise SceneError(f"{path}: <!DOCTYPE {error.name}> could declare entities; remove that declaration") from None
+    except (ET.ParseError, ValueError, LookupError) as error:
         raise SceneError(f"{path}: not XML: {error}; mend it there") from None
     worlds = root.findall("world") if root.tag == "sdf" else []
     if len(worlds) != 1:
         raise SceneError(f"{path}: {len(worlds)} elements <world> in <{root.tag}>; write one <sdf><world>")
     return worlds[0]
-
-
-def _refuse_document_type(data: bytes, path: Path) -> None:
-    def refuse(name: str, *_: object) -> None:
-        raise SceneError(f"{path}: <!DOCTYPE {name}> could declare entities; remove that declaration")
-
-    scanner = expat.ParserCreate()
-    scanner.StartDoctypeDeclHandler = refuse  # called before any entity is read
-    scanner.Parse(data, True)
 
 
 def _models(scope: Scope) -> Iterator[Scope]:

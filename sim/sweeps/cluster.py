@@ -226,11 +226,11 @@ def check_address(address: str) -> None:
     found: queue.SimpleQueue[OSError | None] = queue.SimpleQueue()
     threading.Thread(target=lambda: found.put(_connected(host, port)), daemon=True).start()
     try:
-        error = found.get(timeout=REACHABLE)  # looking a name up has no time limit of its own
+        wrong = found.get(timeout=REACHABLE)  # looking a name up has no time limit of its own
     except queue.Empty:
-        error = TimeoutError("timed out")
-    if error is not None:
-        raise _silent(address, error.strerror or str(error))
+        wrong = TimeoutError("timed out")
+    if wrong is not None:
+        raise _silent(address, wrong.strerror or str(wrong))
 
 
 def _connected(host: str, port: int) -> OSError | None:
