@@ -22,6 +22,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from sim.importing import ros_map
+from sim.importing.limits import FARTHEST, FINEST
 from sim.importing.sdf import Solid, World, read_sdf
 from sim.mjcf import load
 
@@ -153,15 +154,15 @@ def _task(source: Path, kind: str, start: Sequence[float] | None, goal: Sequence
         missing = " and ".join(f"the {name}" for name, given in (("start", start), ("goal", goal)) if given is None)
         raise SceneError(f"{source}: a {kind} does not tell {missing}: give {' and '.join(options)}")
     place, disc = _numbers(source, options[0], start, (2, 3)), _numbers(source, options[1], goal, (3,))
-    if not disc[2] > 0:
-        raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive")
+    if not disc[2] >= FINEST:
+        raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive, {FINEST:g} or more")
     return place, disc
 
 
 def _numbers(source: Path, option: str, given: Sequence[float] | Array, counts: tuple[int, ...]) -> Array:
     values = np.array(given, dtype=float)
-    if len(values) not in counts or not np.all(np.isfinite(values)):
-        raise SceneError(f"{source}: {list(given)} is no {option}; give {counts[-1]} finite numbers")
+    if len(values) not in counts or not np.all(np.abs(values) <= FARTHEST):
+        raise SceneError(f"{source}: {list(given)} is no {option}; give {counts[-1]} finite numbers up to {FARTHEST:g}")
     return values
 
 

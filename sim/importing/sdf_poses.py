@@ -12,9 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from sim.importing.limits import FARTHEST
 
 DEEPEST = 32  # nested models
 _NAMED = ("model", "link", "frame")
+_SHORTEST = 1e-9  # quaternion that still has a direction
 
 
 def label_of(element: ET.Element) -> str:
@@ -28,12 +30,15 @@ def is_true(text: str | None) -> bool:
 
 
 def numbers(text: str | None, count: int) -> Array | None:
-    """So many finite numbers, or None."""
+    """So many numbers that are not beyond all measure, or None."""
+    words = (text or "").split()
     try:
-        values = np.array((text or "").split(), dtype=float)
+        values = np.array(words, dtype=float)
     except ValueError:
         return None
-    return values if len(values) == count and np.all(np.isfinite(values)) else None
+    if len(values) != count or any("_" in word for word in words):  # Python reads 4_0 as 40, and nobody else does
+        return None
+    return values if np.all(np.abs(values) <= FARTHEST) else None
 
 
 def transform(values: Array, *, degrees: bool = False) -> Array:
@@ -166,6 +171,6 @@ class Scope:
         quaternion = pose.get("rotation_format") == "quat_xyzw"
         text = (pose.text or "").strip() or ("0 0 0 0 0 0 1" if quaternion else "0 0 0 0 0 0")
         values = numbers(text, 7 if quaternion else 6)
-        if values is None or (quaternion and not np.any(values[3:])):
-            self.refuse(f"{what} has <pose> {text[:60]!r}; write x y z and roll pitch yaw")
+        if values is None or (quaternion and np.linalg.norm(values[3:]) < _SHORTEST):
+            self.refuse(f"{what} has <pose> {text[:60]!r}; write x y z and roll pitch yaw, none beyond {FARTHEST:g}")
         return transform(values, degrees=not quaternion and is_true(pose.get("degrees")))
