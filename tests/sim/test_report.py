@@ -175,6 +175,7 @@ def test_a_sweep_of_errors_alone_tells_how_many_there_were_of_each(tmp_path, cap
         assert "<img" not in shown
 
 
+@pytest.mark.slow
 def test_a_scene_of_errors_alone_takes_no_picture_from_another(tmp_path):
     pytest.importorskip("matplotlib")
     from sim.report.plots import pictures
