@@ -121,6 +121,7 @@ def test_the_cheapest_way_squeezes_through_two_gaps(seed):
     assert sum(width < NARROW for width in passed) >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_ten_classes_lie_within_thirty_percent(seed):
     costs = np.array([reference.cost for reference in references(seed)])

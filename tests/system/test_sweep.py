@@ -198,6 +198,7 @@ def test_of_many_errors_the_most_frequent_are_told(capsys):
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.slow
 def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_method_without_one(
     tmp_path, monkeypatch, capsys
 ):
@@ -246,6 +247,7 @@ def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again
     assert Dataset(tmp_path / "sweep").files() != files
 
 
+@pytest.mark.slow
 def test_a_scene_that_has_changed_is_refused_and_one_that_moved_is_not(tmp_path, capsys):
     folder = tmp_path / "there"
     folder.mkdir()

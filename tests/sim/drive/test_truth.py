@@ -49,6 +49,7 @@ def test_the_optimal_control_is_a_second_arrow_of_another_colour_and_the_same_sc
     assert colors == [r << 24 | g << 16 | b << 8 | 255 for r, g, b in (CONTROL, OPTIMUM)]
 
 
+@pytest.mark.slow
 def test_value_and_distance_from_the_optimum_are_numbers_at_every_step(recorded, grid):
     file, frames, result = recorded
     table, states = columns(file), np.array([frame.plan.state for frame in frames])
