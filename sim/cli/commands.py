@@ -177,7 +177,12 @@ def import_world(arguments: argparse.Namespace) -> int:
     from sim.importing import scene_file
 
     _check_outputs(arguments, "output")
-    with tqdm(desc="boxes", unit=" cells", leave=False, disable=None) as bar:
+    with tqdm(desc="import", leave=False, disable=None, dynamic_ncols=True) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
         imported = scene_file.import_world(
             arguments.world,
             arguments.output,
@@ -185,7 +190,7 @@ def import_world(arguments: argparse.Namespace) -> int:
             goal=arguments.goal,
             workspace=arguments.workspace,
             unknown=arguments.unknown,
-            progress=bar.update,
+            progress=progress,
         )
     print(f"{imported.path}: {imported.geoms} geoms, {imported.obstacles} of them obstacles")
     return 0
@@ -212,7 +217,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "plan": plan,
     "run": run,
     "estimate": estimate,
-    "sweep": sweep_commands.sweep,
+    "sweep": lambda arguments: sweep_commands.sweep(arguments, given(arguments)),
     "report": sweep_commands.report,
     "import": import_world,
     "export": export,

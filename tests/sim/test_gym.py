@@ -44,6 +44,7 @@ def driven(env, policy, seed=0):
     return np.array(states), np.array(rewards), (terminated, truncated), info
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", scene_names())
 def test_every_scene_is_registered_and_passes_gymnasiums_own_checks(scene: str):
     with warnings.catch_warnings():
@@ -53,6 +54,7 @@ def test_every_scene_is_registered_and_passes_gymnasiums_own_checks(scene: str):
         check_env(gymnasium.make("pirrht/Scene-v0", scene=scene, bound=2.0).unwrapped)
 
 
+@pytest.mark.slow
 def test_a_name_is_enough_to_import_us():
     script = "import gymnasium; print(gymnasium.make('sim.gym:pirrht/Slit-v0').unwrapped.job.scene)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

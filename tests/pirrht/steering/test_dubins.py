@@ -199,6 +199,7 @@ def fine(start: Array, curvature: Array, length: Array, spacing: float) -> Array
     return np.array(points)
 
 
+@pytest.mark.slow
 def test_signatures_of_turning_curves_equal_those_of_fine_polylines() -> None:
     rng = np.random.default_rng(12)
     tails, heads = pairs(30, 13, span=3.0)

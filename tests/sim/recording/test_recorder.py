@@ -246,6 +246,7 @@ def test_late_classes_have_colours_that_no_early_one_has():
     assert not set(drawn[:18]) & set(drawn[18:])
 
 
+@pytest.mark.slow
 def test_a_tree_that_grows_is_drawn_vertex_by_vertex_and_none_twice(tmp_path):
     drive, file = Drive(), tmp_path / "grown.rrd"
     before = drive.tree.size
