@@ -20,6 +20,7 @@ from pirrht.tree.homology_tree import HomologyTree
 from sim.drive import episode
 from sim.mjcf.library import find
 from sim.scenario import Scenario, prepare
+from sim.system_import import source
 
 KEPT = 4  # scenes, trees and grids that a process keeps at hand
 
@@ -36,7 +37,7 @@ class Job:
     method: str
     noise: float | None  # None: what the scene asks for
     seed: int
-    task: Frozen  # robot, radius, start, goal, preset
+    task: Frozen  # robot, system, radius, start, goal, preset
     given: Frozen  # settings that all runs share
     label: str = ""  # what tables call the scene; empty: as `scene`
     digest: str = ""  # of the files of scene and robot; empty: not looked at
@@ -263,6 +264,7 @@ def _digest(scene: str, task: Frozen, given: Frozen) -> str:
     content = hashlib.sha256()
     for file in (scenario.loaded.path, find("robot", dict(task).get("robot") or scenario.loaded.robot)):
         content.update(hashlib.sha256(file.read_bytes()).digest())
+    content.update(source(dict(task).get("system")))
     return content.hexdigest()[:16]
 
 

@@ -20,13 +20,14 @@ from pirrht.errors import OptionError
 from pirrht.exact.desirability import Desirability
 from sim.drawing.colors import title
 from sim.mjcf import scene_names
+from sim.options import table as options
 from sim.sweeps import engine, runs
 from sim.sweeps.columns import key_of
 from sim.sweeps.dataset import TREES, Dataset
 from sim.sweeps.runs import Errand, Job, Planned, Survey
 from sim.text import counted, table
 
-_OWN = ("methods", "noise", "seeds", "jobs", "output", "scheduler", "again")  # options that are no settings of a run
+GRID_MOST = 1_000_000  # runs of a sweep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +53,8 @@ class Grid:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What all runs share, by option; the number of threads changes nothing."""
-        return {name: value for name, value in (*self.task, *self.given) if name != "threads"}
+        """What all runs share and results depend on, by option."""
+        return options.identity(dict((*self.task, *self.given)))
 
 
 def parse_grid(arguments: argparse.Namespace) -> Grid:
@@ -62,8 +63,6 @@ def parse_grid(arguments: argparse.Namespace) -> Grid:
     Raises:
         OptionError: an unknown method, or seeds or noise that are no numbers, or something said twice.
     """
-    from sim.cli.commands import given
-
     methods = [m.strip() for m in arguments.methods.split(",")]
     for method in methods:
         if method not in METHODS:
@@ -78,8 +77,14 @@ def parse_grid(arguments: argparse.Namespace) -> Grid:
         twice = [value for i, value in enumerate(values) if value in values[:i]]
         if twice:
             raise OptionError(f"{option} names {twice[0]} twice; every combination is one run: leave one out")
-    task = {name: getattr(arguments, name) for name in ("robot", "radius", "start", "goal", "preset")}
-    shared = {k: v for k, v in given(arguments).items() if k not in _OWN}
+    said = vars(arguments)
+    task, shared = options.task(said), options.settings("sweep", said)
+    options.refuse_idle(shared, methods)
+    runs_asked = len(arguments.scenes) * len(methods) * len(noises) * len(seeds)
+    if runs_asked > GRID_MOST:
+        raise OptionError(
+            f"--seeds {arguments.seeds}: {runs_asked:,} runs are asked for, and a sweep has at most {GRID_MOST:,}"
+        )
     return Grid(
         scenes=tuple(arguments.scenes),
         methods=tuple(methods),
@@ -283,9 +288,10 @@ def _frozen(values: Mapping[str, Any]) -> runs.Frozen:
 def _numbers(option: str, texts: Sequence[str]) -> Iterator[float]:
     for text in texts:
         try:
-            yield float(text)
+            value = float(text)
         except ValueError:
             raise OptionError(f"{option}: {text!r} is no number; write for instance 0.1,0.3") from None
+        yield options.BY_SETTING["noise"].check(value)
 
 
 def _seeds(text: str) -> range:
