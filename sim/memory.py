@@ -86,7 +86,8 @@ def check(settings: Settings, size: Size, memory: float | None = None) -> None:
     _refuse(size.sampling(settings), limit, f"a plan of {drawn}", f"lower {remedy}")
     if work > WORK:
         raise OptionError(
-            f"a plan of {drawn} takes {work:.3g} steps, and at most {WORK:.0e} are possible; lower {remedy}, or raise --dt"
+            f"a plan of {drawn} takes {work:.3g} steps, and at most {WORK:.0e} are possible; lower {remedy}, or "
+            "raise --dt"
         )
 
 

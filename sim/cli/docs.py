@@ -11,6 +11,7 @@ from sim.options.record import Option, shown
 from sim.options.table import NUMERICS, options_of
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "cli.md"
+COLUMNS = "| option | meaning | default | values |\n|---|---|---|---|\n"
 HEAD = """# Command line
 
 <!-- Made by `python -m sim.cli.docs` of the table in sim/options; a test holds the two against each other. -->
@@ -21,12 +22,12 @@ pirrht COMMAND --help
 pirrht --version
 ```
 
-Exit status: 0 success, 1 a drive that ended in a collision or a time-out, or a sweep with errors, 2 bad input (one line on
-standard error says what was wrong and what would have worked), 130 an interruption.
+Exit status: 0 success, 1 a drive that ended in a collision or a time-out, or a sweep with errors, 2 bad input (one line
+on standard error says what was wrong and what would have worked), 130 an interruption.
 
 Who wins: the command line over a preset, that over the defaults of a scene, those over the defaults of what moves. A
-scene's defaults are custom numerics of its MJCF, `<custom><numeric name="pirrht_noise" data="0.1"/></custom>`; options that
-may stand there are marked with \N{BULLET} below, and `-` becomes `_`.
+scene's defaults are custom numerics of its MJCF, `<custom><numeric name="pirrht_noise" data="0.1"/></custom>`; options
+that may stand there are marked with \N{BULLET} below, and `-` becomes `_`.
 """
 
 
@@ -39,9 +40,7 @@ def page() -> str:
         for group in dict.fromkeys(option.group for option in options):
             rows = [_row(option) for option in options if option.group == group]
             title = f"**{group[0].upper()}{group[1:]}**\n\n" if group else ""
-            parts.append(
-                f"\n{title}| option | meaning | default | values |\n|---|---|---|---|\n" + "\n".join(rows) + "\n"
-            )
+            parts.append(f"\n{title}{COLUMNS}" + "\n".join(rows) + "\n")
     return "".join(parts)
 
 

@@ -19,8 +19,8 @@ from sim.systems import named, names
 
 EXPLAINED = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
 ORDER = (
-    "defaults are those of the robot's system; a scene's own (custom numerics pirrht_NAME) win over these, a preset over "
-    "both, and the command line over all"
+    "Defaults are those of the robot's system; a scene's own (custom numerics pirrht_NAME) win over these,\n"
+    "a preset over both, and the command line over all."
 )
 TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):"
 
@@ -118,9 +118,9 @@ def _add(group: Any, option: Option) -> None:
 
 
 def helped(option: Option) -> str:
-    """What the help says of an option: its text, then its default in parentheses."""
+    """What the help says of an option: its text, then its default."""
     known = default_of(option)
-    return f"{option.text} ({known})" if known else option.text
+    return f"{option.text}; default: {known}" if known else option.text
 
 
 def default_of(option: Option) -> str:

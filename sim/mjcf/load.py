@@ -37,7 +37,7 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import SceneError
+from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import Goal, Scene
 from sim.mjcf.coordinates import stance_of
 from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
@@ -93,14 +93,13 @@ def load(
         system: what moves, in place of the one that the robot names.
 
     Raises:
-        OptionError: the radius is none.
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
     """
     path = find("scene", scene)
     spec = parse(path)
     defaults = option_defaults(spec, path)
     meant = _meant_robot(spec, path)
-    machine = read_robot(robot or meant, _radius(radius, defaults), system)
+    machine = read_robot(robot or meant, _radius(radius, defaults, path), system)
     model = _join(spec, machine, path)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -167,8 +166,13 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, rest: Array, start: Array
     model.key_qpos[0] = data.qpos
 
 
-def _radius(given: float | None, defaults: dict[str, float]) -> float | None:
-    return defaults.get("radius") if given is None else float(NUMERICS["radius"].check(given))
+def _radius(given: float | None, defaults: dict[str, float], path: Path) -> float | None:
+    if given is None:
+        return defaults.get("radius")
+    try:
+        return float(NUMERICS["radius"].check(given))
+    except OptionError as error:
+        raise SceneError(f"{path}: {error}") from None
 
 
 def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
