@@ -21,6 +21,7 @@ from pirrht.exact.desirability import Desirability
 from sim.drawing.colors import title
 from sim.mjcf import scene_names
 from sim.options import table as options
+from sim.options.settings import SEED
 from sim.sweeps import engine, runs
 from sim.sweeps.columns import key_of
 from sim.sweeps.dataset import TREES, Dataset
@@ -300,6 +301,9 @@ def _seeds(text: str) -> range:
         seeds = range(int(first), int(last) if last else int(first) + 1)
     except ValueError:
         raise OptionError(f"--seeds: {text!r} is no range; write for instance 0:100") from None
+    for seed in (seeds.start, max(seeds.start, seeds.stop - 1)):
+        if seed > SEED:
+            raise OptionError(f"--seeds: {text[:40]!r} goes beyond {SEED}; write for instance 0:100")
     if len(seeds) == 0 or seeds.start < 0:
         raise OptionError(f"--seeds: {text!r} holds no seed; write for instance 0:100")
     return seeds
