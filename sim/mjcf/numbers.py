@@ -16,8 +16,8 @@ from sim.options.table import NUMERICS, gone
 FAR = 1e6  # [m]; whatever stands or reaches farther is a slip of the pen
 _WORDS = {  # attributes whose value is a name
     "name", "class", "childclass", "file", "model", "prefix", "mesh", "material", "texture", "hfield", "joint",
-    "joint1", "joint2", "body", "body1", "body2", "geom", "geom1", "geom2", "site", "site1", "site2", "target", "tendon",
-    "actuator", "objname", "refname", "key", "plugin", "instance",
+    "joint1", "joint2", "body", "body1", "body2", "geom", "geom1", "geom2", "site", "site1", "site2", "target",
+    "tendon", "actuator", "objname", "refname", "key", "plugin", "instance",
 }  # fmt: skip
 
 
