@@ -65,7 +65,7 @@ PLANNER_OPTIONS = (
     ),
     _number(
         "samples", "samples around each reference", "N", 1, 10_000_000,
-        "weighing more of them takes longer than it is worth", numeric=True, paper="paper_samples",
+        "weighing more of them takes longer than it is worth", numeric=True,
     ),
     _number(
         "target-error", "sample on, doubling, until the control's standard error is below EPS", "EPS", 1e-6, 1e3,
