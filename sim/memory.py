@@ -12,7 +12,7 @@ from sim.settings import Settings
 GIB = 2.0**30
 SHARE = 0.5  # of the memory of a machine may go to one plan
 STEPS = 100_000  # of one path
-WORK = 1e10  # steps of all paths of a plan
+WORK = 1e9  # steps of all paths of a plan
 TAIL = 40.0  # paths are cut so many lambda after the cheapest reference (`pirrht.estimation.sampler`)
 DOUBLINGS = 16  # of --samples under --target-error, without --budget
 
@@ -26,6 +26,7 @@ class Size:
     obstacles: int  # M
     classes: int  # H, those allowed at the start
     distance: float  # from start to goal [m]
+    speed: float  # at which it is driven [m/s]
     temperature: float  # lambda [cost]
     rate: float  # least q [cost/s]
 
@@ -33,7 +34,7 @@ class Size:
         """About how long paths are before they are cut [s]."""
         if settings.method == "mppi":
             return settings.horizon
-        return (2.0 * self.distance + TAIL * self.temperature) / self.rate
+        return (2.0 * self.distance / self.speed + TAIL * self.temperature) / self.rate
 
     def steps(self, settings: Settings) -> float:
         """How many rollout steps that is."""
@@ -74,7 +75,7 @@ def check(settings: Settings, size: Size, memory: float | None = None) -> None:
     limit = SHARE * (physical() if memory is None else memory)
     steps, work = size.steps(settings), size.steps(settings) * size.samples(settings)
     if steps > STEPS:
-        loud = settings.method != "mppi" and TAIL * size.temperature > 2.0 * size.distance
+        loud = settings.method != "mppi" and TAIL * size.temperature > 2.0 * size.distance / size.speed
         also = " or lower --noise" if loud else " or lower --horizon" if settings.method == "mppi" else ""
         raise OptionError(
             f"--dt {settings.dt:g}: a path of {size.seconds(settings):.3g} s has {steps:.3g} steps, and at most "

@@ -64,7 +64,7 @@ class Scenario:
 
     def steering(self) -> Steering:
         """The two-point optimum that fits the dynamics."""
-        steering: Steering = self.system.steering(self.problem)
+        steering: Steering = self.system.steered(self.problem)
         return steering
 
     def empty_tree(self) -> HomologyTree:
@@ -131,6 +131,7 @@ class Scenario:
             obstacles=len(self.space.obstacles),
             classes=self._classes_at_start(),
             distance=float(np.hypot(*(scene.goal.center - scene.start[:2]))),
+            speed=self.settings.speed if "speed" in self.system.heeds else 1.0,
             temperature=self.problem.temperature,
             rate=self.problem.least_rate,
         )

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, PirrhtError
 from sim.options.table import BY_SETTING, SPECIAL
 from sim.settings import PRESETS, Settings
 
@@ -104,13 +104,30 @@ class System:
         """
         from pirrht.problem import Problem
 
-        dynamics = self.dynamics(settings)
+        dynamics = self._asked("dynamics", settings)
         if tuple(getattr(dynamics, "states", ())) != self.states:
             raise OptionError(
                 f"system {self.name}: {type(dynamics).__name__} has the states {getattr(dynamics, 'states', None)} and "
                 f"the system says {self.states}; make them the same"
             )
         return Problem(dynamics=dynamics, scene=scene, R=self.R, q=self.q, q_min=self.q_min, phi=settings.phi)
+
+    def steered(self, problem: Any) -> Any:
+        """The `pirrht.Steering` of a problem.
+
+        Raises:
+            OptionError: there is none.
+        """
+        return self._asked("steering", problem)
+
+    def _asked(self, what: str, argument: Any) -> Any:
+        try:
+            return getattr(self, what)(argument)
+        except PirrhtError:
+            raise
+        except Exception as error:
+            told = " ".join(f"{type(error).__name__}: {error}".split())
+            raise OptionError(f"system {self.name}: {told} in its {what}; mend it") from error
 
 
 _known: dict[str, System] = {}

@@ -64,11 +64,10 @@ def parse(path: Path) -> mujoco.MjSpec:
     if empty:
         raise SceneError(f"{path}: the file is empty; write an MJCF model with a <worldbody>")
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        refuse_nan(path)
+        return mujoco.MjSpec.from_file(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise SceneError(f"{path}: not MJCF: {_one_line(error)}; mend the XML there") from None
-    refuse_nan(path)
-    return spec
 
 
 def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:

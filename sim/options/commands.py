@@ -45,7 +45,7 @@ TASK = (
     ),
     _task(
         "radius", "footprint radius of the robot", kind=float, metavar="M", numeric=True, unset="the robot's own",
-        bounds=Bounds(low=1e-4, high=100.0, why="smaller ones are points, and larger ones fit into no scene"),
+        bounds=Bounds(low=1e-3, high=100.0, why="smaller ones are points, and larger ones fit into no scene"),
     ),
     _task("start", "start: X Y [TH]", kind=float, count="+", metavar="X", unset="the scene's"),
     _task("goal", "goal disc", kind=float, count=3, metavar=("X", "Y", "R"), unset="the scene's"),
@@ -63,7 +63,7 @@ ESTIMATE = (
     ),
     Option(
         name="repeat", text="repeats with independent samples", kind=int, metavar="N", commands=("estimate",),
-        default=1, numeric=True, bounds=Bounds(low=1, high=100_000, why="a table of more rows helps nobody"),
+        default=1, numeric=True, bounds=Bounds(low=1, high=10_000, why="a table of more rows helps nobody"),
     ),
     Option(
         name="truth", text="add the exact value and control, solved for on a grid", kind=bool, default=False,

@@ -154,7 +154,7 @@ DRIVE_OPTIONS = (
     ),
     _number(
         "grow", "vertices that the tree gains between two plans; with --real-time at most, in the time that is left",
-        "N", 0, 100_000, "growing more takes longer than the drive", commands=("run",), group=DRIVE, unset="0",
+        "N", 0, 10_000, "growing more takes longer than the drive", commands=("run",), group=DRIVE, unset="0",
     ),
 )  # fmt: skip
 

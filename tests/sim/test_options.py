@@ -144,7 +144,9 @@ def test_bounds_are_allowed_and_what_is_beyond_is_not(option):
 
 def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made():
     scenario = prepare("slit")
-    size = memory.Size(states=2, controls=2, obstacles=2, classes=3, distance=4.5, temperature=0.02, rate=1.0)
+    size = memory.Size(
+        states=2, controls=2, obstacles=2, classes=3, distance=4.5, speed=1.0, temperature=0.02, rate=1.0
+    )
     memory.check(scenario.settings, size, 8 * memory.GIB)
     for changes, option in (({"samples": 10_000_000}, "--samples"), ({"vertices": 1_000_000}, "--vertices")):
         large = Settings(**changes)
@@ -160,7 +162,7 @@ def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made():
         ("--dt 0.00001", "--dt 1e-05: a path of 9.8 s has 9.8e+05 steps"),
         ("--noise 100", "or lower --noise"),
         ("--max-time 80000 --period 0.002", "--max-time 80000 is 4e+07 periods"),
-        ("--grow 90000", "--grow 90000 adds up to"),
+        ("--grow 9000", "--grow 9000 adds up to"),
         ("--classes 10000 --limit 100", "GiB of memory"),
         ("--method mppi --horizon 9000 --dt 0.01", "or lower --horizon"),
     ],
