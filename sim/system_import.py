@@ -38,8 +38,8 @@ def chosen(which: str | System) -> System:
         found = _called(found, which)
     if not isinstance(found, System):
         raise OptionError(
-            f"--system {which}: {name} is of the type {type(found).__name__}; it must be a sim.systems.System or a function that "
-            "returns one"
+            f"--system {which}: {name} is of the type {type(found).__name__}; it must be a sim.systems.System or a "
+            "function that returns one"
         )
     return register(found)
 
