@@ -58,7 +58,12 @@ class Scenario:
         return tree, sampler, plant
 
     def with_settings(self, **changes: Any) -> Scenario:
-        """The same scene under other settings; the free space is kept."""
+        """The same scene under other settings; the free space is kept.
+
+        Raises:
+            OptionError: the system has no such number, or a value cannot work.
+        """
+        self.system.refuse({name: v for name, v in changes.items() if v != getattr(self.settings, name)})
         settings = replace(self.settings, **changes)
         return replace(self, settings=settings, problem=self.system.problem(self.loaded.scene, settings))
 

@@ -179,3 +179,7 @@ def test_numbers_that_a_system_has_none_of_are_refused(option, who):
 def test_noise_that_a_system_has_in_itself_is_not_asked_for(folder):
     with pytest.raises(OptionError, match="--noise is for"):
         prepare("slit", system=raft(heeds=()), given={"noise": 0.2})
+    scenario = prepare("slit", system=raft(heeds=()))
+    assert scenario.with_settings(seed=3, noise=scenario.settings.noise).settings.seed == 3
+    with pytest.raises(OptionError, match="--noise is for"):
+        scenario.with_settings(noise=0.2)
