@@ -148,7 +148,7 @@ def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made():
         states=2, controls=2, obstacles=2, classes=3, distance=4.5, speed=1.0, temperature=0.02, rate=1.0
     )
     memory.check(scenario.settings, size, 8 * memory.GIB)
-    for changes, option in (({"samples": 10_000_000}, "--samples"), ({"vertices": 1_000_000}, "--vertices")):
+    for changes, option in (({"samples": 1_000_000}, "--samples"), ({"vertices": 1_000_000}, "--vertices")):
         large = Settings(**changes)
         needed = size.tree(large) if option == "--vertices" else size.sampling(large)
         memory.check(large, size, 2.1 * needed)

@@ -18,7 +18,7 @@ import pytest
 from repository import environment
 
 from sim.cli import main, sweep_commands
-from sim.cli.parser import _parser
+from sim.cli.parser import parser
 from sim.sweeps import runs, sweep
 from sim.sweeps.columns import RESULTS, key_of
 from sim.sweeps.dataset import Dataset
@@ -223,7 +223,7 @@ def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_meth
             assert culprit in told.err
             assert told.out == ""
     assert not Path("sweep").exists()
-    grid = sweep.parse_grid(_parser().parse_args(["sweep", *robot, "--methods", "passive"]))
+    grid = sweep.parse_grid(parser().parse_args(["sweep", *robot, "--methods", "passive"]))
     assert len(sweep.checked(grid.jobs())) == 10
 
 
