@@ -27,10 +27,10 @@ from sim.drive import episode
 from sim.drive.truth import Truth, Witness
 from sim.files import check_writable, write_json
 from sim.mjcf import load, scene_names
+from sim.options import table as options
 from sim.rehearsal import rehearse
 from sim.result import estimate_json, passages_json, plan_json, run_json, settings_json
 from sim.scenario import Scenario, prepare
-from sim.settings import refuse_idle
 from sim.text import say, table, width
 
 
@@ -91,8 +91,6 @@ def plan(arguments: argparse.Namespace) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Plan, drive, record and sum up."""
     _check_outputs(arguments, "json", "record", "video", "png")
-    if not (np.isfinite(arguments.record_hz) and arguments.record_hz > 0):
-        raise OptionError(f"--record-hz is {arguments.record_hz:g}; it must be a positive number")
     scenario = _scenario(arguments)
     settings = scenario.settings
     optimal = settings.method == "optimal"
@@ -145,8 +143,6 @@ def run(arguments: argparse.Namespace) -> int:
 def estimate(arguments: argparse.Namespace) -> int:
     """What the controller would do at one state, repeated with independent samples."""
     _check_outputs(arguments, "json")
-    if arguments.repeat < 1:
-        raise OptionError(f"--repeat is {arguments.repeat}; it must be at least 1")
     scenario = _scenario(arguments)
     if scenario.settings.method == "optimal":
         raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
@@ -217,7 +213,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "plan": plan,
     "run": run,
     "estimate": estimate,
-    "sweep": lambda arguments: sweep_commands.sweep(arguments, given(arguments)),
+    "sweep": sweep_commands.sweep,
     "report": sweep_commands.report,
     "import": import_world,
     "export": export,
@@ -226,25 +222,15 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
 
 def given(arguments: argparse.Namespace) -> dict[str, Any]:
     """What the user said, by setting."""
-    skip = {"command", "scene", "scenes", "robot", "radius", "start", "goal", "preset", "json", "png", "convergence"}
-    said = {name: value for name, value in vars(arguments).items() if name not in skip}
-    if "methods" in said:
-        refuse_idle(said, [m.strip() for m in said["methods"].split(",")])
-    return said
+    return options.settings(arguments.command, vars(arguments))
 
 
 def _scenario(arguments: argparse.Namespace) -> Scenario:
     if arguments.start is not None and len(arguments.start) not in (2, 3):
         raise OptionError(f"--start has {len(arguments.start)} numbers; it must be X Y or X Y TH")
-    scenario = prepare(
-        arguments.scene,
-        robot=arguments.robot,
-        radius=arguments.radius,
-        start=arguments.start,
-        goal=arguments.goal,
-        preset=arguments.preset,
-        given=given(arguments),
-    )
+    said = vars(arguments)
+    scenario = prepare(arguments.scene, **options.task(said), given=given(arguments))
+    said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
     warm.announce(scenario.loaded.dynamics_name, sampling=arguments.command != "plan")
     return scenario
 

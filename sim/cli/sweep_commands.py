@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,26 +13,20 @@ from tqdm import tqdm
 
 from pirrht.errors import OptionError
 from sim.files import check_writable, write_json
+from sim.options import table as options
 from sim.text import counted, width
 
 SHOWN = 3  # errors that are told on the terminal
-MOST_PROCESSES = 1024  # or as many as there are cores
-_OWN = ("methods", "noise", "seeds", "jobs", "output", "scheduler", "again")  # options that are no settings of a run
-_TASK = ("robot", "radius", "start", "goal", "preset")
 
 
-def sweep(arguments: argparse.Namespace, given: Mapping[str, Any]) -> int:
-    """Many seeds, methods and noise levels: a table on the terminal, and rows on disk.
-
-    Args:
-        given: what the user said, by setting.
-    """
+def sweep(arguments: argparse.Namespace) -> int:
+    """Many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
     from sim.sweeps import sweep as engine
     from sim.sweeps import tables
 
     if arguments.json is not None:
         check_writable(arguments.json, "--json")
-    grid = parse_grid(arguments, given)
+    grid = parse_grid(arguments)
     if arguments.scheduler is not None:
         from sim.sweeps import cluster
 
@@ -54,7 +47,7 @@ def sweep(arguments: argparse.Namespace, given: Mapping[str, Any]) -> int:
     return 1 if errors else 0
 
 
-def parse_grid(arguments: argparse.Namespace, given: Mapping[str, Any]) -> Any:
+def parse_grid(arguments: argparse.Namespace) -> Any:
     """The grid of a command line.
 
     Raises:
@@ -62,16 +55,14 @@ def parse_grid(arguments: argparse.Namespace, given: Mapping[str, Any]) -> Any:
     """
     from sim.sweeps import grid
 
-    most = max(MOST_PROCESSES, os.cpu_count() or 1)
-    if arguments.jobs is not None and not 1 <= arguments.jobs <= most:
-        raise OptionError(f"--jobs is {arguments.jobs}; it must be at least 1 and at most {most}")
+    said = vars(arguments)
     return grid.parse(
         scenes=arguments.scenes,
         methods=arguments.methods,
         noise=arguments.noise,
         seeds=arguments.seeds,
-        task={name: getattr(arguments, name) for name in _TASK},
-        given={name: value for name, value in given.items() if name not in _OWN},
+        task=options.task(said),
+        given=options.settings("sweep", said),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +10,11 @@ from typing import Any
 from pirrht.control.methods import METHODS
 from pirrht.errors import OptionError
 from sim.mjcf import scene_names
+from sim.options import table as options
+from sim.options.settings import SEED
 from sim.sweeps.runs import Frozen, Job
 
 MOST_RUNS = 1_000_000  # jobs and records of so many fit into some gigabytes
-LARGEST_SEED = 2**63 - 1  # what a column of the dataset holds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,8 +56,8 @@ class Grid:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What all runs share, by option; the number of threads changes nothing."""
-        return {name: value for name, value in (*self.task, *self.given) if name != "threads"}
+        """What all runs share and results depend on, by option."""
+        return options.identity(dict((*self.task, *self.given)))
 
 
 def parse(
@@ -85,6 +85,7 @@ def parse(
     for name in names:
         if name not in METHODS:
             raise OptionError(f"--methods names {name!r}; known are {', '.join(METHODS)}")
+    options.refuse_idle(given, names)
     return Grid(
         scenes=tuple(scenes),
         methods=names,
@@ -106,9 +107,7 @@ def noises_of(text: str) -> Iterator[float]:
             level = float(part)
         except ValueError:
             raise OptionError(f"--noise: {part!r} is no number; write for instance 0.1,0.3") from None
-        if not (math.isfinite(level) and level > 0):
-            raise OptionError(f"--noise is {level:g}; it must be a positive number")
-        yield level
+        yield options.BY_SETTING["noise"].check(level)
 
 
 def seeds_of(text: str) -> range:
@@ -124,8 +123,8 @@ def seeds_of(text: str) -> range:
         raise OptionError(f"--seeds: {text[:60]!r} is no range; write for instance 0:100") from None
     if start < 0 or stop <= start:
         raise OptionError(f"--seeds: {text[:60]!r} holds no seed; write for instance 0:100")
-    if stop - 1 > LARGEST_SEED:
-        raise OptionError(f"--seeds: {text[:60]!r} goes beyond {LARGEST_SEED}, the largest seed; write smaller ones")
+    if stop - 1 > SEED:
+        raise OptionError(f"--seeds: {text[:60]!r} goes beyond {SEED}, the largest seed; write smaller ones")
     return range(start, stop)
 
 

@@ -21,6 +21,7 @@ from sim.drive.result import DriveResult
 from sim.mjcf.library import find
 from sim.rehearsal import rehearse
 from sim.scenario import Driver, Scenario, prepare
+from sim.system_import import source
 
 KEPT = 4  # scenes, trees and grids that a process keeps at hand
 
@@ -38,7 +39,7 @@ class Job:
     method: str
     noise: float | None  # None: what the scene asks for
     seed: int
-    task: Frozen  # robot, radius, start, goal, preset
+    task: Frozen  # robot, system, radius, start, goal, preset
     given: Frozen  # settings that all runs share
     label: str = ""  # what tables call the scene; empty: as `scene`
     digest: str = ""  # of the files of scene and robot; empty: not looked at
@@ -281,6 +282,7 @@ def _digest(scene: str, task: Frozen, given: Frozen) -> str:
     content = hashlib.sha256()
     for file in (scenario.loaded.path, find("robot", dict(task).get("robot") or scenario.loaded.robot)):
         content.update(hashlib.sha256(file.read_bytes()).digest())
+    content.update(source(dict(task).get("system")))
     return content.hexdigest()[:16]
 
 

@@ -18,8 +18,7 @@ from mjcf_samples import WALL
 from repository import environment
 
 from sim.cli import main, sweep_commands
-from sim.cli.commands import given
-from sim.cli.parser import _parser
+from sim.cli.parser import parser
 from sim.mjcf import load
 from sim.sweeps import grid, runs, sweep
 from sim.sweeps.columns import RESULTS, key_of
@@ -220,8 +219,8 @@ def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_meth
             assert culprit in told.err
             assert told.out == ""
     assert not Path("sweep").exists()
-    arguments = _parser().parse_args(["sweep", *robot, "--methods", "passive"])
-    assert len(sweep.checked(sweep_commands.parse_grid(arguments, given(arguments)).jobs())) == 10
+    arguments = parser().parse_args(["sweep", *robot, "--methods", "passive"])
+    assert len(sweep.checked(sweep_commands.parse_grid(arguments).jobs())) == 10
 
 
 @pytest.mark.slow

@@ -293,5 +293,5 @@ def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_on
 
 
 def test_compiled_kernels_are_found_where_the_first_command_looks_for_them(recorded):
-    assert cached(warm.SAMPLER["single_integrator"])
+    assert cached(warm.sampler("single_integrator"))
     assert cached(warm.PLANNER)

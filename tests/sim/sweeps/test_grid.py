@@ -8,14 +8,15 @@ from hypothesis import strategies as st
 
 from pirrht.control.methods import METHODS
 from pirrht.errors import OptionError
-from sim.sweeps.grid import LARGEST_SEED, MOST_RUNS, Grid, noises_of, parse, seeds_of
+from sim.options.settings import SEED
+from sim.sweeps.grid import MOST_RUNS, Grid, noises_of, parse, seeds_of
 
 levels = st.lists(st.floats(1e-300, 1e300), min_size=1, max_size=6, unique=True)
 
 
-@given(start=st.integers(0, LARGEST_SEED - 1), more=st.integers(1, 10**9))
+@given(start=st.integers(0, SEED - 1), more=st.integers(1, 10**9))
 def test_a_range_of_seeds_is_read_back_from_its_text(start, more):
-    stop = min(start + more, LARGEST_SEED + 1)
+    stop = min(start + more, SEED + 1)
     assert seeds_of(f"{start}:{stop}") == range(start, stop)
     assert seeds_of(str(start)) == range(start, start + 1)
 
@@ -33,7 +34,7 @@ def test_any_other_text_is_a_range_or_refused_in_one_line(text):
     except OptionError as error:
         said = str(error)
     if said is None:
-        assert 0 <= seeds.start < seeds.stop <= LARGEST_SEED + 1
+        assert 0 <= seeds.start < seeds.stop <= SEED + 1
     else:
         assert said.startswith("--seeds")
         assert len(said.splitlines()) == 1
