@@ -14,11 +14,12 @@ from repository import environment
 import sim
 
 PACKAGE = Path(sim.__file__).parent
-PLAIN = {"text", "files"}
+PLAIN = {"text", "files", "columns"}
 WORDS = PLAIN | {"options", "settings", "memory", "systems", "system_import"}
-CORE = WORDS | {"mjcf", "drawing", "drive", "scenario", "result"}
+CORE = WORDS | {"mjcf", "drawing", "drive", "scenario", "rehearsal", "result"}
 MAY_IMPORT: dict[str, set[str]] = {
     "text": set(),
+    "columns": set(),
     "files": set(),
     "options": PLAIN,
     "settings": PLAIN | {"options"},
@@ -31,7 +32,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "episode": {"drive"},
     "executor": {"drive"},
     "scenario": WORDS | {"mjcf", "drive"},
-    "result": CORE - {"result"},
+    "rehearsal": WORDS | {"mjcf", "drive", "scenario"},
+    "result": CORE - {"result", "rehearsal"},
     "recording": CORE,
     "film": CORE,
     "figures": CORE,

@@ -155,9 +155,9 @@ def test_compiling_is_not_told_as_planning(monkeypatch: pytest.MonkeyPatch, caps
 
 
 def _arguments(line: str) -> Any:
-    from sim.cli.parser import _parser
+    from sim.cli.parser import parser
 
-    return _parser().parse_args(line.split())
+    return parser().parse_args(line.split())
 
 
 def test_a_sweeps_times_hold_no_compiling(monkeypatch: pytest.MonkeyPatch):

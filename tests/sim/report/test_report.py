@@ -290,8 +290,8 @@ def test_a_part_that_cannot_be_read_is_named_in_one_line(damage, dataset, capsys
 @pytest.mark.parametrize(
     ("changes", "what"),
     [
-        ({"scene": None}, "no usable scene"),
-        ({"noise": None}, "no usable noise"),
+        ({"scene": None}, "rows without scene"),
+        ({"noise": None}, "rows without noise"),
         ({"outcome": "flew"}, "no usable outcome"),
         ({"cost": None}, "seed 1 has no usable cost"),
         ({"path_length": float("inf")}, "no usable path_length"),
