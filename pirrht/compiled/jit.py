@@ -21,6 +21,8 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
 
+from pirrht.compiled.disk import KernelCache, may_be_written
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 DISABLED = bool(numba.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels are plain Python, for debuggers and coverage
@@ -67,17 +69,19 @@ def cached(module: str) -> bool:
     return any(_FOLDER.rglob(f"{module}.*.nbi"))
 
 
+def kept() -> bool:
+    """Whether what is compiled can be kept on disk for the next process."""
+    return not DISABLED and may_be_written(_FOLDER)
+
+
 def _compiled(function: F, **options: Any) -> F:
     if DISABLED:
         return function
     identity = _identity(function)
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_FOLDER)  # read when a function is decorated, and only then
-    try:
-        compiled = njit(cache=identity is not None, nogil=True, error_model="numpy", **options)(function)
-    finally:
-        numba.config.CACHE_DIR = before
+    compiled = njit(nogil=True, error_model="numpy", **options)(function)
     if identity is not None:
+        if os.path.exists(function.__code__.co_filename):
+            compiled._cache = KernelCache(function, _FOLDER)
         # Numba names a dispatcher by chance, and looks up what closes over one by that name: it would never be found.
         compiled._set_uuid(identity)
         _named.add(compiled)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pirrht.control.methods import METHODS
-from pirrht.errors import OptionError, PirrhtError
+from pirrht.errors import OptionError
 from sim.recording.columns import explained
 
 EXPLAINED = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
@@ -33,26 +33,24 @@ class Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; 0 is success, 1 a drive that failed, 2 bad input, 130 an interruption."""
-    try:
-        arguments, unknown = _parser().parse_known_args(argv)
-        for name in (word.partition("=")[0] for word in unknown):
-            if name in GONE:
-                raise OptionError(f"{name} is gone: {GONE[name]}; leave it out")
-        if unknown:
-            raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
-        from sim.cli import commands
+    import sim.cli
 
-        status: int = commands.COMMANDS[arguments.command](arguments)
-        return status
-    except PirrhtError as error:
-        print(f"pirrht: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("pirrht: interrupted", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
+    return sim.cli.main(argv)
+
+
+def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    """What the words of a command ask for; None: those that this process was started with.
+
+    Raises:
+        OptionError: they cannot be read, or name an option that is gone.
+    """
+    arguments, unknown = _parser().parse_known_args(argv)
+    for name in (word.partition("=")[0] for word in unknown):
+        if name in GONE:
+            raise OptionError(f"{name} is gone: {GONE[name]}; leave it out")
+    if unknown:
+        raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
+    return arguments
 
 
 def _parser() -> argparse.ArgumentParser:
