@@ -16,6 +16,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         0 for success, 1 for a drive that failed, 2 for bad input, 128 + n if signal n ended it (130: Ctrl-C).
     """
+    if argv is None:
+        _die_quietly()
     from contextlib import nullcontext
 
     from sim.cli import ending
@@ -29,3 +31,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return commands.COMMANDS[arguments.command](arguments)
 
     return ending.ended(command, process=argv is None)
+
+
+def _die_quietly() -> None:
+    """Until there is something to clean up Ctrl-C just ends the process, as the system does it."""
+    import _signal  # the built-in part of `signal`, there from the start
+
+    if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+        _signal.signal(_signal.SIGINT, _signal.SIG_DFL)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Callable, Generator
 from contextlib import closing, nullcontext
 from pathlib import Path
@@ -63,7 +62,8 @@ def plan(arguments: argparse.Namespace) -> int:
             from sim.figures import draw
 
             draw.check(path, f"--{option}")
-    began = time.perf_counter()
+    clock = warm.notice().clock
+    began = clock()
     scenario = _scenario(arguments)
     convergence = None
     if arguments.convergence:
@@ -71,7 +71,7 @@ def plan(arguments: argparse.Namespace) -> int:
         references = tree.references(scenario.start, polished=scenario.settings.polish)
     else:
         tree, references = _planned(scenario)
-    seconds = time.perf_counter() - began
+    seconds = clock() - began
     print(tables.class_table(references, width()))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
     say(tables.passages_line(passages_json(tree, references)))
@@ -152,8 +152,11 @@ def estimate(arguments: argparse.Namespace) -> int:
     if scenario.settings.method == "optimal":
         raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
     x = _state(arguments.at, scenario)
+    compiling = warm.start(scenario.loaded.dynamics_name)
     truth = _truth(scenario, x) if arguments.truth else None
     tree, _ = (None, []) if scenario.settings.method in TREELESS else _planned(scenario)
+    if compiling is not None:
+        compiling.wait()
     controller = scenario.controller(tree)
     controller.begin(x)
     estimates: list[Estimate | None] = []
@@ -232,6 +235,7 @@ def given(arguments: argparse.Namespace) -> dict[str, Any]:
 def _scenario(arguments: argparse.Namespace) -> Scenario:
     if arguments.start is not None and len(arguments.start) not in (2, 3):
         raise OptionError(f"--start has {len(arguments.start)} numbers; it must be X Y or X Y TH")
+    warm.notice().sampling = arguments.command != "plan"
     scenario = prepare(
         arguments.scene,
         robot=arguments.robot,
@@ -241,7 +245,6 @@ def _scenario(arguments: argparse.Namespace) -> Scenario:
         preset=arguments.preset,
         given=given(arguments),
     )
-    warm.announce(scenario.loaded.dynamics_name, sampling=arguments.command != "plan")
     return scenario
 
 

@@ -10,7 +10,8 @@ import select
 import signal
 import sys
 import threading
-from _thread import interrupt_main
+import time
+from _thread import interrupt_main, start_new_thread
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -19,7 +20,7 @@ from typing import Any
 from pirrht.errors import PirrhtError
 
 BAD_INPUT, BY_SIGNAL = 2, 128  # exit statuses; a signal's number is added to the second
-AGAIN = 0.02  # after which an interruption that some callback swallowed is delivered once more [s]
+AGAIN = 0.1  # after which an interruption that some callback swallowed is delivered once more [s]
 WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
 
 
@@ -69,17 +70,15 @@ def at_once() -> Iterator[None]:
 
 def tell(line: str) -> None:
     """One line on standard error, if anyone listens."""
+    text = f"pirrht: {line}\n".encode(errors="backslashreplace").decode()  # names of files need not be text
     with suppress(OSError, ValueError, AttributeError):  # AttributeError: closed from the start
-        sys.stderr.write(f"pirrht: {line}\n")
+        sys.stderr.write(text)
         sys.stderr.flush()
 
 
 def _status(command: Callable[[], int]) -> int:
     try:
-        status = command()
-        if sys.stdout is not None:
-            sys.stdout.flush()
-        return status
+        return _flushed(command)
     except PirrhtError as error:
         tell(str(error))
         return BAD_INPUT
@@ -94,6 +93,22 @@ def _status(command: Callable[[], int]) -> int:
         return BAD_INPUT
     except OSError as error:
         return _refused(error)
+
+
+def _flushed(command: Callable[[], int]) -> int:
+    """A command's status once all that it said has been taken; SystemExit is that of --help."""
+    leave = None
+    try:
+        status = command()
+    except SystemExit as exit:
+        if isinstance(exit, Stopped):
+            raise
+        leave, status = exit, 0
+    if sys.stdout is not None:
+        sys.stdout.flush()
+    if leave is not None:
+        raise leave
+    return status
 
 
 def _refused(error: OSError) -> int:
@@ -138,6 +153,11 @@ def _any_name_prints() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - it stays open as long as the process
 
 
+def _deliver(number: int) -> None:
+    time.sleep(AGAIN)
+    interrupt_main(number)
+
+
 def _numbers() -> list[signal.Signals]:
     return [getattr(signal, name) for name in WORDS if hasattr(signal, name)]
 
@@ -149,6 +169,9 @@ def _signals() -> Iterator[None]:
         yield
         return
     owner = os.getpid()
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def stop(number: int, _: FrameType | None) -> None:
         if os.getpid() == owner:
@@ -156,7 +179,7 @@ def _signals() -> Iterator[None]:
         signal.signal(number, signal.SIG_DFL)  # a forked process that has this handler from its parent
         os.kill(os.getpid(), number)
 
-    free = [number for number in _numbers() if signal.getsignal(number) is signal.SIG_DFL]
+    free = [number for number in _numbers()[1:] if signal.getsignal(number) is signal.SIG_DFL]
     for number in free:
         signal.signal(number, stop)
     try:
@@ -164,6 +187,8 @@ def _signals() -> Iterator[None]:
     finally:
         for number in free:
             signal.signal(number, signal.SIG_DFL)
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+            signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
@@ -177,9 +202,7 @@ def _swallowed_again() -> Iterator[None]:
             before(unraisable)
             return
         number = stop.number if isinstance(stop, Stopped) else signal.SIGINT
-        timer = threading.Timer(AGAIN, interrupt_main, [number])
-        timer.daemon = True
-        timer.start()
+        start_new_thread(_deliver, (number,))
 
     sys.unraisablehook = hook
     try:

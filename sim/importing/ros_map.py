@@ -15,6 +15,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.files import MISSING, why_unreadable
 from sim.importing.rectangles import Cells, cover
 from sim.importing.sdf import Solid, World
 
@@ -118,6 +119,9 @@ def _read_image(path: Path, known: Mapping[str, Any]) -> tuple[Array, Cells]:
     except ImportError:
         raise OptionError("maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`") from None
     file = path.parent / str(known["image"])
+    why = why_unreadable(file)
+    if why not in (None, MISSING):
+        raise SceneError(f"{path}: image {file} cannot be read: it {why}")
     try:
         with Image.open(file) as image:
             if image.mode.startswith("I"):  # 16 bits
