@@ -1,8 +1,8 @@
 """Compiled kernels on disk: what is damaged there, or cannot be written, costs time and one line.
 
-Numba unpickles whatever it finds, numbers its files, and so hands out another kernel's code where two processes wrote at
-once. Here a file of machine code is named after its content, and the index after which it is looked up begins with a
-digest of itself: neither is unpickled unless it is what was written.
+Numba unpickles whatever it finds, numbers its files, and so hands out another kernel's code where two processes wrote
+at once. Here a file of machine code is named after its content, and the index after which it is looked up begins with
+a digest of itself: neither is unpickled unless it is what was written.
 """
 
 from __future__ import annotations

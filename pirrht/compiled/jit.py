@@ -17,7 +17,7 @@ from weakref import WeakSet
 
 import numba
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
 
@@ -79,6 +79,7 @@ def _compiled(function: F, **options: Any) -> F:
         return function
     identity = _identity(function)
     compiled = njit(nogil=True, error_model="numpy", **options)(function)
+    compiled.get_call_template = _widened(compiled.get_call_template)
     if identity is not None:
         if os.path.exists(function.__code__.co_filename):
             compiled._cache = KernelCache(function, _FOLDER)
@@ -87,6 +88,19 @@ def _compiled(function: F, **options: Any) -> F:
         _named.add(compiled)
     kernel: F = compiled
     return kernel
+
+
+def _widened(template: Callable[..., Any]) -> Callable[..., Any]:
+    """Called from another kernel with a literal or a short whole number, a kernel is the one of any such number.
+
+    Otherwise it is compiled once for 0, once for 2 and once for an index out of an array of 32 bits.
+    """
+
+    def of(kind: Any) -> Any:
+        kind = types.unliteral(kind)
+        return types.int64 if kind in (types.int8, types.int16, types.int32) else kind
+
+    return lambda args, kws: template(tuple(map(of, args)), {name: of(kind) for name, kind in kws.items()})
 
 
 def _identity(function: Callable[..., Any]) -> str | None:

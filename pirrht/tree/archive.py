@@ -1,7 +1,7 @@
 """NumPy's npz files read with suspicion: nothing is made room for before the file itself has that much to say.
 
-A flipped bit in a header can ask for terabytes, and a few kilobytes of zeros unpack to gigabytes. Headers, sizes and the
-zip's own sums are therefore held against each other first.
+A flipped bit in a header can ask for terabytes, and a few kilobytes of zeros unpack to gigabytes. Headers, sizes and
+the zip's own sums are therefore held against each other first.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def _check_numbers(arrays: Arrays) -> None:
 
 
 def _check_lists(first: NDArray[Any], following: NDArray[Any], end: NDArray[Any]) -> None:
-    """The edges of a vertex are a chain from its newest (V,) to its oldest: each later than the `following` one (E,)."""
+    """The edges of a vertex are a chain from its newest (V,) to its oldest: each later than its `following` (E,)."""
     starts, edges = np.flatnonzero(first >= 0), np.flatnonzero(following >= 0)
     reached = np.concatenate([first[starts], following[edges]])
     belongs = np.concatenate([starts, end[edges]])

@@ -1,8 +1,8 @@
 """A grown tree as a file or as bytes: NumPy's npz without pickled objects.
 
 A tree is of use only where it was grown: in the same free space, for the same steering. What it depends on is kept
-beside it in plain words and numbers, so that another tree is refused by name. What is read is checked (`archive`, `checks`)
-before kernels, which do not look twice, follow an index; a checksum tells damage that is still a tree.
+beside it in plain words and numbers, so that another tree is refused by name. What is read is checked (`archive`,
+`checks`) before kernels, which do not look twice, follow an index; a checksum tells damage that is still a tree.
 """
 
 from __future__ import annotations

@@ -65,6 +65,7 @@ def plan(arguments: argparse.Namespace) -> int:
     clock = warm.notice().clock
     began = clock()
     scenario = _scenario(arguments)
+    helper = warm.start(scenario.loaded.dynamics_name, sampling=False)
     convergence = None
     if arguments.convergence:
         tree, convergence = _watched(scenario)
@@ -72,6 +73,8 @@ def plan(arguments: argparse.Namespace) -> int:
     else:
         tree, references = _planned(scenario)
     seconds = clock() - began
+    if helper is not None:
+        helper.kill()
     print(tables.class_table(references, width()))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
     say(tables.passages_line(passages_json(tree, references)))

@@ -193,7 +193,7 @@ def _signals() -> Iterator[None]:
 
 @contextmanager
 def _swallowed_again() -> Iterator[None]:
-    """Callbacks and finalizers swallow interruptions, which Python then prints; these are delivered once more instead."""
+    """Callbacks and finalizers swallow interruptions, which Python then prints; here they are delivered once more."""
     before = sys.unraisablehook
 
     def hook(unraisable: Any) -> None:

@@ -1,7 +1,8 @@
 """Compiling on the second core: after installation the sampler's kernels are built while the planner's are.
 
-`python -m sim.cli.warm DYNAMICS` builds the kernels of one kind of dynamics and leaves them in the cache on disk. It ends
-with its standard input, so that it does not outlive whoever started it, however that one ends.
+`python -m sim.cli.warm DYNAMICS [--sampling]` builds what shortens paths of one kind of dynamics, and what drives need,
+and leaves it in the cache on disk. It ends with its standard input, so that it does not outlive whoever started it,
+however that one ends.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from pirrht.compiled import jit
 
 # Modules of kernels that take long, by which one knows whether they have been compiled.
 PLANNER, SAMPLER = "extend", {"single_integrator": "block", "unicycle": "loops"}
+SHORTENING = {"single_integrator": "shorten", "unicycle": "dubins_shortcut"}
 PLANNING, SAMPLING, LITTLE = 20, 15, 5  # how long they take where nothing else runs, and anything else [s]
 
 
@@ -72,37 +74,74 @@ def notice() -> Notice:
     return listener
 
 
-def start(dynamics_name: str) -> subprocess.Popen[bytes] | None:
-    """Begin to compile in another process, if there is anything to compile; wait for it before sampling."""
-    if jit.cached(SAMPLER[dynamics_name]) or not jit.kept():
+def start(dynamics_name: str, *, sampling: bool = True) -> subprocess.Popen[bytes] | None:
+    """Begin to compile elsewhere what this process needs last; None if nothing is to compile, or cannot be kept."""
+    if jit.cached((SAMPLER if sampling else SHORTENING)[dynamics_name]) or not jit.kept():
         return None
     notice().tell()
-    command = [sys.executable, "-m", "sim.cli.warm", dynamics_name]
+    command = [sys.executable, "-m", "sim.cli.warm", dynamics_name, *(["--sampling"] if sampling else [])]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def compile_sampler(dynamics_name: str) -> None:
-    """Compile what drives of one kind of dynamics need for sampling."""
+class OneWay:
+    """What a controller asks of a tree, without growing one: a single path, straight into the goal."""
+
+    limit = 1.0
+
+    def __init__(self, space: Any, steering: Any) -> None:
+        self.space, self.steering = space, steering
+
+    def references(self, x: Any, *, polished: bool = True) -> list[Any]:
+        """The path from x (n,), shortened as those of a tree are."""
+        from pirrht.shortening.shorten import polish
+        from pirrht.tree.homology_tree import Reference
+
+        goal = x.copy()
+        goal[:2] = self.space.scene.goal.center
+        path = polish(self.steering.connect(x[None], goal[None]), self.steering, self.space)
+        none = (0,) * self.space.homology.M
+        signature, trajectory = self.space.homology.signature(x, none), self.steering.trajectory(path)
+        return [Reference(winding=none, signature=signature, trajectory=trajectory)]
+
+
+def compile_rest(dynamics_name: str, *, sampling: bool) -> None:
+    """Compile what shortens paths and, for drives of one kind of dynamics, what samples: by three steps of one."""
     import numpy as np
 
-    from pirrht.estimation.sampler import PathIntegral
+    from pirrht.control.controller import Controller
     from pirrht.estimation.sampling import Sampling
     from pirrht.freespace import FreeSpace
-    from pirrht.geometry.scene import Goal, Scene
+    from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+    from pirrht.steering.dubins import Dubins
+    from pirrht.steering.straight_line import StraightLine
+    from sim.drive import episode
+    from sim.drive.executor import Analytic
     from sim.scenario import pose
     from sim.settings import ROBOT_DEFAULTS
 
+    size, place = np.array([0.3, 0.3, 0.3]), np.array([2.0, 3.2, 0.3])
+    block = Obstacle(name="block", kind=Kind.BOX, size=size, position=place, rotation=np.eye(3))
     scene = Scene(
         name="warm",
         lower=np.zeros(2),
         upper=np.full(2, 4.0),
-        obstacles=(),
+        obstacles=(block,),
         goal=Goal(center=np.array([3.0, 2.0]), radius=0.3),
         start=np.array([1.0, 2.0, 0.0]),
         robot_radius=0.2,
     )
-    settings = ROBOT_DEFAULTS[dynamics_name]
-    PathIntegral(pose(dynamics_name, scene, settings), FreeSpace.of(scene), Sampling()).warm_up()
+    settings, space = ROBOT_DEFAULTS[dynamics_name], FreeSpace.of(scene)
+    problem = pose(dynamics_name, scene, settings)
+    tree = OneWay(space, (StraightLine if dynamics_name == "single_integrator" else Dubins).of(problem))
+    x = problem.dynamics.state_of(scene.start)
+    tree.references(x)
+    if not sampling:
+        return
+    drawing = Sampling(dt=settings.dt, first=min(settings.period, settings.dt), samples=20)
+    controller = Controller(problem, space, tree, drawing, rng=np.random.default_rng(0))  # type: ignore[arg-type]
+    controller.path_integral.warm_up()
+    plant = Analytic(problem, space.collision.clearance, period=settings.period)
+    list(episode.run(plant, controller, x, np.random.default_rng(0), max_time=3 * settings.period))
 
 
 def _end_with_input() -> None:
@@ -114,4 +153,4 @@ def _end_with_input() -> None:
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who holds the other end of the pipe decides
     threading.Thread(target=_end_with_input, daemon=True).start()
-    compile_sampler(sys.argv[1])
+    compile_rest(sys.argv[1], sampling="--sampling" in sys.argv)

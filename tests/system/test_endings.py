@@ -1,4 +1,4 @@
-"""However a command is stopped, it ends with the status that says so and at most one line, and leaves nothing behind."""
+"""However a command is stopped, it ends with the status that says so and at most one line; nothing is left behind."""
 
 from __future__ import annotations
 
@@ -172,7 +172,12 @@ def test_a_broken_pipe_that_is_not_the_output_is_told(capsys):
 @pytest.mark.parametrize("kind", ["pipe", "folder", "device", "long name", "no text", "secret"])
 @pytest.mark.parametrize(
     "typed",
-    ["plan SCENE", "plan slit --robot SCENE", "import SCENE -o new.xml --start 1 1 --goal 2 2 1", "export SCENE -o a.npz"],
+    [
+        "plan SCENE",
+        "plan slit --robot SCENE",
+        "import SCENE -o new.xml --start 1 1 --goal 2 2 1",
+        "export SCENE -o a.npz",
+    ],
     ids=["scene", "robot", "import", "export"],
 )
 def test_what_has_no_end_or_no_name_is_refused_at_once(tmp_path: Path, monkeypatch, capsys, typed: str, kind: str):

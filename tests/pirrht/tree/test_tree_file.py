@@ -221,7 +221,7 @@ def test_another_number_that_would_still_be_a_tree_is_told_by_the_checksum(slit:
         arrays[name] = np.array(json.dumps(about))
     else:
         arrays[name].flat[-1] += 1
-    with pytest.raises(OptionError, match="damaged tree .its checksum"):
+    with pytest.raises(OptionError, match="its checksum is another"):
         tree_file.load(repacked(arrays), slit.space, StraightLine())
 
 
@@ -254,6 +254,14 @@ def damaged(content: bytes, rng: np.random.Generator) -> bytes:
     return bytes(changed)
 
 
+def answer(file: BytesIO, scenario: Scenario) -> tuple[HomologyTree | None, str]:
+    """The tree in a file, or why it is refused."""
+    try:
+        return tree_file.load(file, scenario.space, StraightLine()), ""
+    except OptionError as error:
+        return None, str(error)
+
+
 @pytest.mark.parametrize("packing", ["compressed", "plain", "unsigned"])
 @pytest.mark.parametrize("part", range(4))
 def test_a_damaged_file_is_refused_with_one_line_or_is_the_tree(slit: Scenario, saved: bytes, packing: str, part: int):
@@ -263,13 +271,10 @@ def test_a_damaged_file_is_refused_with_one_line_or_is_the_tree(slit: Scenario, 
     rng = np.random.default_rng([part, len(packing)])
     refused = 0
     for _ in range(60):
-        try:
-            tree = tree_file.load(BytesIO(damaged(whole, rng)), slit.space, StraightLine())
-        except OptionError as error:
-            refused += 1
-            assert "\n" not in str(error)
-        else:
-            assert packed(tree) == saved
+        tree, said = answer(BytesIO(damaged(whole, rng)), slit)
+        refused += tree is None
+        assert tree is None or packed(tree) == saved
+        assert "\n" not in said
     assert refused > 30
 
 
@@ -282,15 +287,13 @@ def test_a_tree_whose_sums_fit_a_wrong_number_is_refused_or_ends(slit: Scenario,
         name = sorted(arrays.keys() - {"about"})[rng.integers(len(arrays) - 1)]
         raw = arrays[name].reshape(-1).view(np.uint8)
         raw[rng.integers(len(raw))] ^= 1 << int(rng.integers(8))
-        try:
-            tree = tree_file.load(repacked(arrays), slit.space, StraightLine())
-        except OptionError as error:
-            refused += 1
-            assert "\n" not in str(error)
-            continue
-        tree.grow(tree.size + 5)
-        with suppress(NoReference):
-            assert tree.references(slit.start)
+        tree, said = answer(repacked(arrays), slit)
+        refused += tree is None
+        assert "\n" not in said
+        if tree is not None:
+            tree.grow(tree.size + 5)
+            with suppress(NoReference):
+                assert tree.references(slit.start)
     assert refused > 10
 
 
@@ -326,7 +329,7 @@ def test_what_unpacks_to_more_than_a_tree_can_have_is_not_unpacked(slit: Scenari
     monkeypatch.setattr(archive, "MOST", 1 << 20)
     with pytest.raises(OptionError, match="is no tree of pirrht"):
         tree_file.load(bomb, slit.space, StraightLine())
-    with pytest.raises(ValueError, match="unpacks to 0.002"):
+    with pytest.raises(ValueError, match="it unpacks to"):
         archive.read_arrays(bomb)
 
 
