@@ -42,7 +42,7 @@ def _check_shapes(arrays: Arrays, M: int, n: int, classes: int) -> None:
     if arrays["marker"].ndim != 3:
         raise ValueError("marker is not what it should be")
     K, C = arrays["marker"].shape[1:]
-    if V < 1 or min(E, P) < 0 or K != (classes or K) or K < 1 or (waiting, refill) != (0, 0):
+    if V < 1 or min(E, P) < 0 or K < 1 or classes not in (0, K) or (waiting, refill) != (0, 0):
         raise ValueError("its sizes are not possible")
     model = g.empty_graph(1, 1, 1, M)
     shapes = {name: (V, K, C)[: np.ndim(getattr(model, name))] for name in g.NODES}

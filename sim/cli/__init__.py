@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _die_quietly() -> None:
     """Until there is something to clean up Ctrl-C just ends the process, as the system does it."""
-    import _signal  # the built-in part of `signal`, there from the start
+    import _signal  # type: ignore[import-not-found]  # the built-in part of `signal`, there from the start
 
     if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
         _signal.signal(_signal.SIGINT, _signal.SIG_DFL)

@@ -155,7 +155,7 @@ def _any_name_prints() -> None:
 
 def _deliver(number: int) -> None:
     time.sleep(AGAIN)
-    interrupt_main(number)
+    interrupt_main(signal.Signals(number))
 
 
 def _numbers() -> list[signal.Signals]:
