@@ -58,6 +58,7 @@ def test_a_second_process_finds_what_the_first_has_compiled(whole, tmp_path):
     assert asked(tmp_path) == ([*SAID, "0"], [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"], ids=["index", "machine code"])
 @pytest.mark.parametrize(
     "damage",
