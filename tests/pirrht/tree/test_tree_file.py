@@ -361,7 +361,7 @@ def test_an_index_that_points_nowhere_is_refused(slit: Scenario, saved: bytes, n
 )
 def test_a_missing_or_misshapen_array_is_refused(slit: Scenario, saved: bytes, name: str):
     arrays = unsigned(unpacked(saved))
-    for wrong in ({k: v for k, v in arrays.items() if k != name}, {**arrays, name: arrays[name].astype(np.float16)}):
+    for wrong in ({k: v for k, v in arrays.items() if k != name}, {**arrays, name: arrays[name].astype("U8")}):
         with pytest.raises(OptionError, match="damaged tree"):
             tree_file.load(repacked(wrong), slit.space, StraightLine())
 
