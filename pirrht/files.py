@@ -1,8 +1,9 @@
-"""Files that are replaced only once their new content is complete."""
+"""Files: replaced only once their new content is complete, and read only where they have an end."""
 
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -39,3 +40,23 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+MISSING = "does not exist"
+_KINDS = {stat.S_IFDIR: "is a folder", stat.S_IFIFO: "is a pipe", stat.S_IFSOCK: "is a socket"}
+
+
+def why_unreadable(path: Path) -> str | None:
+    """Why a path is no file that can be read to its end, as the end of a sentence; None if it is one.
+
+    Pipes and devices are none: opening them may wait for ever, and reading them need not end.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return MISSING
+    except (OSError, ValueError) as error:  # ValueError: a null character
+        return f"cannot be opened ({getattr(error, 'strerror', None) or error})"
+    if not stat.S_ISREG(mode):
+        return _KINDS.get(stat.S_IFMT(mode), "is a device")
+    return None if os.access(path, os.R_OK) else "may not be read"

@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 
 from pirrht.tree.homology_tree import HomologyTree
+from sim.cli import warm
 from sim.scenario import Scenario, prepare
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _compiling_is_known() -> None:
+    """Tests that count lines find the same, whether kernels have been compiled or not."""
+    warm.notice().told = True
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,7 @@
 """How numeric functions become kernels; nothing here knows the method.
 
-jit           kernel, inlined, jitable; the disk cache, named after all sources of the package
+jit           kernel, inlined, jitable; their folder on disk, named after all sources of the package
+disk          what lies there: checked before it is used, replaced as a whole
 addresses     array elements by address, since arrays in records cost reference counts
 float32       single precision and its bits, for loops over lanes
 streams       normal and uniform numbers by (seed, sample, draw)

@@ -17,9 +17,11 @@ from weakref import WeakSet
 
 import numba
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
+
+from pirrht.compiled.disk import KernelCache, may_be_written
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -67,22 +69,38 @@ def cached(module: str) -> bool:
     return any(_FOLDER.rglob(f"{module}.*.nbi"))
 
 
+def kept() -> bool:
+    """Whether what is compiled can be kept on disk for the next process."""
+    return not DISABLED and may_be_written(_FOLDER)
+
+
 def _compiled(function: F, **options: Any) -> F:
     if DISABLED:
         return function
     identity = _identity(function)
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_FOLDER)  # read when a function is decorated, and only then
-    try:
-        compiled = njit(cache=identity is not None, nogil=True, error_model="numpy", **options)(function)
-    finally:
-        numba.config.CACHE_DIR = before
+    compiled = njit(nogil=True, error_model="numpy", **options)(function)
+    compiled.get_call_template = _widened(compiled.get_call_template)
     if identity is not None:
+        if os.path.exists(function.__code__.co_filename):
+            compiled._cache = KernelCache(function, _FOLDER)
         # Numba names a dispatcher by chance, and looks up what closes over one by that name: it would never be found.
         compiled._set_uuid(identity)
         _named.add(compiled)
     kernel: F = compiled
     return kernel
+
+
+def _widened(template: Callable[..., Any]) -> Callable[..., Any]:
+    """Called from another kernel with a literal or a short whole number, a kernel is the one of any such number.
+
+    Otherwise it is compiled once for 0, once for 2 and once for an index out of an array of 32 bits.
+    """
+
+    def of(kind: Any) -> Any:
+        kind = types.unliteral(kind)
+        return types.int64 if kind in (types.int8, types.int16, types.int32) else kind
+
+    return lambda args, kws: template(tuple(map(of, args)), {name: of(kind) for name, kind in kws.items()})
 
 
 def _identity(function: Callable[..., Any]) -> str | None:

@@ -115,7 +115,9 @@ def grow_with(
         near = np.empty(count, np.int64)
         nearest(vertices.states[:size], x, numbers, forward, near, np.empty(count))
         others, here = vertices.states[near], np.empty((count, n))
-        here[:] = x
+        for i in range(count):
+            for k in range(n):
+                here[i, k] = x[k]  # arrays assigned as a whole compile words for shapes that differ
         into_goal = vertices.in_goal[near]
         if not forward:
             into_goal[:] = False
@@ -147,7 +149,9 @@ def grow_with(
             if not reaches(at, straight, out, rules):
                 i += 1
                 continue
-            vertices.states[v], vertices.in_goal[v] = x, False
+            for k in range(x.shape[0]):
+                vertices.states[v, k] = x[k]
+            vertices.in_goal[v] = False
             back = out
             if not rules.mirrored:
                 back, unsure = proposed(vertices, v + 1, x, around, numbers, False)

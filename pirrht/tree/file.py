@@ -1,17 +1,16 @@
 """A grown tree as a file or as bytes: NumPy's npz without pickled objects.
 
 A tree is of use only where it was grown: in the same free space, for the same steering. What it depends on is kept
-beside it in plain words and numbers, so that another tree is refused by name. What is read is checked before kernels,
-which do not look twice, follow an index.
+beside it in plain words and numbers, so that another tree is refused by name. What is read is checked (`archive`,
+`checks`) before kernels, which do not look twice, follow an index; a checksum tells damage that is still a tree.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields, is_dataclass
 from io import BytesIO
 from pathlib import Path
@@ -21,18 +20,18 @@ import numpy as np
 
 import pirrht
 from pirrht.errors import OptionError
-from pirrht.files import replaced
+from pirrht.files import MISSING, replaced, why_unreadable
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Obstacle
 from pirrht.steering.steering import Steering
 from pirrht.tree import graph as g
+from pirrht.tree.archive import BROKEN, Arrays, checksum, read_arrays
+from pirrht.tree.checks import check
 from pirrht.tree.graph import Graph
 from pirrht.tree.homology_tree import HomologyTree
 
-FORMAT = 1
-UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, RuntimeError)
-BROKEN_ZIP = (zipfile.BadZipFile, zlib.error)
-Arrays = dict[str, np.ndarray[Any, Any]]
+FORMAT, UNSIGNED = 2, 1  # the second has no checksum: trees of 0.1 and 0.2
+UNREADABLE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
 
 
 def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
@@ -53,8 +52,10 @@ def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
     }
     arrays = {name: _used(tree.graph, name) for name in Graph._fields if name not in _DERIVED}
     arrays |= {"states": tree.states[: tree.size], "in_goal": tree.in_goal[: tree.size]}
+    about = json.loads(json.dumps(about))  # as it is read again
+    signed = about | {"checksum": checksum(arrays, about)}
     content = BytesIO()
-    packed: dict[str, Any] = {**arrays, "about": np.array(json.dumps(about))}
+    packed: dict[str, Any] = {**arrays, "about": np.array(json.dumps(signed))}
     np.savez_compressed(content, **packed)
     if isinstance(file, str | Path):
         with replaced(Path(file), "tree") as stream:
@@ -86,8 +87,8 @@ def load(
     asked |= {key: value for key, value in (("limit", limit), ("classes", classes)) if value is not None}
     _check_belongs(name, about, asked)
     try:
-        _check(arrays, space.homology.M, steering.n)
         belongs = about["belongs"]
+        check(arrays, space.homology, steering.n, int(belongs["classes"]))
         tree = HomologyTree(
             space,
             steering,
@@ -96,7 +97,7 @@ def load(
             rng=_generator(about["rng"]),
         )
         tree.draws = int(about["draws"])
-    except (*UNREADABLE, AttributeError) as error:
+    except (OSError, *UNREADABLE) as error:
         raise OptionError(f"{name} is a damaged tree ({_line(error)}); make it anew with `pirrht plan -o`") from None
     tree.graph, tree.states, tree.in_goal = _roomy(arrays)
     return tree
@@ -121,24 +122,35 @@ _DERIVED = ("queue_cost", "queue_vertex", "queue_key", "refill", "waiting")  # e
 
 def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Arrays]:
     try:
-        with np.load(file, allow_pickle=False) as content:
-            arrays = {key: content[key] for key in content.files}
+        with _opened(file, name) as stream:
+            arrays = read_arrays(stream)
         about = json.loads(str(arrays.pop("about")))
-        found = about["format"], about["version"]
-    except FileNotFoundError:
-        raise OptionError(f"{name} does not exist; make it with `pirrht plan SCENE -o {name}`") from None
-    except (OSError, *BROKEN_ZIP) as error:
+        known, version = about["format"], about["version"]
+    except (OSError, *BROKEN) as error:
         raise OptionError(
             f"{name} is no tree that can be read ({_line(error)}); make one with `pirrht plan SCENE -o FILE`"
         ) from None
-    except (*UNREADABLE, AttributeError):  # in words of NumPy's that help nobody here
+    except UNREADABLE:  # in words of NumPy's that help nobody here
         raise OptionError(f"{name} is no tree of pirrht; make one with `pirrht plan SCENE -o FILE`") from None
-    if found != (FORMAT, pirrht.__version__):
+    if known not in (FORMAT, UNSIGNED):
         raise OptionError(
-            f"{name} was written by pirrht {found[1]} in format {found[0]}; this is {pirrht.__version__} with "
+            f"{name} was written by pirrht {version} in format {known}; this is {pirrht.__version__} with "
             f"format {FORMAT}: make it anew"
         )
+    if known == FORMAT and about.pop("checksum", None) != checksum(arrays, about):
+        raise OptionError(f"{name} is a damaged tree (its checksum is another); make it anew with `pirrht plan -o`")
     return about, arrays
+
+
+def _opened(file: str | Path | BinaryIO, name: str) -> AbstractContextManager[BinaryIO]:
+    if not isinstance(file, str | Path):
+        return nullcontext(file)
+    why = why_unreadable(Path(file))
+    if why == MISSING:
+        raise OptionError(f"{name} does not exist; make it with `pirrht plan SCENE -o {name}`")
+    if why is not None:
+        raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan SCENE -o FILE`")
+    return Path(file).open("rb")
 
 
 def _check_belongs(name: str, about: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
@@ -187,50 +199,6 @@ def _room(least: int, count: int) -> int:
     while least < count:
         least *= 2
     return least
-
-
-def _check(arrays: Arrays, M: int, n: int) -> None:
-    """Refuse arrays of other shapes, and entries that point out of them.
-
-    Raises:
-        ValueError, KeyError: names the array.
-    """
-    if arrays["size"].shape != (5,) or arrays["size"].dtype != np.int64:
-        raise ValueError("size is not what it should be")
-    V, E, waiting, refill, P = (int(v) for v in arrays["size"])
-    K, C = arrays["marker"].shape[1:]
-    if V < 1 or min(E, P) < 0 or K < 1 or (waiting, refill) != (0, 0):
-        raise ValueError("its sizes are not possible")
-    model = g.empty_graph(1, 1, 1, M)
-    shapes = {name: (V, K, C)[: np.ndim(getattr(model, name))] for name in g.NODES}
-    shapes |= dict.fromkeys(g.EDGES, (E,)) | dict.fromkeys(g.EDGE_PAIRS, (P,))
-    shapes |= dict.fromkeys(("first_out", "first_in", "nodes"), (V,))
-    shapes |= {"straight": (V, M), "edge_first": (E + 1,), "pruned": (1,)}
-    for name, shape in shapes.items():
-        array = arrays[name]
-        if array.shape != shape or array.dtype != getattr(model, name).dtype:
-            raise ValueError(f"{name} has the shape {array.shape} of {array.dtype}")
-    if arrays["states"].shape != (V, n) or arrays["states"].dtype != np.float64:
-        raise ValueError(f"states has the shape {arrays['states'].shape} of {arrays['states'].dtype}")
-    if arrays["in_goal"].shape != (V,) or arrays["in_goal"].dtype != np.bool_:
-        raise ValueError("in_goal is not what it should be")
-    known = np.arange(K) < arrays["nodes"][:, None]
-    paired = known[:, :, None] & (np.arange(C) < arrays["pairs"][:, :, None])
-    ranges = {
-        **{name: (arrays[name], 0, V) for name in ("tail", "head")},
-        **{name: (arrays[name], -1, E) for name in ("first_out", "first_in", "next_out", "next_in")},
-        "parent": (arrays["parent"][known], -1, E),
-        "nodes": (arrays["nodes"], 0, K + 1),
-        "pairs": (arrays["pairs"][known], 0, C + 1),
-        "marker": (arrays["marker"][paired], 0, M),
-        "edge_marker": (arrays["edge_marker"], 0, M),
-        "edge_first": (np.diff(arrays["edge_first"]), 0, P + 1),
-    }
-    for name, (values, low, high) in ranges.items():
-        if np.any((values < low) | (values >= high)):
-            raise ValueError(f"{name} points out of its range")
-    if arrays["edge_first"][0] != 0 or arrays["edge_first"][-1] != P or not np.all(np.isfinite(arrays["states"])):
-        raise ValueError("its states or edges do not fit together")
 
 
 # -- what is not an array ----------------------------------------------------------------------------------------

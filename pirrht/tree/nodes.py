@@ -39,13 +39,13 @@ class SearchRules(NamedTuple):
 
 
 class Offer(NamedTuple):
-    """What an edge makes of a node for the vertex it leaves; numbers only."""
+    """What an edge makes of a node for the vertex it leaves; numbers only, of 64 bits."""
 
     cost: float  # [cost]
     key: int  # of the class
-    source: int  # vertex and slot of the node
-    slot: int
-    edge: int
+    source: int | np.int64  # vertex and slot of the node
+    slot: int | np.int64
+    edge: int | np.int64
 
 
 @inlined

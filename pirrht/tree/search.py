@@ -56,7 +56,7 @@ def _fill(at, v, rules):  # type: ignore[no-untyped-def]
                 node = g.node_at(head, slot)
                 key = load_int64(node, g.KEY) + load_int64(edge, g.EDGE_KEY)
                 cost = load_float64(node, g.COST) + load_float64(edge, g.EDGE_COST)
-                status = append(at, v, Offer(cost, key, h, slot, e), rules)
+                status = append(at, v, Offer(cost, key, np.int64(h), np.int64(slot), np.int64(e)), rules)
                 if status != DONE:
                     return status
                 slot += 1
@@ -75,7 +75,7 @@ def _expand(at, cost, v, key, rules):  # type: ignore[no-untyped-def]
         if not g.is_root(g.vertex_at(at, u)):
             new_key, new_cost = key + load_int64(edge, g.EDGE_KEY), cost + load_float64(edge, g.EDGE_COST)
             slot = g.slot_of(vertex, key)  # an eviction may have moved it
-            status = append(at, u, Offer(new_cost, new_key, v, slot, e), rules)
+            status = append(at, u, Offer(new_cost, new_key, np.int64(v), np.int64(slot), np.int64(e)), rules)
             if status != DONE:
                 return status
         e = load_int32(edge, g.NEXT_IN)

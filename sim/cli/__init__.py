@@ -1,5 +1,41 @@
-"""The command `pirrht`."""
+"""The command `pirrht`; what takes long to import is imported once signals are heeded."""
 
-from sim.cli.parser import main
+from __future__ import annotations
+
+from collections.abc import Sequence
 
 __all__ = ["main"]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: words of the command; None: those that this process was started with.
+
+    Returns:
+        0 for success, 1 for a drive that failed, 2 for bad input, 128 + n if signal n ended it (130: Ctrl-C).
+    """
+    if argv is None:
+        _die_quietly()
+    from contextlib import nullcontext
+
+    from sim.cli import ending
+
+    def command() -> int:
+        with ending.at_once() if argv is None else nullcontext():
+            from sim.cli import parser
+
+            arguments = parser.read(argv)
+            from sim.cli import commands
+        return commands.COMMANDS[arguments.command](arguments)
+
+    return ending.ended(command, process=argv is None)
+
+
+def _die_quietly() -> None:
+    """Until there is something to clean up Ctrl-C just ends the process, as the system does it."""
+    import _signal  # type: ignore[import-not-found]  # the built-in part of `signal`, there from the start
+
+    if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+        _signal.signal(_signal.SIGINT, _signal.SIG_DFL)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
 from collections.abc import Callable
 from contextlib import closing, nullcontext
 from pathlib import Path
@@ -63,15 +62,18 @@ def plan(arguments: argparse.Namespace) -> int:
 
             draw.check(path, f"--{option}")
     scenario = _scenario(arguments)
-    rehearse(scenario)
-    began = time.perf_counter()
+    helper = warm.start(scenario.loaded.dynamics_name, sampling=False)
+    clock = warm.notice().clock
+    began = clock()
     convergence = None
     if arguments.convergence:
         tree, convergence = _watched(scenario)
         references = tree.references(scenario.start, polished=scenario.settings.polish)
     else:
         tree, references = _planned(scenario)
-    seconds = time.perf_counter() - began
+    seconds = clock() - began
+    if helper is not None:
+        helper.kill()
     passages = passages_json(tree, references)
     print(tables.class_table(references, width()))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
@@ -147,8 +149,11 @@ def estimate(arguments: argparse.Namespace) -> int:
     if scenario.settings.method == "optimal":
         raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
     x = _state(arguments.at, scenario)
+    compiling = warm.start(scenario.loaded.dynamics_name)
     truth = _truth(scenario, x) if arguments.truth else None
     tree, _ = (None, []) if scenario.settings.method in TREELESS else _planned(scenario)
+    if compiling is not None:
+        compiling.wait()
     controller = scenario.driver(tree)
     controller.begin(x)
     estimates: list[Estimate | None] = []
@@ -228,10 +233,10 @@ def given(arguments: argparse.Namespace) -> dict[str, Any]:
 def _scenario(arguments: argparse.Namespace) -> Scenario:
     if arguments.start is not None and len(arguments.start) not in (2, 3):
         raise OptionError(f"--start has {len(arguments.start)} numbers; it must be X Y or X Y TH")
+    warm.notice().sampling = arguments.command != "plan"
     said = vars(arguments)
     scenario = prepare(arguments.scene, **options.task(said), given=given(arguments))
     said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
-    warm.announce(scenario.loaded.dynamics_name, sampling=arguments.command != "plan")
     return scenario
 
 

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 import pirrht
 from pirrht.control.methods import METHODS
-from pirrht.errors import OptionError, PirrhtError
+from pirrht.errors import OptionError
 from sim.drive.result import explained as figures
 from sim.options.record import Option
 from sim.options.table import GONE, check, gone, options_of
@@ -52,25 +52,13 @@ class Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; 0 is success, 1 a drive that failed, 2 bad input, 130 an interruption."""
-    try:
-        arguments = read(argv)
-        from sim.cli import commands
+    import sim.cli
 
-        status: int = commands.COMMANDS[arguments.command](arguments)
-        return status
-    except PirrhtError as error:
-        print(f"pirrht: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("pirrht: interrupted", file=sys.stderr)
-        return 130
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
+    return sim.cli.main(argv)
 
 
-def read(argv: Sequence[str] | None) -> argparse.Namespace:
-    """A command line, checked as far as that goes without a scene.
+def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    """A command line, checked as far as that goes without a scene; None: the words that this process was started with.
 
     Raises:
         OptionError: it cannot be read, or an option has a value that cannot work.

@@ -1,62 +1,171 @@
 """Compiling on the second core: after installation the sampler's kernels are built while the planner's are.
 
-`python -m sim.cli.warm DYNAMICS` builds the kernels of one kind of dynamics and leaves them in the cache on disk.
+`python -m sim.cli.warm DYNAMICS [--sampling]` builds what shortens paths of one kind of dynamics, and what drives need,
+and leaves it in the cache on disk. It ends with its standard input, so that it does not outlive whoever started it,
+however that one ends.
 """
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import threading
+import time
+from functools import cache
+from typing import Any
 
-import numpy as np
+from numba.core import event
+from tqdm import tqdm
 
-from pirrht.compiled.jit import cached
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
-from pirrht.rollouts.point.block import is_point
+from pirrht.compiled import jit
 from sim.systems import BUILT_IN, named
 
 # Modules of kernels that take long, by which one knows whether they have been compiled.
 PLANNER, POINT, OTHERS = "extend", "block", "loops"
+PLANNING, SAMPLING, LITTLE = 20, 15, 5  # how long they take where nothing else runs, and anything else [s]
 
 
-def announce(dynamics_name: str, *, sampling: bool) -> None:
-    """Tell a person at a terminal why the first command of an installation is slow."""
-    ready = cached(PLANNER) and (not sampling or cached(sampler(dynamics_name)))
-    if sys.stderr.isatty() and not ready:
-        print("compiling kernels, once: about a minute", file=sys.stderr)
+class Notice(event.Listener):  # type: ignore[misc]
+    """Tells in one line why the first command of an installation is slow, and adds up how long that was."""
+
+    def __init__(self) -> None:
+        self.told = False
+        self.sampling = False  # whether this process will sample
+        self.seconds = 0.0  # that it spent compiling
+        self._depth, self._began = 0, 0.0
+
+    def tell(self) -> None:
+        """Say that kernels are being compiled; once per process."""
+        if self.told:
+            return
+        self.told = True
+        left = PLANNING * (not jit.cached(PLANNER))
+        left += SAMPLING * (self.sampling and not any(map(jit.cached, (POINT, OTHERS))))
+        often = "once" if jit.kept() else "every time"
+        tqdm.write(f"compiling kernels, {often}: about {left or LITTLE} s", sys.stderr)
+        sys.stderr.flush()
+
+    def clock(self) -> float:
+        """A time [s] that stands still while kernels are compiled."""
+        return time.perf_counter() - self.seconds
+
+    def on_start(self, happening: Any) -> None:
+        """A kernel is compiled, maybe for another one that is."""
+        if happening.data["dispatcher"].py_func.__module__.startswith("pirrht."):
+            self.tell()
+        if self._depth == 0:
+            self._began = time.perf_counter()
+        self._depth += 1
+
+    def on_end(self, happening: Any) -> None:
+        """It has been compiled, or cannot be."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.perf_counter() - self._began
+
+
+@cache
+def notice() -> Notice:
+    """That of this process, which hears from now on what is compiled."""
+    listener = Notice()
+    event.register("numba:compile", listener)
+    return listener
 
 
 def sampler(dynamics_name: str) -> str:
     """The module of kernels that samples a system."""
+    from pirrht.rollouts.point.block import is_point
+
     system = named(dynamics_name)
     return POINT if is_point(system.dynamics(system.settings)) else OTHERS
 
 
-def start(dynamics_name: str) -> subprocess.Popen[bytes] | None:
-    """Begin to compile in another process, if there is anything to compile; wait for it before sampling."""
-    if dynamics_name not in BUILT_IN or cached(sampler(dynamics_name)):
+def shortening(dynamics_name: str) -> str:
+    """The module of kernels that shortens a system's paths."""
+    from pirrht.systems.unicycle import Unicycle
+
+    system = named(dynamics_name)
+    return "dubins_shortcut" if isinstance(system.dynamics(system.settings), Unicycle) else "shorten"
+
+
+def start(dynamics_name: str, *, sampling: bool = True) -> subprocess.Popen[bytes] | None:
+    """Begin to compile elsewhere what this process needs last; None if nothing is to compile, or cannot be kept."""
+    if dynamics_name not in BUILT_IN or not jit.kept():
         return None
-    command = [sys.executable, "-m", "sim.cli.warm", dynamics_name]
-    return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    if jit.cached((sampler if sampling else shortening)(dynamics_name)):
+        return None
+    notice().tell()
+    command = [sys.executable, "-m", "sim.cli.warm", dynamics_name, *(["--sampling"] if sampling else [])]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def compile_sampler(dynamics_name: str) -> None:
-    """Compile what drives of one kind of dynamics need for sampling."""
+class OneWay:
+    """What a controller asks of a tree, without growing one: a single path, straight into the goal."""
+
+    limit = 1.0
+
+    def __init__(self, space: Any, steering: Any) -> None:
+        self.space, self.steering = space, steering
+
+    def references(self, x: Any, *, polished: bool = True) -> list[Any]:
+        """The path from x (n,), shortened as those of a tree are."""
+        from pirrht.shortening.shorten import polish
+        from pirrht.tree.homology_tree import Reference
+
+        goal = x.copy()
+        goal[:2] = self.space.scene.goal.center
+        path = polish(self.steering.connect(x[None], goal[None]), self.steering, self.space)
+        none = (0,) * self.space.homology.M
+        signature, trajectory = self.space.homology.signature(x, none), self.steering.trajectory(path)
+        return [Reference(winding=none, signature=signature, trajectory=trajectory)]
+
+
+def compile_rest(dynamics_name: str, *, sampling: bool) -> None:
+    """Compile what shortens paths and, for drives of one kind of dynamics, what samples: by three steps of one."""
+    import numpy as np
+
+    from pirrht.control.controller import Controller
+    from pirrht.estimation.sampling import Sampling
+    from pirrht.freespace import FreeSpace
+    from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+    from sim.drive import episode
+    from sim.drive.executor import Analytic
+
+    size, place = np.array([0.3, 0.3, 0.3]), np.array([2.0, 3.2, 0.3])
+    block = Obstacle(name="block", kind=Kind.BOX, size=size, position=place, rotation=np.eye(3))
     scene = Scene(
         name="warm",
         lower=np.zeros(2),
         upper=np.full(2, 4.0),
-        obstacles=(),
+        obstacles=(block,),
         goal=Goal(center=np.array([3.0, 2.0]), radius=0.3),
         start=np.array([1.0, 2.0, 0.0]),
         robot_radius=0.2,
     )
-    system = named(dynamics_name)
-    PathIntegral(system.problem(scene, system.settings), FreeSpace.of(scene), Sampling()).warm_up()
+    system, space = named(dynamics_name), FreeSpace.of(scene)
+    settings = system.settings
+    problem = system.problem(scene, settings)
+    tree = OneWay(space, system.steering(problem))
+    x = problem.dynamics.state_of(scene.start)
+    tree.references(x)
+    if not sampling:
+        return
+    drawing = Sampling(dt=settings.dt, first=min(settings.period, settings.dt), samples=20)
+    controller = Controller(problem, space, tree, drawing, rng=np.random.default_rng(0))  # type: ignore[arg-type]
+    controller.path_integral.warm_up()
+    plant = Analytic(problem, space.collision.clearance, period=settings.period)
+    list(episode.run(plant, controller, x, np.random.default_rng(0), max_time=3 * settings.period))
+
+
+def _end_with_input() -> None:
+    while os.read(0, 4096):
+        pass
+    os._exit(1)
 
 
 if __name__ == "__main__":
-    compile_sampler(sys.argv[1])
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who holds the other end of the pipe decides
+    threading.Thread(target=_end_with_input, daemon=True).start()
+    compile_rest(sys.argv[1], sampling="--sampling" in sys.argv)

@@ -21,6 +21,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.files import why_unreadable
 from sim.importing import ros_map
 from sim.importing.limits import FARTHEST, FINEST
 from sim.importing.sdf import Solid, World, read_sdf
@@ -116,6 +117,9 @@ def import_world(
             do not fit, or the target cannot be written. The target is then as it was.
     """
     source, target = Path(source), Path(target)
+    why = why_unreadable(source)
+    if why is not None:
+        raise SceneError(f"{source}: it {why}, so it cannot be read; give an SDF world file or the YAML file of a map")
     _check_target(source, target)
     if source.suffix.lower() in ros_map.PICTURES:
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")

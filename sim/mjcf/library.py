@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 
 from pirrht.errors import SceneError
+from pirrht.files import MISSING, why_unreadable
 from sim.mjcf.numbers import refuse_nan
 
 # Without a handler MuJoCo leaves a MUJOCO_LOG.TXT in the folder one happens to work in.
@@ -40,7 +41,7 @@ def find(kind: str, which: str | Path) -> Path:
     if isinstance(which, str) and which in names:
         return models_folder() / (kind + "s") / f"{which}.xml"
     path = Path(which)
-    if not path.exists():
+    if why_unreadable(path) == MISSING:
         known = ", ".join(names) or "none"
         raise SceneError(f"{path}: no such {kind}; give the path of an MJCF file or one of {known}")
     return path
@@ -52,17 +53,17 @@ def parse(path: Path) -> mujoco.MjSpec:
     Raises:
         SceneError: it is no file, not named .xml, unreadable, no MJCF, or holds what is not a number.
     """
-    if not path.is_file():
-        raise SceneError(f"{path}: this is a folder or device; give the path of an MJCF file in it")
+    why = why_unreadable(path)
+    if why is not None:
+        raise SceneError(f"{path}: this {why}; give the path of an MJCF file that may be read")
     if path.suffix.lower() != ".xml":
         raise SceneError(f"{path}: MuJoCo reads MJCF from files that end in .xml; rename it")
-    try:
-        with path.open("rb") as stream:
-            empty = not stream.read(1)
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror}); check its permissions") from None
-    if empty:
+    if path.stat().st_size == 0:
         raise SceneError(f"{path}: the file is empty; write an MJCF model with a <worldbody>")
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise SceneError(f"{path}: MuJoCo opens files whose names are UTF-8 text; rename it") from None
     try:
         refuse_nan(path)
         return mujoco.MjSpec.from_file(str(path))

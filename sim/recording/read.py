@@ -15,6 +15,7 @@ from typing import Any
 from rerun.chunk import RrdReader
 
 from pirrht.errors import OptionError
+from pirrht.files import MISSING, why_unreadable
 
 STEPS, TIMING, SETTINGS = "/steps", "/timing/plan", "/__properties/run"
 
@@ -41,8 +42,9 @@ def read(file: Path) -> Recording:
     Raises:
         OptionError: the file is not there, is no recording, or holds no drive or several.
     """
-    if not file.is_file():
-        raise OptionError(f"{file}: {'a folder' if file.is_dir() else 'no such file'}; name a recording, FILE.rrd")
+    why = why_unreadable(file)
+    if why is not None:
+        raise OptionError(f"{file}: {'no such file' if why == MISSING else why}; name a recording, FILE.rrd")
     settings: dict[str, Any] = {}
     written: dict[int, tuple[float, Cells]] = {}
     early: dict[int, tuple[float, Cells]] = {}

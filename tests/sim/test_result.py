@@ -12,7 +12,7 @@ import pytest
 
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
-from sim.cli import commands, main
+from sim.cli import commands, main, warm
 from sim.drive.episode import Frame, Tally
 from sim.drive.executor import Advance
 from sim.drive.odometer import Odometer, ending
@@ -146,11 +146,19 @@ class Compiler:
 
 
 def test_compiling_is_not_told_as_planning(monkeypatch: pytest.MonkeyPatch, capsys):
-    compiler = Compiler()
-    monkeypatch.setattr(commands, "rehearse", compiler)
-    monkeypatch.setattr(commands, "time", compiler)
+    wall, notice, real = Compiler(), warm.notice(), commands._planned
+    kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="numba.np"))
+
+    def planned(scenario: Scenario) -> Any:
+        notice.on_start(SimpleNamespace(data={"dispatcher": kernel}))
+        wall.now += 90.0
+        notice.on_end(SimpleNamespace(data={"dispatcher": kernel}))
+        return real(scenario)
+
+    monkeypatch.setattr(warm, "time", wall)
+    monkeypatch.setattr(commands, "_planned", planned)
     assert commands.plan(_arguments("plan slit --vertices 60")) == 0
-    assert compiler.now == 90.0
+    assert wall.now == 90.0
     assert "FCL calls, 0.00 s" in capsys.readouterr().out
 
 
