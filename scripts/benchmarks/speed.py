@@ -17,7 +17,7 @@ from benchmarks import planners, rollouts
 from benchmarks.timing import row
 
 from sim.drive import episode
-from sim.recording.recorder import Recorder
+from sim.recording.recorder import Recorder, Sinks
 from sim.scenario import Scenario, prepare
 
 REPEATS = 5
@@ -70,14 +70,8 @@ def _drive(scenario: Scenario, seconds: float, record: Path | None) -> list[floa
     controller.path_integral.warm_up()
     recorder = None
     if record is not None:
-        recorder = Recorder(
-            scenario.loaded,
-            scenario.space,
-            tree,
-            controller.path_integral,
-            file=record,
-            settings={"scene": "benchmark"},
-        )
+        sinks, settings = Sinks(file=record), {"scene": "benchmark"}
+        recorder = Recorder(scenario.loaded, tree, controller.path_integral, sinks, settings=settings)
     spent = []
     for frame in episode.run(scenario.plant(), controller, scenario.start, scenario.plant_rng(), max_time=seconds):
         began = time.perf_counter()

@@ -1,11 +1,4 @@
-"""A control step in a recording, and the numbers that are kept of it at `/steps`.
-
-At its start: state [m, m, rad], control, clearance [m], vertices of the tree, value, value_error and control_error
-(one standard error), doubtful (1 where the plan rests on fewer than 10 effective samples), where a grid was solved
-exact_value and exact_control, and class by class in the same order classes (ids and "other"), weights, ess. Over it:
-duration [s], noise (sum of the Brownian increments) [sqrt(s)]. Up to its end: cost, length [m]. The last one has the
-state where the drive ended, and the outcome. `columns.py` has them as a table.
-"""
+"""A control step in a recording, and the numbers that are kept of it at `/steps`: those that `columns.py` names."""
 
 from __future__ import annotations
 
@@ -23,6 +16,7 @@ from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
 from sim.drive.episode import Frame
 from sim.drive.truth import Truth
+from sim.recording.columns import Column, components
 
 Edges = tuple[Array, Array]  # ends (k, 2, 3) [m, m, turns] and heights of their middles (k,) [turns]
 
@@ -101,41 +95,17 @@ class Row:
 
 
 def columns(rows: Sequence[Row]) -> list[Any]:
-    """The table's columns for some steps; step and time are its index."""
-    truths = [r.truth for r in rows if r.truth is not None]
-    return [
-        *_values(state=[r.state for r in rows]),
-        *_values(control=[r.control for r in rows]),
-        *_values(noise=[r.noise.sum(axis=0) for r in rows]),
-        *_values(duration=[r.duration for r in rows]),
-        *_values(cost=[r.cost for r in rows]),
-        *_values(length=[r.length for r in rows]),
-        *_values(clearance=[r.clearance for r in rows]),
-        *_values(vertices=[r.vertices for r in rows]),
-        *_values(value=[r.value for r in rows]),
-        *_values(value_error=[r.value_error for r in rows]),
-        *_values(control_error=[r.control_error for r in rows]),
-        *_values(doubtful=[r.doubtful for r in rows]),
-        *_ragged("classes", [list(r.weights) for r in rows]),
-        *_ragged("weights", [list(r.weights.values()) for r in rows]),
-        *_ragged("ess", [list(r.sizes.values()) for r in rows]),
-        *(_values(exact_value=[t.value for t in truths]) if truths else ()),
-        *(_values(exact_control=[t.control for t in truths]) if truths else ()),
-        *_ragged("end", [r.states[-1].tolist() if r.outcome is not None and len(r.states) else [] for r in rows]),
-        *_ragged("outcome", [[] if r.outcome is None else [r.outcome.name.lower()] for r in rows]),
-    ]
+    """All components of some steps; step and time are their index."""
+    return [part for name, column in components().items() for part in _component(name, column, rows)]
 
 
-def _values(**named: Sequence[Any]) -> Iterable[Any]:
-    """One named component with equally many numbers per step."""
-    ((name, rows),) = named.items()
-    return _ragged(name, np.asarray(rows, dtype=float).reshape(len(rows), -1).tolist())
-
-
-def _ragged(name: str, rows: Sequence[list[Any]]) -> Iterable[Any]:
+def _component(name: str, column: Column, rows: Sequence[Row]) -> Iterable[Any]:
     """One named component with any number of values per step."""
-    flat = list(chain.from_iterable(rows))
+    assert column.values is not None
+    texts = column.kind is str
+    values = [[v if texts else float(v) for v in column.values(row)] for row in rows]
+    flat = list(chain.from_iterable(values))
     if not flat:
         return ()
-    columns: Iterable[Any] = rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in rows])
-    return columns
+    parts: Iterable[Any] = rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in values])
+    return parts

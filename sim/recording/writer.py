@@ -49,7 +49,7 @@ class Writer:
         self.stream, self._subject = stream, subject
         colors = ClassColors()
         self._pictures = Pictures(stream, subject, colors)
-        self._plots = Plots(stream, subject.path_integral.temperature, colors, truth=subject.truth)
+        self._plots = Plots(stream, subject.path_integral.temperature, colors, truth=subject.look.truth)
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
 

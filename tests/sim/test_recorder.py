@@ -22,7 +22,7 @@ from sim.drawing import strokes
 from sim.drawing.colors import PALETTE, ClassColors, title
 from sim.drive.episode import run
 from sim.recording import read, viewer
-from sim.recording.recorder import ROOM
+from sim.recording.sink import ROOM
 from sim.recording.static import telling
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
@@ -186,7 +186,7 @@ def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
     frame = next(drive.frames())
     monkeypatch.setattr(viewer, "probe", lambda url: None)
     monkeypatch.setattr(Stream, "connect", lambda self, url, blueprint: release.wait())
-    monkeypatch.setattr("sim.recording.recorder.GRACE", 0.1)
+    monkeypatch.setattr("sim.recording.sink.GRACE", 0.1)
     recorder = drive.recorder(tmp_path / "both.rrd", connect=viewer.EXAMPLE)
     for _ in range(ROOM + 100):  # what waited for the viewer would wait for ever
         recorder.log(frame)
