@@ -30,15 +30,12 @@ class Relay:
         self._target = target
         self._turn = threading.Lock()  # held from taking bytes out of the pipe until they are written
         self._outlet, inlet = os.pipe()
+        self._thread = threading.Thread(target=self._work, name="relay", daemon=True)
+        self._thread.start()  # first: there may be more to save at once than a pipe holds
         try:
             save(DOORS / str(inlet))
-        except BaseException:
-            os.close(self._outlet)
-            raise
         finally:
             os.close(inlet)  # the writer has opened it anew
-        self._thread = threading.Thread(target=self._work, name="relay", daemon=True)
-        self._thread.start()
 
     def settle(self, timeout: float) -> None:
         """Wait until what the writer has handed over is written.

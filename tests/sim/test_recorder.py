@@ -197,7 +197,7 @@ def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
 
 def test_output_that_cannot_be_written_is_named_before_the_run(tmp_path):
     drive = Drive()
-    for file, reason in ((tmp_path / "no" / "a.rrd", "does not exist"), (tmp_path, "cannot be written")):
+    for file, reason in ((tmp_path / "no" / "a.rrd", "does not exist"), (tmp_path, "is a folder")):
         with pytest.raises(OptionError, match=reason) as caught:
             drive.recorder(file)
         assert str(file) in str(caught.value)
