@@ -9,8 +9,10 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+import rerun as rr
 from drives import MAX_TIME, Drive, columns, record, rerun
 from repository import environment
 from rerun.chunk import RrdReader
@@ -21,7 +23,7 @@ from sim.cli import warm
 from sim.drawing import strokes
 from sim.drawing.colors import PALETTE, ClassColors, title
 from sim.drive.episode import run
-from sim.recording import read, viewer
+from sim.recording import geoms, read, viewer
 from sim.recording.sink import ROOM
 from sim.recording.static import telling
 from sim.recording.step_row import Row
@@ -294,3 +296,26 @@ def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_on
 def test_compiled_kernels_are_found_where_the_first_command_looks_for_them(recorded):
     assert cached(warm.SAMPLER["single_integrator"])
     assert cached(warm.PLANNER)
+
+
+MESHES = """<mujoco>
+  <asset><mesh name="m" vertex="0 0 0  .3 0 0  0 .3 0  0 0 .6"/></asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="3 3 .1"/>
+    <geom name='my box/1 "x"' type="mesh" mesh="m" pos="0 0 .1"/>
+    <geom name='my box\\/1 "x"' type="mesh" mesh="m" pos="0 1 .1"/>
+    <geom name="3" type="mesh" mesh="m" pos="1 1 .1"/>
+    <geom type="mesh" mesh="m" pos="0 -1.5 .1"/>
+  </worldbody>
+</mujoco>"""
+
+
+def test_meshes_have_entity_paths_of_their_own_whatever_their_names(capfd):
+    model = mujoco.MjModel.from_xml_string(MESHES)
+    drawn = geoms.solids(model, geoms.shown(model))
+    assert len(drawn) == 4
+    stream = rr.RecordingStream("meshes")
+    for path, solid in drawn.items():
+        assert len(path.replace("\\\\", "").replace("\\/", "").split("/")) == 2  # `meshes` and one part, escaped
+        stream.log(f"/world/{path}", solid)
+    assert "WARN" not in capfd.readouterr().err
