@@ -36,9 +36,14 @@ def test_a_file_is_replaced_with_its_permissions_and_nothing_is_left_beside_it(t
 def test_whatever_goes_wrong_the_old_file_stays_alone(tmp_path, error):
     file = tmp_path / "a.json"
     file.write_bytes(b"old")
-    with pytest.raises((OptionError, KeyboardInterrupt, SystemExit)), replaced(file, "--json") as stream:
-        stream.write(b"half")
-        raise error
+
+    def half() -> None:
+        with replaced(file, "--json") as stream:
+            stream.write(b"half")
+            raise error
+
+    with pytest.raises((OptionError, KeyboardInterrupt, SystemExit)):
+        half()
     assert file.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [file]
 

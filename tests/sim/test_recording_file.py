@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import gc
 import os
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 from drives import Drive, record, rerun
 from repository import environment
+from rerun import recording_stream
 
 from pirrht.errors import OptionError
 from sim.cli import main
 from sim.recording import read, relay, viewer
 from sim.recording.sinks import Sinks
+from sim.recording.stream import Stream
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
 
@@ -100,11 +106,16 @@ def test_an_old_recording_is_replaced_and_nothing_is_left_beside_it(tmp_path):
 def test_a_run_that_is_interrupted_leaves_a_whole_recording_of_what_it_drove(tmp_path):
     file, drive = tmp_path / "a.rrd", Drive()
     file.write_bytes(b"old")
-    with pytest.raises(KeyboardInterrupt), drive.recorder(file) as recorder:
-        for frame in drive.frames():
-            recorder.log(frame)
-            if frame.step == 5:
-                raise KeyboardInterrupt
+    frames = drive.frames()
+
+    def interrupted() -> None:
+        with drive.recorder(file) as recorder:
+            for _ in range(6):
+                recorder.log(next(frames))
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert [step for step, _, _ in read.read(file).steps] == list(range(6))
     assert list(tmp_path.iterdir()) == [file]
     assert rerun("rrd", "verify", file).returncode == 0
@@ -119,7 +130,7 @@ def test_without_descriptors_as_files_rerun_writes_the_draft_itself(tmp_path, mo
 
 
 def test_a_device_that_forgets_takes_a_recording():
-    frames, _ = record(file=__import__("pathlib").Path(os.devnull))
+    frames, _ = record(file=Path(os.devnull))
     assert frames
 
 
@@ -173,3 +184,23 @@ def test_a_viewer_that_is_not_installed_is_refused(tmp_path, monkeypatch):
 def test_displays_are_asked_where_they_listen(monkeypatch, name, value, address):
     monkeypatch.setenv("XDG_RUNTIME_DIR", "/run/user/7")
     assert viewer._display(name, value)[1][0] == address
+
+
+def test_ctrl_c_while_a_stream_is_made_is_only_an_interruption(monkeypatch):
+    made, complaints = recording_stream.bindings.new_recording, []
+
+    def interrupted(**options):
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(0.1)
+        return made(**options)
+
+    monkeypatch.setattr(recording_stream.bindings, "new_recording", interrupted)
+    monkeypatch.setattr(sys, "unraisablehook", complaints.append)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            Stream("application", "id", orderly=True)
+        gc.collect()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert not complaints
