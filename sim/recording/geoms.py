@@ -61,7 +61,8 @@ def _capsules(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> rr.
 
 def _part(model: mujoco.MjModel, geom: int) -> str:
     """A geom as part of an entity path: its number, which tells it from all others, and its name."""
-    return rr.escape_entity_path_part(f"{geom} {model.geom(geom).name}".strip())
+    part: str = rr.escape_entity_path_part(f"{geom} {model.geom(geom).name}".strip())
+    return part
 
 
 def _mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> rr.AsComponents:
