@@ -152,7 +152,7 @@ def test_usage_statistics_of_everything_started_are_off(monkeypatch):
         viewer.subprocess, "Popen", lambda command, **options: started.append((command, options["env"]))
     )
     monkeypatch.setattr(viewer, "_await", lambda *_: None)
-    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(viewer, "check_display", lambda: None)
     viewer.spawn()
     viewer.Server.start()
     assert len(started) == 2
