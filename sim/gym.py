@@ -9,7 +9,8 @@ Importing this module registers `pirrht/Slit-v0`, `pirrht/Clutter-v0` and so on 
 * Reward: -(q + u'Ru/2) dt, summed over the period; at a collision also the problem's phi is taken off, or `penalty`
   where that is infinite.
 * `terminated` in the goal or at a collision, `truncated` after `max_time`.
-* `info`: outcome ("goal", "collision", "timeout" or None), cost, time [s], min_clearance [m], path_length [m].
+* `info`: outcome ("goal", "collision", "timeout" or None), cost, time [s], min_clearance [m], path_length [m]
+  (without the path's noise, as `pirrht run` tells it).
 
 `reset(seed=s)` gives the plant the noise that it has under `pirrht run --seed s`.
 """
@@ -18,6 +19,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,13 +30,15 @@ from pirrht.control import policy as control
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
-from pirrht.topology.driven import Driven
-from sim.drive.episode import Frame, Tally
+from sim.drive.episode import Tally
+from sim.drive.odometer import Frame, Odometer
+from sim.drive.result import DriveResult
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare
-from sim.sweeps import runs
+from sim.sweeps import runs, scores
 from sim.sweeps.runs import Job
+from sim.systems import System
 
 try:
     import gymnasium
@@ -52,7 +56,7 @@ class Drive(gymnasium.Env[Array, Array]):
 
     Args:
         scene: built-in name or MJCF file.
-        robot, radius, start, goal: as the options of `pirrht run`.
+        robot, system, radius, start, goal: as the options of `pirrht run`.
         noise: b; None: what the scene or the robot says, and likewise period [s], max_time [s], plant and phi.
         penalty: taken off at a collision where phi is infinite.
         bound: actions are clipped to [-bound, bound], and to what the robot's ctrlranges allow; infinite by default,
@@ -69,6 +73,7 @@ class Drive(gymnasium.Env[Array, Array]):
         scene: str | Path = "slit",
         *,
         robot: str | Path | None = None,
+        system: str | System | None = None,
         radius: float | None = None,
         start: Sequence[float] | None = None,
         goal: Sequence[float] | None = None,
@@ -85,7 +90,7 @@ class Drive(gymnasium.Env[Array, Array]):
             raise OptionError(f"render_mode is {render_mode!r}; there is none: film drives with `pirrht run --video`")
         if not bound > 0 or not penalty >= 0:
             raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
-        task = {"robot": robot, "radius": radius, "start": start, "goal": goal, "preset": None}
+        task = {"robot": robot, "system": system, "radius": radius, "start": start, "goal": goal, "preset": None}
         settings = {"noise": noise, "period": period, "max_time": max_time, "plant": plant, "phi": phi}
         given = {name: value for name, value in settings.items() if value is not None}
         self.scenario = prepare(scene, **task, given=given)  # type: ignore[arg-type]
@@ -119,7 +124,8 @@ class Drive(gymnasium.Env[Array, Array]):
         self._rng = self.scenario.with_settings(seed=self.seed).plant_rng()
         self._plant.reset(self.scenario.start)
         self._tally, self._frame = Tally(self.scenario.settings.period), None
-        self._driven = Driven(self.scenario.space.homology, self._plant.state)
+        problem, space = self.scenario.problem, self.scenario.space
+        self._odometer = Odometer(problem, space, self._plant.state, self.scenario.settings.max_time)
         self._asked = time.perf_counter()
         return self._plant.state, self._info()
 
@@ -143,33 +149,23 @@ class Drive(gymnasium.Env[Array, Array]):
 
     def result(self) -> dict[str, Any]:
         """What `pirrht run --json` tells of a drive, of this one so far."""
-        assert self._tally is not None
-        return self._tally.result()
+        return self.figures().json()
+
+    def figures(self) -> DriveResult:
+        """The same as a record.
+
+        Raises:
+            OptionError: nothing has been driven yet.
+        """
+        if self._tally is None or self._frame is None:
+            raise OptionError("nothing has been driven yet; call reset() and step() first")
+        return self._tally.drive()
 
     def _held(self, u: Array, thought: float) -> Frame:
         """The next period as the frame of a drive."""
-        before, x = self._frame, self._plant.state
-        settings, clearance = self.scenario.settings, self.scenario.space.clearance(x)
-        now = 0.0 if before is None else before.end_time
-        plan = Plan(
-            state=x, times=np.array([0.0, settings.period]), references=(), ids=(), estimate=None, fallback=None,
-            instead=u[None],
-        )  # fmt: skip
-        advance = self._plant.advance(lambda x, s: u, self._rng)
-        self._driven.observe(advance.states)
-        late = advance.outcome is None and now + advance.time >= settings.max_time - 1e-9
-        return Frame(
-            step=0 if before is None else before.step + 1,
-            time=now,
-            plan=plan,
-            advance=advance,
-            outcome=Outcome.TIMEOUT if late else advance.outcome,
-            cost=advance.cost + (0.0 if before is None else before.cost),
-            length=advance.length + (0.0 if before is None else before.length),
-            clearance=clearance,
-            driven_class=self._driven.winding(),
-            plan_seconds=thought,
-        )
+        x, times = self._plant.state, np.array([0.0, self.scenario.settings.period])
+        plan = Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback=None, instead=u[None])
+        return self._odometer.frame(plan, self._plant.advance(lambda x, s: u, self._rng), seconds=thought)
 
     def _info(self) -> dict[str, Any]:
         frame = self._frame
@@ -224,6 +220,8 @@ def score(
     method: str,
     anew: bool = False,
     environment: gymnasium.Env[Any, Any] | None = None,
+    into: str | Path | None = None,
+    again: bool = False,
     **options: Any,
 ) -> list[dict[str, Any]]:
     """Drive a policy once per seed; one record each, as those of `pirrht sweep`.
@@ -234,20 +232,42 @@ def score(
         seeds: one drive each, whole numbers from 0 on.
         method: what tables and reports call it.
         environment: a wrapped `Drive`; without it one of `scene` and `options` is made.
+        into: folder of a sweep (`pirrht sweep -o`) that the drives are added to, so that `pirrht report` shows the
+            method beside ours; made if there is none. Task, plant and time limit must be the sweep's.
+        again: replace drives of the same method, scene, noise and seed that the folder holds; without it they are
+            refused before anything is driven.
 
     Returns:
         records that `sim.sweeps.columns` makes rows of a dataset of.
 
     Raises:
-        OptionError: a negative seed, or a policy whose control has another shape or is not finite.
+        OptionError: a negative seed, a policy whose control has another shape or is not finite, or a folder that the
+            drives cannot be added to.
     """
     env = Drive(scene, **options) if environment is None else environment
     made: Callable[[int], Any] = policy if anew else lambda seed: policy  # type: ignore[assignment]
-    return [_scored(env, made(seed), seed, method) for seed in seeds]
-
-
-def _scored(env: gymnasium.Env[Any, Any], policy: Any, seed: int, method: str) -> dict[str, Any]:
     drive = env.unwrapped
+    assert isinstance(drive, Drive)
+    job = replace(drive.job, method=method, noise=drive.scenario.settings.noise)
+    identities = [_identity(replace(job, seed=_seed(seed))) for seed in seeds]
+    if into is None or not identities:
+        return [_scored(env, made(one["seed"]), one) for one in identities]
+    found = []
+    with scores.kept(Path(into), replace(job, method="passive"), identities, again) as keep:
+        for one in identities:
+            found.append(_scored(env, made(one["seed"]), one))
+            keep(found[-1])
+    return found
+
+
+def _identity(job: Job) -> dict[str, Any]:
+    """What tells a drive from all others."""
+    return {**runs.key(job, job.noise), "scene": Path(job.scene).stem, "scene_digest": runs.digest(job), "plan_seed": 0}
+
+
+def _scored(env: gymnasium.Env[Any, Any], policy: Any, identity: dict[str, Any]) -> dict[str, Any]:
+    """The record of one drive."""
+    drive, seed = env.unwrapped, identity["seed"]
     assert isinstance(drive, Drive)
     began = time.perf_counter()
     x, _ = env.reset(seed=seed)
@@ -258,25 +278,8 @@ def _scored(env: gymnasium.Env[Any, Any], policy: Any, seed: int, method: str) -
         x, _, terminated, truncated, _ = env.step(action)
         step += 1
         over = terminated or truncated
-    scenario = drive.scenario
-    return {
-        "scene": scenario.loaded.scene.name,
-        "scene_digest": runs.digest(drive.job),
-        "method": method,
-        "noise": scenario.settings.noise,
-        "seed": seed,
-        "plan_seed": 0,
-        "robot": scenario.loaded.robot,
-        "lambda": scenario.problem.temperature,
-        "samples": None,
-        "dt": None,
-        "period": scenario.settings.period,
-        **drive.result(),
-        "shortest_length": None,
-        "plan_seconds": None,
-        "drive_seconds": time.perf_counter() - began,
-        "error": None,
-    }
+    record = runs.finished(identity, drive.scenario, drive.figures(), time.perf_counter() - began)
+    return {**record, "samples": None, "dt": None}  # they are the policy's own affair
 
 
 def _check_action(action: Any, space: Any, where: str) -> None:

@@ -59,10 +59,16 @@ def plan_json(
     scenario: Scenario,
     tree: HomologyTree,
     references: Sequence[Reference],
+    passages: dict[str, Any],
     seconds: float,
     convergence: Convergence | None = None,
 ) -> dict[str, Any]:
-    """The public JSON of `plan`; with a convergence also the lengths [m] per class while the tree grew."""
+    """The public JSON of `plan`; with a convergence also the lengths [m] per class while the tree grew.
+
+    Args:
+        passages: `passages_json` of tree and references.
+        seconds: wall time of both, without compiling.
+    """
     watched = {} if convergence is None else {"convergence": convergence_json(convergence)}
     return {
         "scene": scenario.loaded.scene.name,
@@ -74,7 +80,7 @@ def plan_json(
         "fcl_calls": scenario.space.collision.calls,
         "obstacles": obstacles_json(scenario.space),
         "classes": classes_json(references),
-        "passages": passages_json(tree, references),
+        "passages": passages,
         **watched,
     }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,32 +13,42 @@ from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
 from pirrht.control.optimal import Optimal
-from pirrht.errors import OptionError
+from pirrht.control.policy import Policy
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.steering import Steering
-from pirrht.steering.straight_line import StraightLine
-from pirrht.systems.dynamics import Dynamics
-from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.systems.unicycle import Unicycle
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
+from sim import memory
+from sim.drive import episode, realtime
 from sim.drive.executor import Analytic, Executor, Plant
+from sim.drive.odometer import Frame
 from sim.mjcf import Loaded, load
 from sim.settings import Settings, settle
+from sim.system_import import chosen
+from sim.systems import System, named
+
+Driver = Controller | Mppi | Optimal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scenario:
-    """A scene with a robot, a problem and settings; everything random comes from `settings.seed`."""
+    """A scene with a robot, a problem and settings; everything random comes from `settings.seed`.
+
+    Raises:
+        OptionError: plans under these settings would fit into no memory, or never end.
+    """
 
     loaded: Loaded
+    system: System
     settings: Settings
     problem: Problem
     space: FreeSpace
+
+    def __post_init__(self) -> None:
+        memory.check(self.settings, self._size())
 
     @property
     def start(self) -> Array:
@@ -53,18 +63,19 @@ class Scenario:
         return tree, sampler, plant
 
     def with_settings(self, **changes: Any) -> Scenario:
-        """The same scene under other settings; the free space is kept."""
+        """The same scene under other settings; the free space is kept.
+
+        Raises:
+            OptionError: the system has no such number, or a value cannot work.
+        """
+        self.system.refuse({name: v for name, v in changes.items() if v != getattr(self.settings, name)})
         settings = replace(self.settings, **changes)
-        problem = pose(self.loaded.dynamics_name, self.loaded.scene, settings)
-        return replace(self, settings=settings, problem=problem)
+        return replace(self, settings=settings, problem=self.system.problem(self.loaded.scene, settings))
 
     def steering(self) -> Steering:
         """The two-point optimum that fits the dynamics."""
-        if isinstance(self.problem.dynamics, Unicycle):
-            from pirrht.steering.dubins import Dubins
-
-            return Dubins.of(self.problem)
-        return StraightLine.of(self.problem)
+        steering: Steering = self.system.steered(self.problem)
+        return steering
 
     def empty_tree(self) -> HomologyTree:
         """A tree that has its roots only."""
@@ -106,8 +117,7 @@ class Scenario:
         """MPPI, with at least as many samples as "pi-rrht" draws from the start."""
         s = self.settings
         sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent")
-        loud = replace(s, noise=s.exploration * s.noise)
-        problem = pose(self.loaded.dynamics_name, self.loaded.scene, loud)
+        problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
         return Mppi(problem, self.space, sampling, horizon=s.horizon, rng=np.random.default_rng(self.seeds()[1]))
 
     def _at_once(self) -> Sampling:
@@ -122,6 +132,19 @@ class Scenario:
         most = self.settings.classes or Settings().classes
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, most))
+
+    def _size(self) -> memory.Size:
+        d, scene = self.problem.dynamics, self.loaded.scene
+        return memory.Size(
+            states=d.n,
+            controls=d.m,
+            obstacles=len(self.space.obstacles),
+            classes=self._classes_at_start(),
+            distance=float(np.hypot(*(scene.goal.center - scene.start[:2]))),
+            speed=self.settings.speed if "speed" in self.system.heeds else 1.0,
+            temperature=self.problem.temperature,
+            rate=self.problem.least_rate,
+        )
 
     def controller(self, tree: HomologyTree | None) -> Controller | Mppi:
         """The receding-horizon controller over a grown tree; MPPI if that is the method."""
@@ -138,6 +161,26 @@ class Scenario:
             between=self.settings.between,
             rng=np.random.default_rng(self.seeds()[1]),
         )
+
+    def driver(self, tree: HomologyTree | None = None, truth: Desirability | None = None) -> Driver:
+        """Who decides under the settings' method.
+
+        Args:
+            tree: a grown one, of methods that need one.
+            truth: of the method "optimal", the exact solution in continuous time if it is known already.
+        """
+        return self.optimal(truth) if self.settings.method == "optimal" else self.controller(tree)
+
+    def drive(self, plant: Plant, driver: Policy) -> Generator[Frame]:
+        """The drive from the start, as fast as it goes or in real time; one frame per control period.
+
+        Raises:
+            NoReference: already the start has no reference.
+        """
+        s, start, rng = self.settings, self.start, self.plant_rng()
+        if s.real_time:
+            return realtime.run(plant, driver, start, rng, period=s.period, max_time=s.max_time, grow=s.grow)
+        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow or 0)
 
     @property
     def sampling(self) -> Sampling:
@@ -176,32 +219,31 @@ def prepare(
     scene: str | Path,
     *,
     robot: str | Path | None = None,
+    system: str | System | None = None,
     radius: float | None = None,
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
     preset: str | None = None,
     given: Mapping[str, Any] | None = None,
 ) -> Scenario:
-    """Load a scene and settle everything a run needs; `given` holds settings by name, None where not said.
+    """Load a scene and settle everything a run needs.
+
+    Args:
+        system: what moves, in place of what the robot's file names: MODULE:NAME, or one that is registered.
+        given: settings by name, None where not said.
 
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
-    loaded = load(scene, robot=robot, radius=radius, start=start, goal=goal)
-    settings = settle(loaded.dynamics_name, loaded.scene.defaults, given or {}, preset)
-    problem = pose(loaded.dynamics_name, loaded.scene, settings)
-    scenario = Scenario(loaded=loaded, settings=settings, problem=problem, space=FreeSpace.of(loaded.scene))
+    moves = None if system is None else chosen(system)
+    loaded = load(scene, robot=robot, radius=radius, start=start, goal=goal, system=moves)
+    kind = named(loaded.dynamics_name)
+    said = given or {}
+    overlay = kind.preset(preset)
+    kind.refuse(said)
+    settings = settle(kind.settings, loaded.scene.defaults, overlay, said)
+    problem = kind.problem(loaded.scene, settings)
+    space = FreeSpace.of(loaded.scene)
+    scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)
     scenario.plant()
     return scenario
-
-
-def pose(dynamics_name: str, scene: Scene, settings: Settings) -> Problem:
-    """The problem of the paper's example that a kind of dynamics belongs to."""
-    dynamics: Dynamics
-    if dynamics_name == "single_integrator":
-        dynamics = SingleIntegrator(b=settings.noise)
-        return Problem(dynamics=dynamics, scene=scene, R=2.0 * np.eye(2), q=1.0, phi=settings.phi)
-    if dynamics_name == "unicycle":
-        dynamics = Unicycle(V=settings.speed, rho=settings.rho, b=settings.noise)
-        return Problem(dynamics=dynamics, scene=scene, R=np.eye(1), q=1.0, phi=settings.phi)
-    raise OptionError(f"no problem is known for the dynamics {dynamics_name!r}; pose one with the Python API")

@@ -1,43 +1,34 @@
-"""The settings of a run: robot defaults, what the scene asks for, a preset and what the user said, in that order."""
+"""The settings of a run: its system's, what the scene asks for, a preset and what the user said, in that order."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from pirrht.control.best_class import CONSISTENCY
-from pirrht.control.controller import BETWEEN
-from pirrht.control.methods import METHODS, TREELESS
-from pirrht.control.mppi import HORIZON
+from pirrht.control.methods import TREELESS
 from pirrht.errors import OptionError
-from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
+from sim.options.settings import BETWEEN, PLANTS, SETTINGS
+from sim.options.table import BY_SETTING, refuse_idle
 
-PLANTS = ("mujoco", "sde")
+__all__ = ["BETWEEN", "PLANTS", "PRESETS", "Settings", "refuse_idle", "settle"]
+
+# The paper plans every dt and holds an open-loop control, averages over the classes and reads exit at step ends.
 PRESETS: dict[str, dict[str, Any]] = {
-    # The paper plans every dt and holds an open-loop control, averages over the classes and reads exit at step ends.
-    "paper": {
-        "dt": 0.1,
-        "period": 0.1,
-        "exit": "endpoint",
-        "steps": "uniform",
-        "weights": "average",
-        "guide": "open-loop",
-        "allocation": "equal",
-        "draws": "independent",
-        "between": "hold",
-    },
+    "paper": {option.dest: option.paper for option in SETTINGS if option.paper is not None},
 }
-BASELINES = {"consistency": "best-class", "horizon": "mppi", "exploration": "mppi"}  # option -> its only method
-WITHOUT = {"mppi": {"guide": "open-loop", "draws": "independent"}}  # what else does nothing there
-PAPER_SAMPLES = {"single_integrator": 200, "unicycle": 300}
+DRIVES_AT_MOST = 10_000_000  # control steps of a drive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Everything a run depends on besides the scene; all numbers in SI units."""
+    """Everything a run depends on besides the scene; all numbers in SI units.
+
+    Raises:
+        OptionError: a value is out of its option's bounds, or goes badly with another one.
+    """
 
     noise: float = 0.1
     speed: float = 1.0
@@ -53,8 +44,8 @@ class Settings:
     period: float = 0.01
     limit: float = 0.6
     method: str = "pi-rrht"
-    consistency: float = CONSISTENCY  # of "best-class"
-    horizon: float = HORIZON  # of "mppi" [s]
+    consistency: float = 0.8  # of "best-class"
+    horizon: float = 3.0  # of "mppi" [s]
     exploration: float = 1.0  # of "mppi": noise of its samples over that of the robot
     plant: str = "mujoco"
     exit: str = "bridge"
@@ -73,119 +64,53 @@ class Settings:
     plan_seed: int | None = None  # seed of the tree alone; None: derived from `seed`
 
     def __post_init__(self) -> None:
-        for name in ("noise", "speed", "rho", "dt", "period", "limit", "max_time", *BASELINES):
+        for name, option in BY_SETTING.items():
             value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise OptionError(f"--{_flag(name)} is {value:g}; it must be a positive number")
-        if np.isnan(self.phi) or self.phi < 0:
-            raise OptionError(f"--phi is {self.phi:g}; it must be 0 or more ('inf' is allowed)")
-        least = {"vertices": 1, "samples": 1, "threads": 1}
-        least |= {"seed": 0, "grow": 0, "classes": 0, "plan_seed": 0}
-        for name, bound in least.items():
-            value = getattr(self, name)
-            if value is not None and value < bound:
-                raise OptionError(f"--{_flag(name)} is {value}; it must be a whole number of at least {bound}")
-        if self.target_error is not None and not self.target_error > 0:
-            raise OptionError(f"--target-error is {self.target_error:g}; it must be a positive number")
+            if value is not None:
+                option.check(value)
         if self.budget is not None and (self.target_error is None or self.budget < self.samples):
             raise OptionError(f"--budget is {self.budget}; it needs --target-error and at least --samples")
-        if self.grow and self.method in TREELESS:
-            raise OptionError(f"--grow is {self.grow}; --method {self.method} has no tree that could grow")
         if self.real_time and self.target_error is not None:
             raise OptionError("--real-time and --target-error both say when to stop sampling; leave one of them out")
         if self.method == "mppi" and self.horizon < self.dt:
             raise OptionError(f"--horizon is {self.horizon:g}; it must be at least a step, --dt {self.dt:g}")
-        choices = {
-            "method": METHODS,
-            "plant": PLANTS,
-            "exit": EXITS,
-            "steps": STEPS,
-            "weights": WEIGHTS,
-            "guide": GUIDES,
-            "allocation": ALLOCATIONS,
-            "draws": DRAWS,
-            "between": BETWEEN,
-        }
-        for name, known in choices.items():
-            if getattr(self, name) not in known:
-                raise OptionError(f"--{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
+        if self.max_time / self.period > DRIVES_AT_MOST:
+            raise OptionError(
+                f"--max-time {self.max_time:g} is {self.max_time / self.period:.3g} periods of --period "
+                f"{self.period:g}; a drive has at most {DRIVES_AT_MOST:,}: lower the one or raise the other"
+            )
+        self._check_growth()
+
+    def _check_growth(self) -> None:
+        if self.grow and self.method in TREELESS:
+            raise OptionError(f"--grow is {self.grow}; --method {self.method} has no tree that could grow")
+        bounds = BY_SETTING["vertices"].bounds
+        assert bounds is not None
+        size = self.vertices + (self.grow or 0) * self.max_time / self.period
+        if not self.real_time and size > bounds.high:
+            raise OptionError(
+                f"--grow {self.grow} adds up to {size:.3g} vertices by --max-time {self.max_time:g}; a tree has at "
+                f"most {bounds.high:,.0f}: lower one of them or raise --period"
+            )
 
 
-ROBOT_DEFAULTS = {
-    "single_integrator": Settings(),
-    "unicycle": Settings(
-        noise=0.03,
-        phi=1000.0,
-        vertices=2000,
-        samples=300,
-        period=0.1,
-        limit=0.8,
-        max_time=60.0,
-        exploration=10.0,  # with the robot's own noise tapes hardly move, and none of a few drives arrives
-    ),
-}
+def settle(base: Settings, scene: Mapping[str, float], preset: Mapping[str, Any], given: Mapping[str, Any]) -> Settings:
+    """The settings in force: a system's own, overlaid by what the scene, a preset and the user say (not None).
 
-
-def settle(
-    dynamics_name: str,
-    scene_defaults: Mapping[str, float],
-    given: Mapping[str, Any],
-    preset: str | None = None,
-) -> Settings:
-    """The settings in force: robot's defaults, overlaid by the scene's, a preset's and the given ones (not None).
+    Args:
+        scene: by name of the option; what is no setting is left aside, here and in `given`.
 
     Raises:
-        OptionError: a value that cannot work, or an unknown preset.
+        OptionError: a value that cannot work.
     """
-    if preset is not None and preset not in PRESETS:
-        raise OptionError(f"--preset is {preset!r}; it must be one of {', '.join(PRESETS)}")
-    base = ROBOT_DEFAULTS[dynamics_name]
-    for name in ("speed", "rho"):
-        if dynamics_name != "unicycle" and given.get(name) is not None:
-            raise OptionError(f"--{name} is for cars and this robot is none; leave it out or choose --robot unicycle")
     if "method" in given:  # a sweep settles before it takes each of its methods
         refuse_idle(given, [given["method"] or base.method])
     if given.get("tree") is not None and given.get("vertices") is not None:
         raise OptionError("--vertices and --tree: a saved tree brings its own vertices; leave one of them out")
-    known = {f.name for f in fields(Settings)}
-    asked = {_field(name): value for name, value in scene_defaults.items() if _field(name) in known}
-    layers: list[Mapping[str, Any]] = [asked]
-    if preset is not None:
-        layers.append({**PRESETS[preset], "samples": PAPER_SAMPLES[dynamics_name]})
-    layers.append({name: value for name, value in given.items() if value is not None and name in known})
-    merged = {name: value for layer in layers for name, value in layer.items()}
-    settings = replace(base, **{name: _typed(name, value, base) for name, value in merged.items()})
-    if given.get("steps") == "fitted" and settings.exit == "endpoint":
+    asked = {name.replace("-", "_"): value for name, value in scene.items()}
+    said = {name: value for name, value in given.items() if value is not None}
+    merged = {name: value for name, value in {**asked, **preset, **said}.items() if name in BY_SETTING}
+    settings = replace(base, **{name: BY_SETTING[name].check(value) for name, value in merged.items()})
+    if said.get("steps") == "fitted" and settings.exit == "endpoint":
         raise OptionError("--steps fitted goes with --exit bridge; steps that end a path at their ends are uniform")
     return settings
-
-
-def refuse_idle(given: Mapping[str, Any], methods: Sequence[str]) -> None:
-    """Refuse what was given (not None) and that none of the methods would heed.
-
-    Raises:
-        OptionError: names the option and what it belongs to.
-    """
-    for name, method in BASELINES.items():
-        if given.get(name) is not None and method not in methods:
-            raise OptionError(f"--{name} is of the method {method} alone, which is not asked for; leave it out")
-    for method, fixed in WITHOUT.items():
-        for name, value in fixed.items() if set(methods) == {method} else ():
-            if given.get(name) not in (None, value):
-                raise OptionError(f"--{name}: the method {method} has no such choice; leave it out")
-
-
-def _typed(name: str, value: Any, base: Settings) -> Any:
-    if isinstance(getattr(base, name), int) and isinstance(value, float):
-        if value != int(value):
-            raise OptionError(f"--{_flag(name)} is {value:g}; it must be a whole number")
-        return int(value)
-    return value
-
-
-def _flag(name: str) -> str:
-    return name.replace("_", "-")
-
-
-def _field(name: str) -> str:
-    return name.replace("-", "_")

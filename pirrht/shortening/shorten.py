@@ -13,7 +13,9 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves, entry_of_piece
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import clearance
+from pirrht.shortening.chain import cheapest_chain
 from pirrht.shortening.dubins_shortcut import shortcut
+from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.motion import Surroundings
 from pirrht.steering.steering import Steering
@@ -36,22 +38,29 @@ def polish(path: Curves, steering: Steering, space: FreeSpace) -> Curves:
     """A path (k consecutive curves, (k, P) pieces, into the goal) of the same class that is never longer [m].
 
     Every new piece is certified by the clearance field, which is FCL's distance less its error bound.
-    Steering methods without an entry in `shorten` keep their paths.
     """
     return shorten(steering, path, space)
 
 
 @singledispatch
 def shorten(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
-    """How paths, (k, P) pieces, of one steering method are polished; `shorten.register` adds a method."""
-    return path
+    """How paths of one steering method are polished; `shorten.register` adds a method.
+
+    Straight lines of a system of two states are pulled taut like a point's; anything else gets the best chain of the
+    method's own connections.
+    """
+    if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):
+        return _straight(steering, path, space)
+    found: Curves = cheapest_chain(path, steering, space)
+    return found
 
 
-@shorten.register
-def _(steering: StraightLine, path: Curves, space: FreeSpace) -> Curves:
+@shorten.register(StraightLine)
+def _straight(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
     points = np.vstack([path.start[:, :2], _end(path)])
     short = taut_polyline(points, space)
-    return steering.connect(short[:-1], short[1:])
+    found: Curves = steering.connect(short[:-1], short[1:])  # type: ignore[assignment]
+    return found
 
 
 @shorten.register

@@ -10,12 +10,14 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.arcs import Curves, along, entry_of_curve, truncate
+from pirrht.geometry.arcs import TWO_PI, Curves, along, entry_of_curve, truncate
 from pirrht.geometry.certify import BLOCKED, UNSURE, certify_curve
 from pirrht.geometry.collision import Collision
 from pirrht.steering.motion import Motion, MotionKernels, Surroundings
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.turns import pairs_of_curve
+
+SAME = 1e-6  # headings that differ by less are one [rad]
 
 
 class Arcs(NamedTuple):
@@ -114,4 +116,19 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
     )
 
 
-ARCS = Motion(MotionKernels(_judge, _pairs, _most), _record, _ask, _until_goal, _trajectory)
+def _between(path: Curves, i: int, shares: Array) -> Array:
+    """Positions of a system of two states; poses of one whose third is the heading."""
+    n = path.tails.shape[1]
+    if n > 3 or (n == 3 and abs(math.remainder(path.tails[i, 2] - path.start[i, 2], TWO_PI)) > SAME):
+        return np.empty((0, n))
+    length, states = path.length[i], np.empty((len(shares), n))
+    for k, s in enumerate(shares * length.sum()):
+        pose, left = tuple(float(v) for v in path.start[i]), float(s)
+        for curvature, piece in zip(path.curvature[i], length, strict=True):
+            pose = along(*pose, curvature, min(left, piece))
+            left = max(0.0, left - piece)
+        states[k] = pose[:n]
+    return states
+
+
+ARCS = Motion(MotionKernels(_judge, _pairs, _most), _record, _ask, _until_goal, _trajectory, _between)

@@ -76,3 +76,5 @@ class Motion(NamedTuple):
     ask: Callable[[Any, int, Collision], bool]  # FCL's own word on motion i of a record
     until_goal: Callable[[Any, Surroundings], Any]  # a path (consecutive motions) that ends where it enters the disc
     trajectory: Callable[[Any, Any], Trajectory]  # (steering, path): the controls that drive a path, and their times
+    # (path, i, shares (l,)): states (l, n) that motion i passes after shares of it; (0, n) where that cannot be told
+    between: Callable[[Any, int, Array], Array]

@@ -14,10 +14,10 @@ from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_int32, load_int64, store_float64, store_int16, store_int32, store_int64
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import BLOCKED, FREE, certify_point
+from pirrht.steering.edges import judge_with
 from pirrht.steering.motion import MotionKernels
 from pirrht.topology.cuts import straight_turns
 from pirrht.tree import graph as g
-from pirrht.tree.edges import judge_with
 from pirrht.tree.nodes import ask_again
 from pirrht.tree.search import reaches, settle
 from pirrht.tree.status import ASK, DONE

@@ -15,11 +15,11 @@ from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.shortening.shorten import polish
+from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges
 from pirrht.steering.steering import Steering
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.homology import class_id, integers
 from pirrht.tree import graph as g
-from pirrht.tree.edges import NO_EDGES, EdgeChecker, Edges
 from pirrht.tree.extend import Vertices, grow_with, insert, near_count
 from pirrht.tree.nodes import SearchRules
 from pirrht.tree.offers import Offers

@@ -17,7 +17,6 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.estimation.estimate import Estimate
 from pirrht.tree.homology_tree import HomologyTree
-from sim.drive import episode
 from sim.scenario import Scenario, prepare
 
 APART = 10  # control steps between the states that are looked at
@@ -78,10 +77,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
 
 def driven(scenario: Scenario, tree: HomologyTree) -> list[Array]:
     """States of one drive under the defaults, APART control steps from each other."""
-    controller = scenario.controller(tree)
-    frames = episode.run(
-        scenario.plant(), controller, scenario.start, scenario.plant_rng(), max_time=scenario.settings.max_time
-    )
+    frames = scenario.drive(scenario.plant(), scenario.driver(tree))
     return [frame.plan.state for frame in frames if frame.step % APART == 0]
 
 

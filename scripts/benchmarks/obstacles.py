@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.drive import episode
+from sim.rehearsal import rehearse
 from sim.scenario import prepare
 
 NUMBERS = (10, 100, 1000)
@@ -50,9 +50,9 @@ def _times(M: int, drive: float) -> tuple[float, float, float, int]:
             tree = scenario.grown_tree()
             references = tree.references(scenario.start)
             planning.append(time.perf_counter() - began)
-        controller = scenario.controller(tree)
-        controller.path_integral.warm_up()
-        frames = list(episode.run(scenario.plant(), controller, scenario.start, scenario.plant_rng(), max_time=drive))
+        rehearse(scenario, driving=True)
+        timed = scenario.with_settings(max_time=drive)
+        frames = list(timed.drive(timed.plant(), timed.driver(tree)))
     step = 1e3 * float(np.median([frame.plan_seconds for frame in frames]))
     return float(np.median(preparing[1:])), float(np.median(planning[1:])), step, len(references)
 

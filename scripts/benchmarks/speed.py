@@ -16,8 +16,8 @@ import numpy as np
 from benchmarks import planners, rollouts
 from benchmarks.timing import row
 
-from sim.drive import episode
 from sim.recording.recorder import Recorder, Sinks
+from sim.rehearsal import rehearse
 from sim.scenario import Scenario, prepare
 
 REPEATS = 5
@@ -66,14 +66,14 @@ def speed(scene: str, seconds: float) -> dict[str, float]:
 def _drive(scenario: Scenario, seconds: float, record: Path | None) -> list[float]:
     """Wall time [s] of each control step: references, samples, control, and putting the frame in the queue."""
     tree = scenario.grown_tree()
-    controller = scenario.controller(tree)
-    controller.path_integral.warm_up()
+    rehearse(scenario, driving=True)
+    driver, timed = scenario.driver(tree), scenario.with_settings(max_time=seconds)
     recorder = None
     if record is not None:
         sinks, settings = Sinks(file=record), {"scene": "benchmark"}
-        recorder = Recorder(scenario.loaded, tree, controller.path_integral, sinks, settings=settings)
+        recorder = Recorder(scenario.loaded, tree, driver.path_integral, sinks, settings=settings)
     spent = []
-    for frame in episode.run(scenario.plant(), controller, scenario.start, scenario.plant_rng(), max_time=seconds):
+    for frame in timed.drive(timed.plant(), driver):
         began = time.perf_counter()
         if recorder is not None:
             recorder.log(frame)

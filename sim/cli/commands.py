@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,6 @@ from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.control.methods import TREELESS
-from pirrht.control.policy import Policy
 from pirrht.errors import OptionError, SceneError
 from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.outcome import Outcome
@@ -24,15 +23,15 @@ from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.cli import sweep_commands, tables, warm
 from sim.drawing.colors import title
-from sim.drive import episode, realtime, realtime_timing
-from sim.drive.executor import Plant
+from sim.drive import episode
 from sim.drive.truth import Truth, Witness
 from sim.files import check_writable, write_json
 from sim.mjcf import load, scene_names
+from sim.options import table as options
+from sim.rehearsal import rehearse
 from sim.result import estimate_json, passages_json, plan_json, run_json, settings_json
 from sim.scenario import Scenario, prepare
-from sim.settings import refuse_idle
-from sim.text import counted, say, table, width
+from sim.text import say, table, width
 
 
 def scenes(_: argparse.Namespace) -> int:
@@ -63,8 +62,9 @@ def plan(arguments: argparse.Namespace) -> int:
             from sim.figures import draw
 
             draw.check(path, f"--{option}")
-    began = time.perf_counter()
     scenario = _scenario(arguments)
+    rehearse(scenario)
+    began = time.perf_counter()
     convergence = None
     if arguments.convergence:
         tree, convergence = _watched(scenario)
@@ -72,14 +72,15 @@ def plan(arguments: argparse.Namespace) -> int:
     else:
         tree, references = _planned(scenario)
     seconds = time.perf_counter() - began
+    passages = passages_json(tree, references)
     print(tables.class_table(references, width()))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
-    say(tables.passages_line(passages_json(tree, references)))
+    say(tables.passages_line(passages))
     if arguments.output:
         tree_file.save(tree, arguments.output)
         print(f"tree: {arguments.output}")
     if arguments.json:
-        write_json(arguments.json, plan_json(scenario, tree, references, seconds, convergence))
+        write_json(arguments.json, plan_json(scenario, tree, references, passages, seconds, convergence))
     if arguments.png:
         draw.draw_plan(arguments.png, scenario, tree, references)
     if convergence is not None:
@@ -90,9 +91,9 @@ def plan(arguments: argparse.Namespace) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Plan, drive, record and sum up."""
     _check_outputs(arguments, "json", "record", "video", "png")
-    _, look = _watching(arguments)
+    _sinks(arguments)
     scenario = _scenario(arguments)
-    look.check(scenario.space)
+    _look(arguments, scenario)
     settings = scenario.settings
     optimal = settings.method == "optimal"
     film = _film(arguments, scenario)
@@ -104,14 +105,11 @@ def run(arguments: argparse.Namespace) -> int:
         print(tables.class_table(references, width()))
     if compiling is not None:
         compiling.wait()
-    exact = truth if truth is not None and truth.dt is None else None
-    controller = scenario.optimal(exact) if optimal else scenario.controller(tree)
-    if not optimal:
-        controller.path_integral.warm_up()
+    driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None)
+    rehearse(scenario, driving=True)
     tally = episode.Tally(settings.period)
-    plant = scenario.plant()
-    frames = _frames(plant, controller, scenario)
-    recorder = _recorder(arguments, scenario, tree, controller.path_integral)
+    frames = scenario.drive(scenario.plant(), driver)
+    recorder = _recorder(arguments, scenario, tree, driver.path_integral)
     with closing(frames), recorder or nullcontext(), _bar("drive", settings.max_time, "s") as bar:
         for frame in frames:
             news = tally.add(frame)
@@ -124,8 +122,9 @@ def run(arguments: argparse.Namespace) -> int:
                 bar.write(news)
             bar.update(round(frame.end_time - bar.n, 6))
             bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
-    result = {**tally.result(), **({} if witness is None else {"truth": witness.result()})}
-    _print_summary(result)
+    drive = tally.drive()
+    result = {**drive.json(), **({} if witness is None else {"truth": witness.result()})}
+    tables.summary(drive, result.get("truth"))
     if recorder is not None and recorder.live:
         result["dropped_frames"] = recorder.dropped
         print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
@@ -146,15 +145,13 @@ def run(arguments: argparse.Namespace) -> int:
 def estimate(arguments: argparse.Namespace) -> int:
     """What the controller would do at one state, repeated with independent samples."""
     _check_outputs(arguments, "json")
-    if arguments.repeat < 1:
-        raise OptionError(f"--repeat is {arguments.repeat}; it must be at least 1")
     scenario = _scenario(arguments)
     if scenario.settings.method == "optimal":
         raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
     x = _state(arguments.at, scenario)
     truth = _truth(scenario, x) if arguments.truth else None
     tree, _ = (None, []) if scenario.settings.method in TREELESS else _planned(scenario)
-    controller = scenario.controller(tree)
+    controller = scenario.driver(tree)
     controller.begin(x)
     estimates: list[Estimate | None] = []
     references: tuple[Reference, ...] = ()
@@ -178,7 +175,12 @@ def import_world(arguments: argparse.Namespace) -> int:
     from sim.importing import scene_file
 
     _check_outputs(arguments, "output")
-    with tqdm(desc="boxes", unit=" cells", leave=False, disable=None) as bar:
+    with tqdm(desc="import", leave=False, disable=None, dynamic_ncols=True) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
         imported = scene_file.import_world(
             arguments.world,
             arguments.output,
@@ -186,7 +188,7 @@ def import_world(arguments: argparse.Namespace) -> int:
             goal=arguments.goal,
             workspace=arguments.workspace,
             unknown=arguments.unknown,
-            progress=bar.update,
+            progress=progress,
         )
     print(f"{imported.path}: {imported.geoms} geoms, {imported.obstacles} of them obstacles")
     return 0
@@ -222,25 +224,15 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
 
 def given(arguments: argparse.Namespace) -> dict[str, Any]:
     """What the user said, by setting."""
-    skip = {"command", "scene", "scenes", "robot", "radius", "start", "goal", "preset", "json", "png", "convergence"}
-    said = {name: value for name, value in vars(arguments).items() if name not in skip}
-    if "methods" in said:
-        refuse_idle(said, [m.strip() for m in said["methods"].split(",")])
-    return said
+    return options.settings(arguments.command, vars(arguments))
 
 
 def _scenario(arguments: argparse.Namespace) -> Scenario:
     if arguments.start is not None and len(arguments.start) not in (2, 3):
         raise OptionError(f"--start has {len(arguments.start)} numbers; it must be X Y or X Y TH")
-    scenario = prepare(
-        arguments.scene,
-        robot=arguments.robot,
-        radius=arguments.radius,
-        start=arguments.start,
-        goal=arguments.goal,
-        preset=arguments.preset,
-        given=given(arguments),
-    )
+    said = vars(arguments)
+    scenario = prepare(arguments.scene, **options.task(said), given=given(arguments))
+    said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
     warm.announce(scenario.loaded.dynamics_name, sampling=arguments.command != "plan")
     return scenario
 
@@ -268,14 +260,6 @@ def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
     return tree, convergence
 
 
-def _frames(plant: Plant, controller: Policy, scenario: Scenario) -> Generator[episode.Frame]:
-    """The drive, as fast as it goes or in real time."""
-    s, start, rng = scenario.settings, scenario.start, scenario.plant_rng()
-    if s.real_time:
-        return realtime.run(plant, controller, start, rng, period=s.period, max_time=s.max_time, grow=s.grow)
-    return episode.run(plant, controller, start, rng, max_time=s.max_time, grow=s.grow or 0)
-
-
 def _truth(scenario: Scenario, x: Array) -> Truth:
     """The grid's value and control at x (n,)."""
     return Truth.at(scenario.truth(), x)
@@ -293,20 +277,27 @@ def _state(at: list[float], scenario: Scenario) -> Array:
     return x
 
 
-def _watching(arguments: argparse.Namespace) -> tuple[Any, Any]:
-    """Where a recording goes and what it shows; refused before any work is done if that cannot be."""
-    from sim.recording.look import Look
+def _sinks(arguments: argparse.Namespace) -> Any:
+    """Where a recording goes; refused before any work is done if that cannot be."""
     from sim.recording.sinks import Sinks
 
     sinks = Sinks(file=arguments.record, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
-    lift = arguments.record_lift
-    look = Look(hz=arguments.record_hz, samples=arguments.record_samples, truth=arguments.truth, lift=lift)
     sinks.check()
-    return sinks, look
+    return sinks
+
+
+def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
+    """What a recording shows; refused before the plan if the scene has no such obstacle."""
+    from sim.recording.look import Look
+
+    samples, lift = arguments.record_samples, arguments.record_lift
+    look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
+    look.check(scenario.space)
+    return look
 
 
 def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any) -> Any:
-    sinks, look = _watching(arguments)
+    sinks, look = _sinks(arguments), _look(arguments, scenario)
     if not sinks:
         return None
     from sim.recording.recorder import Recorder
@@ -335,30 +326,3 @@ def _check_outputs(arguments: argparse.Namespace, *options: str) -> None:
 def _bar(what: str, total: float, unit: str) -> Any:
     style = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit} {postfix}"
     return tqdm(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=style)
-
-
-def _print_summary(result: dict[str, Any]) -> None:
-    ms = result["step_ms"]
-    executed = "none" if result["executed_class"] is None else title(result["executed_class"])
-    say(
-        f"{result['outcome']} after {result['time']:.2f} s: cost {result['cost']:.3f}, "
-        f"noisy path of {result['path_length']:.2f} m"
-    )
-    say(
-        f"class {executed}, {counted(result['class_switches'], 'class switch', 'class switches')}, "
-        f"{counted(result['fallbacks'], 'fallback')}, "
-        f"least clearance {result['min_clearance']:.3f} m"
-    )
-    if "real_time" in result:
-        say(realtime_timing.summary(result["real_time"]))
-    say(
-        f"{counted(result['steps'], 'control step')}: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, "
-        f"max {ms['max']:.1f}, "
-        f"{result['deadline_misses']} {'late' if 'real_time' in result else 'longer than the period'}"
-    )
-    if "truth" in result:
-        exact = result["truth"]
-        say(
-            f"beside the optimal control: |u - u*| {exact['mean_control_error']:.3f} on average, "
-            f"{exact['max_control_error']:.3f} at most; exact value at the start {exact['value']:.4f}"
-        )

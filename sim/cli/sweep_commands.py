@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from tqdm import tqdm
+
 from pirrht.errors import OptionError
 from sim.files import check_writable, write_json
+from sim.options import table as options
 from sim.text import counted, width
 
 SHOWN = 3  # errors that are told on the terminal
@@ -19,17 +22,22 @@ SHOWN = 3  # errors that are told on the terminal
 def sweep(arguments: argparse.Namespace) -> int:
     """Many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
     from sim.sweeps import sweep as engine
+    from sim.sweeps import tables
 
     if arguments.json is not None:
         check_writable(arguments.json, "--json")
-    grid = engine.parse_grid(arguments)
+    grid = parse_grid(arguments)
+    if arguments.scheduler is not None:
+        from sim.sweeps import cluster
+
+        cluster.check_address(arguments.scheduler)
     if arguments.output is not None:
         records = _stored(grid, arguments)
     elif arguments.again:
         raise OptionError("--again makes runs of a dataset anew; add its folder, -o DIR")
     else:
         records = engine.sweep(grid.jobs(), jobs_at_once=arguments.jobs, scheduler=arguments.scheduler)
-    print(engine.summary(records, width()))
+    print(tables.summary(records, width()))
     if arguments.json:
         write_json(arguments.json, records)
     errors = [str(record["error"]) for record in records if record["outcome"] is None]
@@ -37,6 +45,25 @@ def sweep(arguments: argparse.Namespace) -> int:
         print(f"{arguments.output}: {counted(len(records), 'run')}, {len(errors)} of them ended with an error")
     _tell(errors, stored=arguments.output is not None)
     return 1 if errors else 0
+
+
+def parse_grid(arguments: argparse.Namespace) -> Any:
+    """The grid of a command line.
+
+    Raises:
+        OptionError: an option that cannot work, or too many runs.
+    """
+    from sim.sweeps import grid
+
+    said = vars(arguments)
+    return grid.parse(
+        scenes=arguments.scenes,
+        methods=arguments.methods,
+        noise=arguments.noise,
+        seeds=arguments.seeds,
+        task=options.task(said),
+        given=options.settings("sweep", said),
+    )
 
 
 def _tell(errors: Sequence[str], *, stored: bool) -> None:
@@ -90,7 +117,7 @@ def report(arguments: argparse.Namespace) -> int:
     if arguments.output is not None and folder.is_file():
         raise OptionError(f"--output {folder} is a file; give the path of a folder")
     text, web = folder / "report.md", folder / "report.html"
-    known = engine.report(Dataset(arguments.folder))
+    known = engine.report(Dataset(arguments.folder), _watched)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -99,7 +126,7 @@ def report(arguments: argparse.Namespace) -> int:
         if file is not None:
             check_writable(file, option)
     try:
-        drawn = pictures(known)
+        drawn = pictures(known, _watched)
     except OptionError as error:
         drawn = []
         print(f"pirrht: {error}; report.html has no pictures", file=sys.stderr)
@@ -111,3 +138,9 @@ def report(arguments: argparse.Namespace) -> int:
     if arguments.json is not None:
         write_json(arguments.json, known.json())
     return 0
+
+
+def _watched(what: str, items: Sequence[Any]) -> Iterable[Any]:
+    """The items, with a line on a terminal that says how many of them are done."""
+    watched: Iterable[Any] = tqdm(items, desc=what, leave=False, disable=None, dynamic_ncols=True)
+    return watched

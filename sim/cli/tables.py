@@ -9,8 +9,10 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import FEW, Estimate
 from pirrht.tree.homology_tree import Reference
 from sim.drawing.colors import title
+from sim.drive import realtime_timing
+from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
-from sim.text import counted, table
+from sim.text import counted, say, table
 
 FEW_CLASSES = 4
 LONE = 1.5  # effective samples of a class of which no more than one has any weight
@@ -96,3 +98,34 @@ def passages_line(found: dict[str, Any]) -> str:
         f"{first['width']:.2f} m wide at ({first['at'][0]:.2f}, {first['at'][1]:.2f}) between "
         f"{' and '.join(first['between'])}: more --vertices or --classes or a higher --limit may lead there"
     )
+
+
+def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
+    """Print what a drive came to; with a truth also how far from the optimal control it was."""
+    executed = "none" if drive.executed_class is None else title(drive.executed_class)
+    ms, late = drive.step_ms, "longer than the period" if drive.real_time is None else "late"
+    say(
+        f"{drive.outcome} after {drive.time:.2f} s: cost {drive.cost:.3f}, path of {drive.path_length:.2f} m "
+        "without its noise"
+    )
+    say(
+        f"class {executed}, {counted(drive.class_switches, 'class switch', 'class switches')}, "
+        f"{counted(drive.fallbacks, 'fallback')} (plans without reference or surviving sample), "
+        f"least clearance {drive.min_clearance:.3f} m (free distance around the robot)"
+    )
+    if drive.doubtful_plans:
+        say(
+            f"{drive.doubtful_plans} of {counted(drive.steps, 'plan')} on fewer than {FEW:g} effective samples, the "
+            f"weakest on {drive.least_ess:.1f} at {drive.least_ess_time:.2f} s: a guess; try more --samples"
+        )
+    if drive.real_time is not None:
+        say(realtime_timing.summary(drive.real_time))
+    say(
+        f"{counted(drive.steps, 'control step')}: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, "
+        f"max {ms['max']:.1f}, {drive.deadline_misses} {late}"
+    )
+    if truth is not None:
+        say(
+            f"beside the optimal control: |u - u*| {truth['mean_control_error']:.3f} on average, "
+            f"{truth['max_control_error']:.3f} at most; exact value at the start {truth['value']:.4f}"
+        )

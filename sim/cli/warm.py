@@ -15,23 +15,29 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
-from sim.scenario import pose
-from sim.settings import ROBOT_DEFAULTS
+from pirrht.rollouts.point.block import is_point
+from sim.systems import BUILT_IN, named
 
 # Modules of kernels that take long, by which one knows whether they have been compiled.
-PLANNER, SAMPLER = "extend", {"single_integrator": "block", "unicycle": "loops"}
+PLANNER, POINT, OTHERS = "extend", "block", "loops"
 
 
 def announce(dynamics_name: str, *, sampling: bool) -> None:
     """Tell a person at a terminal why the first command of an installation is slow."""
-    ready = cached(PLANNER) and (cached(SAMPLER[dynamics_name]) or not sampling)
+    ready = cached(PLANNER) and (not sampling or cached(sampler(dynamics_name)))
     if sys.stderr.isatty() and not ready:
         print("compiling kernels, once: about a minute", file=sys.stderr)
 
 
+def sampler(dynamics_name: str) -> str:
+    """The module of kernels that samples a system."""
+    system = named(dynamics_name)
+    return POINT if is_point(system.dynamics(system.settings)) else OTHERS
+
+
 def start(dynamics_name: str) -> subprocess.Popen[bytes] | None:
     """Begin to compile in another process, if there is anything to compile; wait for it before sampling."""
-    if cached(SAMPLER[dynamics_name]):
+    if dynamics_name not in BUILT_IN or cached(sampler(dynamics_name)):
         return None
     command = [sys.executable, "-m", "sim.cli.warm", dynamics_name]
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -48,8 +54,8 @@ def compile_sampler(dynamics_name: str) -> None:
         start=np.array([1.0, 2.0, 0.0]),
         robot_radius=0.2,
     )
-    settings = ROBOT_DEFAULTS[dynamics_name]
-    PathIntegral(pose(dynamics_name, scene, settings), FreeSpace.of(scene), Sampling()).warm_up()
+    system = named(dynamics_name)
+    PathIntegral(system.problem(scene, system.settings), FreeSpace.of(scene), Sampling()).warm_up()
 
 
 if __name__ == "__main__":

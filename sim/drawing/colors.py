@@ -22,6 +22,7 @@ PALETTE: tuple[Color, ...] = (
 )
 OTHER_COLOR: Color = (187, 187, 187)
 DEAD_COLOR: Color = (112, 116, 122)
+DRIVEN: Color = (255, 200, 60)  # the driven path
 
 
 class ClassColors:

@@ -17,36 +17,14 @@ from pirrht.outcome import Outcome
 from pirrht.topology.homology import class_id
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drawing.colors import title
-from sim.drive.executor import Advance, Plant
+from sim.drive.executor import Plant
+from sim.drive.odometer import Frame, Odometer
 from sim.drive.realtime_timing import Timing, figures
+from sim.drive.result import DriveResult
 
+__all__ = ["Frame", "Tally", "run", "size_of"]
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
-    """One control period: where the robot was, what was planned there and what came of it."""
-
-    step: int  # number of the period, from 0
-    time: float  # simulated time at its start [s]
-    plan: Plan
-    advance: Advance
-    outcome: Outcome | None  # how the drive ended in this period, TIMEOUT included; None while it goes on
-    cost: float  # integral of q + u'Ru/2 up to the end of this period
-    length: float  # driven up to there [m]
-    clearance: float  # FCL's clearance at the start of the period [m]
-    driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
-    plan_seconds: float  # wall time the plan took [s]
-    vertices: int = 0  # of the tree that the plan was made with
-    timing: Timing | None = None  # of real-time drives only
-
-    @property
-    def end_time(self) -> float:
-        """Simulated time at the end of the period [s]."""
-        return self.time + self.advance.time
-
-    @property
-    def state(self) -> Array:
-        """State at the end of the period, (n,)."""
-        return self.advance.states[-1] if len(self.advance.states) else self.plan.state
+STRETCH = 1.0  # plans of few effective samples that are less apart than this are told of once [s]
 
 
 def run(
@@ -62,36 +40,20 @@ def run(
     """
     plant.reset(start)
     controller.begin(plant.state)
-    now, cost, length, step = 0.0, 0.0, 0.0, 0
+    odometer = Odometer(controller.problem, controller.space, plant.state, max_time)
     outcome: Outcome | None = None
     while outcome is None:
         began = time.perf_counter()
         plan = controller.plan(plant.state)
         seconds = time.perf_counter() - began
         vertices = size_of(controller.tree)
-        clearance = controller.space.clearance(plan.state)
         advance = plant.advance(plan.at, rng)
         controller.observe(advance.states, advance.time)
-        cost, length = cost + advance.cost, length + advance.length
-        outcome = advance.outcome
-        if outcome is None and now + advance.time >= max_time - 1e-9:
-            outcome = Outcome.TIMEOUT
-        yield Frame(
-            step=step,
-            time=now,
-            plan=plan,
-            advance=advance,
-            outcome=outcome,
-            cost=cost,
-            length=length,
-            clearance=clearance,
-            driven_class=controller.driven_class(),
-            plan_seconds=seconds,
-            vertices=vertices,
-        )
+        frame = odometer.frame(plan, advance, seconds=seconds, vertices=vertices)
+        outcome = frame.outcome
+        yield frame
         if controller.tree is not None and outcome is None and grow:
             controller.tree.grow(vertices + grow)
-        now, step = now + advance.time, step + 1
 
 
 def size_of(tree: HomologyTree | None) -> int:
@@ -109,11 +71,13 @@ class Tally:
     switches: int = 0
     fallbacks: int = 0
     doubtful: int = 0  # plans that rest on few effective samples
+    weakest: tuple[float, float] | None = None  # least effective sample size, and the time of that plan [s]
     misses: int = 0
     min_clearance: float = np.inf
     favourite: str | None = None
     plan_seconds: list[float] = field(default_factory=list)
     timings: list[Timing] = field(default_factory=list)
+    _doubted: float = -np.inf  # time of the last plan that rests on few effective samples [s]
 
     def add(self, frame: Frame) -> str | None:
         """Take a frame into account; a line for the log if something happened that a person wants to know."""
@@ -126,8 +90,7 @@ class Tally:
             self.switches += 1
         if frame.plan.fallback is None:
             self.favourite = frame.plan.favourite
-        estimate = frame.plan.estimate
-        self.doubtful += estimate is not None and estimate.doubtful
+        self._weigh(frame)
         self.min_clearance = min(self.min_clearance, frame.clearance, frame.advance.clearance)
         self.plan_seconds.append(frame.plan_seconds)
         if frame.timing is None:
@@ -138,12 +101,25 @@ class Tally:
         self.last = frame
         return news
 
+    def _weigh(self, frame: Frame) -> None:
+        """Take note of how many effective samples the plan rests on."""
+        estimate = frame.plan.estimate
+        if estimate is None:
+            return
+        if self.weakest is None or estimate.ess < self.weakest[0]:
+            self.weakest = (estimate.ess, frame.time)
+        if estimate.doubtful:
+            self.doubtful += 1
+            self._doubted = frame.time
+
     def _news(self, frame: Frame) -> str | None:
         news = []
         before = None if self.last is None else self.last.plan.fallback
-        favourite = frame.plan.favourite
+        favourite, estimate = frame.plan.favourite, frame.plan.estimate
         if frame.plan.fallback not in (None, before):
             news.append(f"{frame.plan.fallback} at {frame.time:.2f} s: following what is known; try more --samples")
+        if estimate is not None and estimate.doubtful and frame.time - self._doubted >= STRETCH:
+            news.append(f"{estimate.ess:.1f} effective samples at {frame.time:.2f} s: the control is a guess")
         if frame.plan.fallback is None and self.favourite not in (None, favourite):
             news.append(f"class {title(self.favourite or OTHER)} -> {title(favourite or OTHER)} at {frame.time:.2f} s")
         if frame.outcome is not None:
@@ -155,31 +131,37 @@ class Tally:
         """How the drive ended; TIMEOUT if it has not."""
         return Outcome.TIMEOUT if self.last is None or self.last.outcome is None else self.last.outcome
 
-    def result(self) -> dict[str, Any]:
-        """The figures of the drive under the names of the public JSON (SI units)."""
+    def drive(self) -> DriveResult:
+        """The figures of the drive so far."""
         assert self.last is not None, "a drive has at least one frame"
         assert self.first is not None
         milliseconds = 1e3 * np.array(self.plan_seconds)
-        estimate = self.first.estimate
-        reached = self.outcome is Outcome.GOAL
-        return {
-            "outcome": self.outcome.name.lower(),
-            "time": self.last.end_time,
-            "cost": self.last.cost,
-            "path_length": self.last.length,
-            "steps": self.last.step + 1,
-            "vertices": self.last.vertices,
-            "min_clearance": self.min_clearance,
-            "value_estimate": self.first.exact if estimate is None else estimate.value,
-            "executed_class": class_id(self.last.driven_class) if reached else None,
-            "class_switches": self.switches,
-            "fallbacks": self.fallbacks,
-            "doubtful_plans": self.doubtful,
-            "step_ms": {
+        estimate, (ess, when) = self.first.estimate, self.weakest or (None, None)
+        return DriveResult(
+            outcome=self.outcome.name.lower(),
+            time=self.last.end_time,
+            cost=self.last.cost,
+            path_length=self.last.length,
+            noisy_path_length=self.last.noisy_length,
+            steps=self.last.step + 1,
+            vertices=self.last.vertices,
+            min_clearance=self.min_clearance,
+            value_estimate=self.first.exact if estimate is None else estimate.value,
+            executed_class=class_id(self.last.driven_class) if self.outcome is Outcome.GOAL else None,
+            class_switches=self.switches,
+            fallbacks=self.fallbacks,
+            doubtful_plans=self.doubtful,
+            least_ess=ess,
+            least_ess_time=when,
+            step_ms={
                 "median": float(np.median(milliseconds)),
                 "p95": float(np.percentile(milliseconds, 95)),
                 "max": float(milliseconds.max()),
             },
-            "deadline_misses": self.misses,
-            **({"real_time": figures(self.timings, self.period)} if self.timings else {}),
-        }
+            deadline_misses=self.misses,
+            real_time=figures(self.timings, self.period) if self.timings else None,
+        )
+
+    def result(self) -> dict[str, Any]:
+        """The figures of the drive under the names of the public JSON (SI units)."""
+        return self.drive().json()

@@ -26,7 +26,6 @@ from pirrht.systems.dynamics import Dynamics
 from sim.drive.room import Room
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
-from sim.mjcf.robot import STATES
 
 FOOTPRINT = "robot/footprint"  # geom of every robot
 
@@ -78,10 +77,10 @@ class Executor:
 
     def __init__(self, loaded: Loaded, problem: Problem, *, period: float) -> None:
         self._model = loaded.model
-        if problem.dynamics.n != STATES[loaded.dynamics_name]:
+        if problem.dynamics.n != len(loaded.states):
             raise OptionError(
                 f'robot "{loaded.robot}" moves as a {loaded.dynamics_name} with '
-                f"{STATES[loaded.dynamics_name]} states; "
+                f"{len(loaded.states)} states; "
                 f"{type(problem.dynamics).__name__} has {problem.dynamics.n}"
             )
         self._loop = _Loop(problem, period, float(self._model.opt.timestep))

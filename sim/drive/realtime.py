@@ -25,11 +25,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.policy import Policy
 from pirrht.geometry.collision import Collision
-from pirrht.outcome import Outcome
-from pirrht.topology.driven import Driven
 from sim.drive.clock import Clock, WallClock
-from sim.drive.episode import Frame
 from sim.drive.executor import Advance, Plant
+from sim.drive.odometer import Frame, Odometer, ending
 from sim.drive.realtime_planner import Handover, Planner, Ready, Stopped
 from sim.drive.realtime_timing import Timing
 
@@ -44,7 +42,6 @@ class Moved:
     start: Array  # (n,) where it began
     met: Ready  # the plan in force then
     advance: Advance
-    outcome: Outcome | None
     late: Array  # (k,) how late each physics step began [s]
 
 
@@ -76,7 +73,7 @@ def run(
     _warm_up(plant, planner, start)
     planner.make_room()
     share = Handover(planner.first(plant.state), plant.state)
-    book, news = _Book(controller, plant.state, period), News()
+    book, news = _Book(controller, plant.state, period, max_time), News()
     with _undisturbed():
         origin = clock.now()
         pacer = _Pacer(share, clock, origin)
@@ -90,8 +87,9 @@ def run(
                 moved = news.get()
                 if isinstance(moved, BaseException):
                     raise moved
-                outcome = moved.outcome
-                yield book.frame(moved)
+                frame = book.frame(moved)
+                outcome = frame.outcome
+                yield frame
         finally:
             share.stopped = True
             for thread in threads:
@@ -104,12 +102,9 @@ def _drive(plant: Plant, pacer: _Pacer, rng: np.random.Generator, period: float,
         now, start = step * period, plant.state
         advance = plant.advance(pacer.beginning(now), rng)
         pacer.share.driven.append(advance.states)
-        outcome = advance.outcome
-        if outcome is None and now + advance.time >= max_time - 1e-9:
-            outcome = Outcome.TIMEOUT
         late = np.array(pacer.late)
-        news.put(Moved(step=step, start=start, met=pacer.met, advance=advance, outcome=outcome, late=late))
-        if outcome is not None:
+        news.put(Moved(step=step, start=start, met=pacer.met, advance=advance, late=late))
+        if ending(advance, now, max_time) is not None:
             return
 
 
@@ -149,39 +144,27 @@ class _Pacer:
 class _Book:
     """Makes frames of what the plant did."""
 
-    def __init__(self, controller: Policy, start: Array, period: float) -> None:
-        space = controller.space
-        self._driven, self._period = Driven(space.homology, start), period
+    def __init__(self, controller: Policy, start: Array, period: float, max_time: float) -> None:
+        space, self._period = controller.space, period
         # FCL moves its objects when it is asked: the planner's are busy.
-        self._collision = Collision(space.scene.world, space.scene.footprint)
-        self._cost = self._length = 0.0
+        collision = Collision(space.scene.world, space.scene.footprint)
+        self._odometer = Odometer(
+            controller.problem, space, start, max_time, lambda x: float(collision.clearance(x[None, :2])[0])
+        )
 
     def frame(self, moved: Moved) -> Frame:
         """The frame of one period."""
-        advance, met, begin = moved.advance, moved.met, moved.step * self._period
-        self._driven.observe(advance.states)
-        self._cost, self._length = self._cost + advance.cost, self._length + advance.length
-        missed = met.begin < begin - 1e-9
+        met = moved.met
+        missed = met.begin < moved.step * self._period - 1e-9
         fresh = not missed and moved.step > 0
-        return Frame(
-            step=moved.step,
-            time=begin,
-            plan=replace(met.plan, state=moved.start),
-            advance=advance,
-            outcome=moved.outcome,
-            cost=self._cost,
-            length=self._length,
-            clearance=float(self._collision.clearance(moved.start[None, :2])[0]),
-            driven_class=self._driven.winding(),
-            plan_seconds=met.seconds,
-            vertices=met.vertices,
-            timing=Timing(
-                missed=missed,
-                samples=met.samples if fresh else None,
-                slack=met.slack if fresh else None,
-                late=moved.late,
-            ),
+        timing = Timing(
+            missed=missed,
+            samples=met.samples if fresh else None,
+            slack=met.slack if fresh else None,
+            late=moved.late,
         )
+        plan = replace(met.plan, state=moved.start)
+        return self._odometer.frame(plan, moved.advance, seconds=met.seconds, vertices=met.vertices, timing=timing)
 
 
 def _thread(name: str, work: Callable[[], None], share: Handover, news: News) -> threading.Thread:

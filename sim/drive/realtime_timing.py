@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,7 +40,7 @@ def figures(timings: Sequence[Timing], period: float) -> dict[str, Any]:
     }
 
 
-def summary(figures: dict[str, Any]) -> str:
+def summary(figures: Mapping[str, Any]) -> str:
     """The same in a line for a person."""
     samples, slack, late = figures["samples_per_period"], figures["slack_ms"], figures["late_ms"]
     return (

@@ -13,8 +13,7 @@ from pirrht.estimation.estimate import OTHER
 from pirrht.estimation.sampler import PathIntegral
 from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, Color, title
-from sim.drive import episode
-from sim.drive.episode import Frame
+from sim.drive.odometer import Frame
 from sim.figures import ground, style
 from sim.scenario import Scenario
 
@@ -43,13 +42,10 @@ class Drive:
 
 def drive(scenario: Scenario, moments: Sequence[float]) -> Drive:
     """Drive once; `moments` are shares of the driven time, of which snapshots are taken."""
-    controller, plant, s = scenario.controller(scenario.grown_tree()), scenario.plant(), scenario.settings
-    controller.path_integral.warm_up()
-    frames = list(
-        episode.run(plant, controller, scenario.start, scenario.plant_rng(), max_time=s.max_time, grow=s.grow or 0)
-    )
+    driver = scenario.driver(scenario.grown_tree())
+    frames = list(scenario.drive(scenario.plant(), driver))
     shown = [min(len(frames) - 1, round(moment * len(frames))) for moment in moments]
-    return Drive(scenario=scenario, path_integral=controller.path_integral, frames=frames, shown=shown)
+    return Drive(scenario=scenario, path_integral=driver.path_integral, frames=frames, shown=shown)
 
 
 def draw(plt: Any, drives: Sequence[Drive], *, labels: Sequence[str], width: float, whole: bool) -> Any:

@@ -13,13 +13,12 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.files import replaced
-from sim.drawing.colors import ClassColors
+from sim.drawing.colors import DRIVEN, ClassColors
 from sim.drawing.strokes import at_most
 from sim.drive.episode import Frame
 from sim.film.offscreen import Offscreen, Picture
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
-from sim.recording.static import DRIVEN
 
 WIDTH, HEIGHT = 1280, 720
 RATE = 30  # pictures per second

@@ -6,6 +6,9 @@ thresholds are unknown: walls unless said otherwise, since a map that says nothi
 
 from __future__ import annotations
 
+import os
+import reprlib
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +18,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from sim.importing.limits import FARTHEST, MOST_PIXELS, check_regular, content_of
 from sim.importing.rectangles import Cells, cover
 from sim.importing.sdf import Solid, World
 
@@ -22,8 +26,12 @@ UNKNOWN = ("occupied", "free")
 MODES = ("trinary", "scale", "raw")
 DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.196, "negate": 0, "mode": "trinary"}
 HEIGHT = 0.5  # of the walls [m]
+FINEST, COARSEST = 1e-4, 100.0  # side of a cell [m]
 SUFFIXES = (".yaml", ".yml")
 PICTURES = (".pgm", ".png", ".ppm", ".bmp", ".gif", ".jpg", ".jpeg", ".tif", ".tiff")
+
+_SHORT = reprlib.Repr()  # of values that refer to each other, the whole would fill the memory
+_SHORT.maxlevel = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,12 +43,20 @@ class Map:
     resolution: float  # side of a cell [m]
     origin: Array  # (3,) x, y [m] of the lower left corner, yaw [rad] of the grid
 
-    def world(self, unknown: str = "occupied", progress: Callable[[int], object] | None = None) -> World:
+    def world(self, unknown: str = "occupied", progress: Callable[[int, int], object] | None = None) -> World:
         """Boxes where the map is occupied, or not free; its own border is the ground's, if it is not turned."""
         if unknown not in UNKNOWN:
             raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
         blocked = ~self.free if unknown == "occupied" else self.occupied
-        solids = tuple(self._box(i, piece) for i, piece in enumerate(cover(blocked, progress), start=1))
+        done, total = 0, int(blocked.sum())
+
+        def covered(more: int) -> None:
+            nonlocal done
+            done += more
+            if progress is not None:
+                progress(done, total)
+
+        solids = tuple(self._box(i, piece) for i, piece in enumerate(cover(blocked, covered), start=1))
         x, y, yaw = self.origin
         rows, columns = blocked.shape
         border = np.array([x, x + columns * self.resolution, y, y + rows * self.resolution])
@@ -67,8 +83,10 @@ def read_map(path: Path) -> Map:
     known = DEFAULTS | _read_yaml(path)
     resolution = _number(path, known, "resolution")
     occupied_above, free_below = (_number(path, known, key) for key in ("occupied_thresh", "free_thresh"))
-    if not resolution > 0:
-        raise SceneError(f"{path}: resolution is {resolution:g}; it must be the side of a cell in metres")
+    if not FINEST <= resolution <= COARSEST:
+        raise SceneError(
+            f"{path}: resolution is {resolution:g}; it must be the side of a cell in metres, {FINEST:g} to {COARSEST:g}"
+        )
     if not 0 <= free_below <= occupied_above <= 1:
         raise SceneError(
             f"{path}: free_thresh is {free_below:g} and occupied_thresh {occupied_above:g}; "
@@ -76,7 +94,7 @@ def read_map(path: Path) -> Map:
         )
     mode, negate = known["mode"], _flag(path, known, "negate")
     if mode not in MODES:
-        raise SceneError(f"{path}: mode is {mode!r}; it must be one of {', '.join(MODES)}")
+        raise SceneError(f"{path}: mode is {_SHORT.repr(mode)}; it must be one of {', '.join(MODES)}")
     shade, transparent = _read_image(path, known)
     if mode == "raw":
         chance = np.rint(255 * shade) / 100  # the pixel is the chance in per cent, and unknown above 100
@@ -98,10 +116,10 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     except ImportError:
         raise OptionError("maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`") from None
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror}); give the YAML file of a map") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
+    except RecursionError:
+        raise SceneError(f"{path}: not YAML: it is nested too deeply; mend it there") from None
+    except (yaml.YAMLError, ValueError) as error:  # of dates and of bytes that are no UTF-8
         raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}; mend it there") from None
     if not isinstance(content, dict):
         raise SceneError(f"{path}: no map: it must have the keys image, resolution and origin")
@@ -117,16 +135,28 @@ def _read_image(path: Path, known: Mapping[str, Any]) -> tuple[Array, Cells]:
         from PIL import Image
     except ImportError:
         raise OptionError("maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`") from None
-    file = path.parent / str(known["image"])
+    if not isinstance(known["image"], str):
+        raise SceneError(f"{path}: image is {_SHORT.repr(known['image'])}; it must be the name of a file")
+    file = path.parent / known["image"]
+    if not os.path.exists(file):  # of a name that no system allows, too
+        raise SceneError(f"{path}: image {file} does not exist; it is looked for beside the YAML file")
+    check_regular(file, "a picture")
     try:
-        with Image.open(file) as image:
+        with warnings.catch_warnings(action="ignore", category=Image.DecompressionBombWarning):
+            picture = Image.open(file)
+        with picture as image:
+            if image.width * image.height > MOST_PIXELS:
+                raise Image.DecompressionBombError(f"{image.width} x {image.height} pixels")
             if image.mode.startswith("I"):  # 16 bits
                 whole = np.asarray(image, dtype=float) / 65535
                 return whole, np.zeros(whole.shape, np.bool_)
             pixels = np.asarray(image.convert("RGBA"), dtype=float) / 255
-    except FileNotFoundError:
-        raise SceneError(f"{path}: image {file} does not exist; it is looked for beside the YAML file") from None
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+    except Image.DecompressionBombError as error:
+        raise SceneError(
+            f"{path}: image {file} is too large ({error}); a map has {MOST_PIXELS} pixels at most: crop it or make its "
+            "resolution coarser"
+        ) from None
+    except (OSError, ValueError, SyntaxError) as error:
         raise SceneError(f"{path}: image {file} cannot be read ({' '.join(str(error).split())})") from None
     return pixels[..., :3].mean(axis=2), pixels[..., 3] < 1
 
@@ -134,24 +164,28 @@ def _read_image(path: Path, known: Mapping[str, Any]) -> tuple[Array, Cells]:
 def _number(path: Path, known: Mapping[str, Any], key: str) -> float:
     try:
         value = float(known[key])
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         value = np.nan
     if not np.isfinite(value) or isinstance(known[key], bool):
-        raise SceneError(f"{path}: {key} is {known[key]!r}; it must be a number")
+        raise SceneError(f"{path}: {key} is {_SHORT.repr(known[key])}; it must be a number")
     return value
 
 
 def _flag(path: Path, known: Mapping[str, Any], key: str) -> bool:
     if known[key] not in (0, 1):
-        raise SceneError(f"{path}: {key} is {known[key]!r}; it must be 0 or 1")
+        raise SceneError(f"{path}: {key} is {_SHORT.repr(known[key])}; it must be 0 or 1")
     return bool(known[key])
 
 
 def _origin(path: Path, known: Mapping[str, Any]) -> Array:
+    said = known["origin"]
     try:
-        origin = np.array(known["origin"], dtype=float)
-    except (TypeError, ValueError):
+        origin = np.array([float(v) for v in said] if isinstance(said, list) and len(said) in (2, 3) else [])
+    except (TypeError, ValueError, OverflowError):
         origin = np.zeros(0)
-    if origin.shape not in ((2,), (3,)) or not np.all(np.isfinite(origin)):
-        raise SceneError(f"{path}: origin is {known['origin']!r}; it must be [x, y, yaw] of the lower left corner")
+    if not len(origin) or not np.all(np.abs(origin) <= FARTHEST):
+        raise SceneError(
+            f"{path}: origin is {_SHORT.repr(said)}; it must be [x, y, yaw] of the lower left corner, none beyond "
+            f"{FARTHEST:g}"
+        )
     return np.append(origin, 0.0)[:3]

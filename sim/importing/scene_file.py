@@ -22,6 +22,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from sim.importing import ros_map
+from sim.importing.limits import FARTHEST, FINEST
 from sim.importing.sdf import Solid, World, read_sdf
 from sim.mjcf import load
 
@@ -97,7 +98,7 @@ def import_world(
     goal: Sequence[float] | None = None,
     workspace: Sequence[float] | None = None,
     unknown: str | None = None,
-    progress: Callable[[int], object] | None = None,
+    progress: Callable[[int, int], object] | None = None,
 ) -> Imported:
     """Write the static obstacles of an SDF world, or the walls of a ROS map, as a scene for the unicycle.
 
@@ -108,7 +109,7 @@ def import_world(
         goal: x, y, radius [m].
         workspace: x0, x1, y0, y1, the box that holds the robot's centre [m].
         unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
-        progress: told how many more cells of a map have become boxes.
+        progress: told how many of how many cells of a map, or shapes of a world, are done, now and then.
 
     Raises:
         SceneError: the world has something that cannot be taken over, start, goal or workspace are missing or
@@ -125,7 +126,7 @@ def import_world(
     elif unknown is not None:
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
     else:
-        world = read_sdf(source)
+        world = read_sdf(source, progress)
     place, goal_disc = _task(source, "map" if mapped else "world", start, goal)
     if workspace is None and mapped and world.ground is None:
         raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
@@ -153,15 +154,15 @@ def _task(source: Path, kind: str, start: Sequence[float] | None, goal: Sequence
         missing = " and ".join(f"the {name}" for name, given in (("start", start), ("goal", goal)) if given is None)
         raise SceneError(f"{source}: a {kind} does not tell {missing}: give {' and '.join(options)}")
     place, disc = _numbers(source, options[0], start, (2, 3)), _numbers(source, options[1], goal, (3,))
-    if not disc[2] > 0:
-        raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive")
+    if not disc[2] >= FINEST:
+        raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive, {FINEST:g} or more")
     return place, disc
 
 
 def _numbers(source: Path, option: str, given: Sequence[float] | Array, counts: tuple[int, ...]) -> Array:
     values = np.array(given, dtype=float)
-    if len(values) not in counts or not np.all(np.isfinite(values)):
-        raise SceneError(f"{source}: {list(given)} is no {option}; give {counts[-1]} finite numbers")
+    if len(values) not in counts or not np.all(np.abs(values) <= FARTHEST):
+        raise SceneError(f"{source}: {list(given)} is no {option}; give {counts[-1]} finite numbers up to {FARTHEST:g}")
     return values
 
 

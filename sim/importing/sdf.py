@@ -7,18 +7,19 @@ has the last word, as in Gazebo: its poses of models and links are in world coor
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
+from defusedxml.common import DTDForbidden
+from defusedxml.ElementTree import fromstring
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from sim.importing.limits import FARTHEST, FINEST, content_of
 from sim.importing.sdf_poses import Scope, label_of, numbers
 
-LARGEST_FILE = 32 * 2**20  # bytes; the worlds of the BARN data set have one megabyte
 _SHAPES = {
     "box": (("size", 3),),
     "cylinder": (("radius", 1), ("length", 1)),
@@ -48,19 +49,23 @@ class World:
     ground: Array | None  # (4,) x0, x1, y0, y1 of the first ground plane that has a size [m]
 
 
-def read_sdf(path: Path) -> World:
+def read_sdf(path: Path, progress: Callable[[int, int], object] | None = None) -> World:
     """The static obstacles of the one world in an SDF file.
+
+    Args:
+        progress: told how many of how many collision shapes are done, now and then.
 
     Raises:
         SceneError: unreadable, malformed, with a document type, or with a part that cannot be taken over.
     """
     try:
-        return _read(Scope.of_world(_world(path), path))
+        return _read(Scope.of_world(_world(path), path), progress)
     except RecursionError:
         raise SceneError(f"{path}: poses refer to each other in too long a chain; shorten it") from None
 
 
-def _read(scope: Scope) -> World:
+def _read(scope: Scope, progress: Callable[[int, int], object] | None) -> World:
+    done, total = 0, sum(1 for _ in scope.element.iter("collision"))
     solids: list[Solid] = []
     grounds: list[Array] = []
     for model in _models(scope):
@@ -73,36 +78,26 @@ def _read(scope: Scope) -> World:
             elif geometry.tag != "empty":
                 name = model.label if len(shapes) == 1 else f"{link.label}::{collision.get('name')}"
                 solids.append(_solid(" ".join(name.split()), link, collision, geometry))
+        done += len(found)
+        if progress is not None:
+            progress(done, total)
     return World(solids=tuple(solids), ground=grounds[0] if grounds else None)
 
 
 def _world(path: Path) -> ET.Element:
     """The world element, after a look at everything that could make parsing itself dangerous."""
+    data = content_of(path, "an SDF world file")
     try:
-        with path.open("rb") as stream:
-            data = stream.read(LARGEST_FILE + 1)
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror}); give an SDF world file") from None
-    if len(data) > LARGEST_FILE:
-        raise SceneError(f"{path}: larger than {LARGEST_FILE >> 20} MiB; remove what is no obstacle")
-    try:
-        _refuse_document_type(data, path)
-        root = ET.fromstring(data)
-    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
+        root = fromstring(data, forbid_dtd=True)
+    except DTDForbidden as error:
+        raise SceneError(f"{path}: <!DOCTYPE {error.name}> could declare entities; remove that declaration") from None
+    except (ET.ParseError, ValueError, LookupError) as error:
         raise SceneError(f"{path}: not XML: {error}; mend it there") from None
     worlds = root.findall("world") if root.tag == "sdf" else []
     if len(worlds) != 1:
         raise SceneError(f"{path}: {len(worlds)} elements <world> in <{root.tag}>; write one <sdf><world>")
-    return worlds[0]
-
-
-def _refuse_document_type(data: bytes, path: Path) -> None:
-    def refuse(name: str, *_: object) -> None:
-        raise SceneError(f"{path}: <!DOCTYPE {name}> could declare entities; remove that declaration")
-
-    scanner = expat.ParserCreate()
-    scanner.StartDoctypeDeclHandler = refuse  # called before any entity is read
-    scanner.Parse(data, True)
+    world: ET.Element = worlds[0]
+    return world
 
 
 def _models(scope: Scope) -> Iterator[Scope]:
@@ -151,23 +146,28 @@ def _solid(name: str, link: Scope, collision: ET.Element, geometry: ET.Element) 
     measures: list[float] = []
     for measure, count in _SHAPES[geometry.tag]:
         values = numbers(geometry.findtext(measure), count)
-        if values is None or not np.all(values > 0):
-            text = (geometry.findtext(measure) or "").strip()
-            link.refuse(f"{what} has <{measure}> {text!r}; write {count} positive number(s)")
+        if values is None or not np.all(values >= FINEST):
+            text = (geometry.findtext(measure) or "").strip()[:60]
+            link.refuse(
+                f"{what} has <{measure}> {text!r}; write {count} positive number(s) from {FINEST:g} to {FARTHEST:g}"
+            )
         measures.extend(values)
     size = np.array(measures)
     if geometry.tag == "box":
         size = size / 2
     elif geometry.tag in ("cylinder", "capsule"):
         size = size * [1.0, 0.5]
-    return Solid(name=name, shape=geometry.tag, size=size, pose=link.pose(collision))
+    pose = link.pose(collision)
+    if np.any(np.abs(pose) > FARTHEST):
+        link.refuse(f"{label_of(collision)} lies farther out than {FARTHEST:g} m; mend its poses")
+    return Solid(name=name, shape=geometry.tag, size=size, pose=pose)
 
 
 def _ground(link: Scope, collision: ET.Element, plane: ET.Element) -> list[Array]:
     """The rectangle of a ground plane, if it has one; other planes are refused."""
     normal = numbers(plane.findtext("normal") or "0 0 1", 3)
     pose = link.pose(collision)
-    if normal is None or not np.any(normal):
+    if normal is None or np.linalg.norm(normal) < _LEVEL:
         link.refuse(f"<plane> of {label_of(collision)} has no <normal>; write 0 0 1")
     up = pose[:3, :3] @ normal / np.linalg.norm(normal)
     if up[2] < 1 - _LEVEL or abs(pose[2, 3]) > _LEVEL:

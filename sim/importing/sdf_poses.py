@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from sim.importing.limits import FARTHEST
 
 DEEPEST = 32  # nested models
 _NAMED = ("model", "link", "frame")
+_SHORTEST = 1e-9  # quaternion that still has a direction
 
 
 def label_of(element: ET.Element) -> str:
@@ -27,12 +30,25 @@ def is_true(text: str | None) -> bool:
 
 
 def numbers(text: str | None, count: int) -> Array | None:
-    """So many finite numbers, or None."""
+    """So many numbers that are not beyond all measure, or None."""
+    words = (text or "").split()
     try:
-        values = np.array((text or "").split(), dtype=float)
+        values = np.array(words, dtype=float)
     except ValueError:
         return None
-    return values if len(values) == count and np.all(np.isfinite(values)) else None
+    if len(values) != count or any("_" in word for word in words):  # Python reads 4_0 as 40, and nobody else does
+        return None
+    return values if np.all(np.abs(values) <= FARTHEST) else None
+
+
+def transform(values: Array, *, degrees: bool = False) -> Array:
+    """The matrix (4, 4) of x, y, z [m] and roll, pitch, yaw (6,) about fixed axes, or a quaternion x, y, z, w (7,)."""
+    quaternion = len(values) == 7
+    matrix = np.eye(4)
+    matrix[:3, 3] = values[:3]
+    turn = Rotation.from_quat(values[3:]) if quaternion else Rotation.from_euler("xyz", values[3:], degrees=degrees)
+    matrix[:3, :3] = turn.as_matrix()
+    return matrix
 
 
 @dataclass(slots=True, eq=False)
@@ -155,36 +171,6 @@ class Scope:
         quaternion = pose.get("rotation_format") == "quat_xyzw"
         text = (pose.text or "").strip() or ("0 0 0 0 0 0 1" if quaternion else "0 0 0 0 0 0")
         values = numbers(text, 7 if quaternion else 6)
-        if values is None or (quaternion and not np.any(values[3:])):
-            self.refuse(f"{what} has <pose> {text[:60]!r}; write x y z and roll pitch yaw")
-        matrix = np.eye(4)
-        matrix[:3, 3] = values[:3]
-        if quaternion:
-            matrix[:3, :3] = _from_quaternion(values[3:])
-        else:
-            angles = np.radians(values[3:]) if is_true(pose.get("degrees")) else values[3:]
-            matrix[:3, :3] = _from_angles(*angles)
-        return matrix
-
-
-def _from_angles(roll: float, pitch: float, yaw: float) -> Array:
-    """Rz(yaw) Ry(pitch) Rx(roll)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-
-
-def _from_quaternion(xyzw: Array) -> Array:
-    x, y, z, w = xyzw / np.linalg.norm(xyzw)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+        if values is None or (quaternion and np.linalg.norm(values[3:]) < _SHORTEST):
+            self.refuse(f"{what} has <pose> {text[:60]!r}; write x y z and roll pitch yaw, none beyond {FARTHEST:g}")
+        return transform(values, degrees=not quaternion and is_true(pose.get("degrees")))

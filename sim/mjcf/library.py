@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 
 from pirrht.errors import SceneError
+from sim.mjcf.numbers import refuse_nan
 
 # Without a handler MuJoCo leaves a MUJOCO_LOG.TXT in the folder one happens to work in.
 mujoco.set_mju_user_warning(logging.getLogger("mujoco").warning)
@@ -49,7 +50,7 @@ def parse(path: Path) -> mujoco.MjSpec:
     """The spec of an MJCF file.
 
     Raises:
-        SceneError: it is no file, not named .xml, unreadable, or no MJCF.
+        SceneError: it is no file, not named .xml, unreadable, no MJCF, or holds what is not a number.
     """
     if not path.is_file():
         raise SceneError(f"{path}: this is a folder or device; give the path of an MJCF file in it")
@@ -63,6 +64,7 @@ def parse(path: Path) -> mujoco.MjSpec:
     if empty:
         raise SceneError(f"{path}: the file is empty; write an MJCF model with a <worldbody>")
     try:
+        refuse_nan(path)
         return mujoco.MjSpec.from_file(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise SceneError(f"{path}: not MJCF: {_one_line(error)}; mend the XML there") from None

@@ -17,7 +17,8 @@ A robot file declares
   geom `footprint`  a sphere: radius and height with which the robot plans; if it collides, another radius
                     scales the robot as a whole, else whatever collides must lie inside it
   actuators         velocity servos tuned for the file's own timestep and integrator
-  custom            `<text name="pirrht_dynamics" data="single_integrator"/>` or "unicycle";
+  custom            `<text name="pirrht_dynamics" data="single_integrator"/>`, "unicycle" or
+                    whatever else is registered (`sim.systems`);
                     `<numeric name="pirrht_command" size="2*nu" data="..."/>`: row by row the (nu, 2) matrix
                     M of ctrl = M @ twist with `Dynamics.twist`: (vx, vy), or (forward speed, turn rate)
 
@@ -36,37 +37,25 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import SceneError
+from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import Goal, Scene
 from sim.mjcf.coordinates import stance_of
 from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
+from sim.mjcf.numbers import moves, option_defaults
 from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace
 from sim.mjcf.robot import Robot, read_robot
+from sim.options.table import NUMERICS
+from sim.systems import System
 
 __all__ = ["Loaded", "load", "models_folder", "robot_names", "scene_names"]
 
-_OPTIONS = (
-    *(
-        "radius",
-        "speed",
-        "rho",
-        "noise",
-        "seed",
-        "vertices",
-        "classes",
-        "samples",
-        "dt",
-        "period",
-        "limit",
-        "phi",
-    ),
-    *("repeat", "record-hz", "max-time"),
-)  # those with one number as value
 _FROM_ROBOT = (
     *("integrator", "disableflags", "enableflags", "density", "viscosity", "gravity"),
     *("cone", "impratio", "solver", "iterations", "tolerance", "noslip_iterations"),
 )  # options of the physics
 _GEOM = mujoco.mjtGeom
+REACH = 1e4  # of a goal at most [m]
+TURNED = 1e3  # heading of a start at most [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,7 +66,8 @@ class Loaded:
     model: mujoco.MjModel  # its keyframe "start" places the robot
     obstacle_geoms: Mask  # (ngeom,) what counts as a collision, in the order of scene.obstacles
     robot_geoms: Mask  # (ngeom,)
-    dynamics_name: str  # "single_integrator" or "unicycle"
+    dynamics_name: str  # name of a registered system
+    states: tuple[str, ...]  # (n,) of that system
     command: Array  # (nu, 2) M of ctrl = M @ twist
     robot: str  # name of the robot
     path: Path  # the scene's file
@@ -90,6 +80,7 @@ def load(
     radius: float | None = None,
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
+    system: System | None = None,
 ) -> Loaded:
     """A scene with a robot in it.
 
@@ -99,14 +90,16 @@ def load(
         radius: footprint [m]; without it the scene's `pirrht_radius`, else the robot's own.
         start: x, y [m] and optionally heading [rad], in place of the site `start`.
         goal: x, y, radius [m], in place of the site `goal`.
+        system: what moves, in place of the one that the robot names.
 
     Raises:
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
     """
     path = find("scene", scene)
     spec = parse(path)
-    defaults = _defaults(spec, path)
-    machine = read_robot(robot or _meant_robot(spec, path), _radius(radius, defaults, path))
+    defaults = option_defaults(spec, path)
+    meant = _meant_robot(spec, path)
+    machine = read_robot(robot or meant, _radius(radius, defaults, path), system)
     model = _join(spec, machine, path)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -133,7 +126,8 @@ def load(
         model=model,
         obstacle_geoms=mask,
         robot_geoms=robot_geoms,
-        dynamics_name=machine.dynamics_name,
+        dynamics_name=machine.system.name,
+        states=machine.system.states,
         command=machine.command,
         robot=machine.name,
         path=path,
@@ -172,37 +166,13 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, rest: Array, start: Array
     model.key_qpos[0] = data.qpos
 
 
-def _defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
-    defaults = {}
-    for numeric in spec.numerics:
-        if not numeric.name.startswith("pirrht_"):
-            continue
-        option, values = numeric.name.removeprefix("pirrht_").replace("_", "-"), list(numeric.data)
-        if option not in _OPTIONS:
-            if option.startswith("motion-"):
-                raise _moves(numeric.name, path)
-            known = ", ".join("pirrht_" + name.replace("-", "_") for name in _OPTIONS)
-            raise SceneError(f'{path}: custom numeric "{numeric.name}" is no option; those are {known}')
-        if len(values) != 1 or not np.isfinite(values[0]):
-            raise SceneError(f'{path}: custom numeric "{numeric.name}" is {values}; write one finite number')
-        defaults[option] = float(values[0])
-    return defaults
-
-
-def _moves(element: str, path: Path) -> SceneError:
-    body = element.removeprefix("pirrht_motion_")
-    return SceneError(
-        f'{path}: body "{body}" moves (mocap, by "{element}"), and moving obstacles are not supported yet; '
-        "remove its motion, and it stands where it is"
-    )
-
-
 def _radius(given: float | None, defaults: dict[str, float], path: Path) -> float | None:
-    radius = defaults.get("radius") if given is None else given
-    if radius is not None and not (np.isfinite(radius) and radius > 0):
-        where = 'numeric "pirrht_radius"' if given is None else "--radius"
-        raise SceneError(f"{path}: {where} is {radius:g}; it must be a positive number [m]")
-    return radius
+    if given is None:
+        return defaults.get("radius")
+    try:
+        return float(NUMERICS["radius"].check(given))
+    except OptionError as error:
+        raise SceneError(f"{path}: {error}") from None
 
 
 def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
@@ -214,7 +184,7 @@ def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
                 known = ", ".join(robot_names())
                 raise SceneError(f'{path}: custom text "pirrht_robot" is "{robot}"; write one of {known}')
         elif text.name.startswith("pirrht_motion_"):
-            raise _moves(text.name, path)
+            raise moves(text.name, path)
         elif text.name.startswith("pirrht_"):
             raise SceneError(f'{path}: custom text "{text.name}" is no option; the only one is pirrht_robot')
     return robot
@@ -224,7 +194,7 @@ def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | N
     if given is not None:
         if len(given) != 3:
             raise SceneError(f"{path}: the goal has {len(given)} numbers; give three: x, y and radius")
-        return Goal(center=np.array(given[:2], dtype=float), radius=float(given[2]))
+        return _disc(np.array(given[:2], dtype=float), float(given[2]), "the goal", path)
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "goal")
     remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
     if site < 0:
@@ -233,7 +203,13 @@ def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | N
     if kind != _GEOM.mjGEOM_SPHERE and (kind != _GEOM.mjGEOM_CYLINDER or tilt < 1 - 1e-6):
         shape = kind.name.removeprefix("mjGEOM_").lower()
         raise SceneError(f'{path}: site "goal" is no sphere or upright cylinder: {shape}; write {remedy}')
-    return Goal(center=np.array(data.site_xpos[site, :2]), radius=float(model.site_size[site, 0]))
+    return _disc(np.array(data.site_xpos[site, :2]), float(model.site_size[site, 0]), 'site "goal"', path)
+
+
+def _disc(center: Array, radius: float, what: str, path: Path) -> Goal:
+    if radius > REACH:
+        raise SceneError(f"{path}: {what} has a radius of {radius:g}; write at most {REACH:g} m")
+    return Goal(center=center, radius=radius)
 
 
 def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Array:
@@ -244,7 +220,12 @@ def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | 
         raise SceneError(f'{path}: no site "start"; add <site name="start" pos="x y 0"/> or give --start X Y')
     heading = float(np.arctan2(data.site_xmat[site, 3], data.site_xmat[site, 0])) if site >= 0 else 0.0
     place = data.site_xpos[site, :2] if given is None else given
-    return np.array([*place[:2], place[2] if len(place) == 3 else heading], dtype=float)
+    heading = place[2] if given is not None and len(place) == 3 else heading
+    if not abs(heading) <= TURNED:
+        raise SceneError(
+            f"{path}: the start has the heading {heading:g}; write radians, from -{TURNED:g} to {TURNED:g}"
+        )
+    return np.array([*place[:2], heading], dtype=float)
 
 
 def _check_start(model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, path: Path) -> None:

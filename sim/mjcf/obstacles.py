@@ -12,6 +12,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.scene import Kind, Obstacle
 from sim.mjcf.coordinates import GROUND
+from sim.mjcf.numbers import refuse_far
 
 Mask = NDArray[np.bool_]
 
@@ -129,6 +130,7 @@ def _obstacle(model: mujoco.MjModel, data: mujoco.MjData, geom: int, path: Path)
         shape = _GEOM(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
         known = ", ".join(k.value for k in Kind)
         raise SceneError(f"{path}: {label} is of type {shape}; remove it or write one of {known}")
+    refuse_far(label, path, data.geom_xpos[geom], model.geom_size[geom])
     vertices, faces = _hull(model, geom, path) if kind is Kind.MESH else (None, None)
     return Obstacle(
         name=model.geom(geom).name or f"geom{geom}",
@@ -173,6 +175,7 @@ def _height_range(obstacle: Obstacle) -> tuple[float, float]:
 
 
 def _extent(centre: Array, rotation: Array, size: Array, what: str, path: Path) -> tuple[Array, Array]:
+    refuse_far(what, path, centre, size)
     turn = np.abs(rotation.reshape(3, 3))
     if np.any(np.minimum(turn, np.abs(1 - turn)) > 1e-6):
         raise SceneError(f"{path}: {what} is askew; the domain is aligned with the axes: turn it by quarter turns")

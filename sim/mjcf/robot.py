@@ -13,8 +13,8 @@ from pirrht.errors import SceneError
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf.coordinates import GROUND, rolls, settled
 from sim.mjcf.library import compile_spec, find, parse
+from sim.systems import System, named, names
 
-STATES = {"single_integrator": 2, "unicycle": 3}  # dynamics a robot may name -> states
 _GEOM = mujoco.mjtGeom
 _SINKAGE = 0.002  # of a robot at rest: height [m], and 1 - cosine of half the tilt
 _SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
@@ -27,7 +27,7 @@ class Robot:
     name: str
     path: Path
     spec: mujoco.MjSpec
-    dynamics_name: str  # a key of STATES
+    system: System  # what moves
     command: Array  # (nu, 2) M of ctrl = M @ twist
     radius: float  # of the footprint [m]
     height: float  # of the footprint's centre above the ground [m]
@@ -47,8 +47,8 @@ class Robot:
         self.spec.option.timestep = timestep
 
 
-def read_robot(which: str | Path, radius: float | None) -> Robot:
-    """The robot of that name or path, with its footprint changed to `radius` > 0 [m] if one is given.
+def read_robot(which: str | Path, radius: float | None, system: System | None = None) -> Robot:
+    """The robot of that name or path, with its footprint changed to `radius` > 0 [m] and its system if they are given.
 
     Raises:
         SceneError: the file breaks a convention, or the radius is too small for what the robot collides with.
@@ -61,18 +61,18 @@ def read_robot(which: str | Path, radius: float | None) -> Robot:
     foot = next((g for g in body.geoms if g.name == "footprint"), None)
     if foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
         raise SceneError(f'{path}: body "robot" needs a sphere geom "footprint", as which it plans')
-    dynamics_name = _dynamics_name(spec, path)
+    system = _named_system(spec, path) if system is None else system
     if radius is not None:
         _resize(body, foot, radius)
     model = compile_spec(spec, path)
-    (_check_wheels if rolls(model) else _check_joints)(model, STATES[dynamics_name], path)
+    (_check_wheels if rolls(model) else _check_joints)(model, system, path)
     _check_reach(model, path)
     centre = model.geom("footprint").pos
     return Robot(
         name=path.stem,
         path=path,
         spec=spec,
-        dynamics_name=dynamics_name,
+        system=system,
         command=_command(spec, int(model.nu), path),
         radius=float(model.geom("footprint").size[0]),
         height=float(centre[2]),
@@ -109,13 +109,15 @@ def _resize(body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float) -> None:
             geom.pos = np.asarray(geom.pos) * ratio
 
 
-def _dynamics_name(spec: mujoco.MjSpec, path: Path) -> str:
+def _named_system(spec: mujoco.MjSpec, path: Path) -> System:
     name = next((str(t.data) for t in spec.texts if t.name == "pirrht_dynamics"), None)
-    if name not in STATES:
-        wanted = " or ".join(f'"{known}"' for known in STATES)
+    if name is None or name not in names():
+        wanted = " or ".join(f'"{known}"' for known in names())
         found = "missing" if name is None else f'"{name}"'
-        raise SceneError(f'{path}: custom text "pirrht_dynamics" is {found}; write {wanted}')
-    return str(name)
+        raise SceneError(
+            f'{path}: custom text "pirrht_dynamics" is {found}; write {wanted}, or choose a system with --system'
+        )
+    return named(name)
 
 
 def _command(spec: mujoco.MjSpec, nu: int, path: Path) -> Array:
@@ -129,15 +131,17 @@ def _command(spec: mujoco.MjSpec, nu: int, path: Path) -> Array:
     return data.reshape(nu, 2)
 
 
-def _check_joints(model: mujoco.MjModel, states: int, path: Path) -> None:
-    types = [_SLIDE, _SLIDE, _HINGE][:states]
-    good = model.nq == states and list(model.jnt_type) == types and not np.any(model.qpos0)
-    good = good and np.allclose(model.jnt_axis, np.eye(3)[:states]) and not np.any(model.jnt_pos[:, :2])
+def _check_joints(model: mujoco.MjModel, system: System, path: Path) -> None:
+    count = len(system.joints)
+    types = [_HINGE if name == "heading" else _SLIDE for name in system.joints]
+    good = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0)
+    good = good and np.allclose(model.jnt_axis, np.eye(3)[:count]) and not np.any(model.jnt_pos[:, :2])
     if not (good and _at_origin(model)):
-        joints = "slide along x, slide along y" + (", hinge about z" if states == 3 else "")
+        joints = "slide along x, slide along y" + (", hinge about z" if count == 3 else "")
         raise SceneError(
-            f'{path}: body "robot" must stand at the origin and have these joints, without ref: {joints}'
-            + ("; or a free joint and wheels" if states == 3 else "")
+            f'{path}: body "robot" must stand at the origin and have these joints, without ref, for the states '
+            f"({', '.join(system.states)}) of {system.name}: {joints}"
+            + ("; or a free joint and wheels" if count == 3 else "")
         )
 
 
@@ -146,9 +150,12 @@ def _at_origin(model: mujoco.MjModel) -> bool:
     return np.allclose(body.pos, 0) and np.allclose(body.quat, [1, 0, 0, 0])
 
 
-def _check_wheels(model: mujoco.MjModel, states: int, path: Path) -> None:
-    if states != 3:
-        raise SceneError(f'{path}: a robot with a free joint moves as a "unicycle"; name that as its dynamics')
+def _check_wheels(model: mujoco.MjModel, system: System, path: Path) -> None:
+    if len(system.joints) != 3:
+        raise SceneError(
+            f'{path}: a robot with a free joint has a heading, and {system.name} has none: it moves as a "unicycle"; '
+            "name that as its dynamics"
+        )
     if int(model.jnt_bodyid[0]) != model.body("robot").id or not _at_origin(model):
         raise SceneError(f'{path}: body "robot" must stand at the origin and have the free joint itself')
     ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)

@@ -18,6 +18,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drawing import strokes
+from sim.drawing.colors import DRIVEN
 from sim.drawing.strokes import lift, packed
 from sim.mjcf import Loaded
 from sim.recording import geoms
@@ -30,7 +31,6 @@ FLOOR = (38, 42, 48)
 GOAL = (44, 118, 66)
 BORDER = (120, 128, 138)
 CONTROL = (250, 246, 232)
-DRIVEN = (255, 200, 60)
 OPTIMUM = (150, 235, 60)
 
 Log = Callable[[str, rr.AsComponents], None]

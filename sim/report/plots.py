@@ -12,7 +12,7 @@ from typing import Any
 from pirrht.control.methods import METHODS
 from sim.drawing.colors import OTHER_COLOR, ClassColors, Color, nth_color, title
 from sim.report.statistics import Interval
-from sim.report.summary import ALL, Point, Report
+from sim.report.summary import ALL, Point, Report, Watch, unwatched
 
 MOST = 6  # scenes with pictures of their own; of more, all together
 SHOWN = 6  # classes with a colour of their own
@@ -27,8 +27,11 @@ class Picture:
     png: str
 
 
-def pictures(report: Report) -> list[Picture]:
+def pictures(report: Report, watch: Watch = unwatched) -> list[Picture]:
     """Success, cost, classes and step times.
+
+    Args:
+        watch: told what is being done to which items, of which it passes one on at a time.
 
     Raises:
         OptionError: matplotlib is missing.
@@ -39,13 +42,15 @@ def pictures(report: Report) -> list[Picture]:
     if not report.points:
         return []
     scenes = [ALL] if len(report.scenes) > MOST + 1 else [scene for scene in report.scenes if scene != ALL]
-    drawn = [
-        _levels(plt, report, scenes, "success", "runs that reach the goal [%]", lambda p: p.success, 100.0),
-        _levels(plt, report, scenes, "cost", "cost of runs that reach the goal", lambda p: p.cost, 1.0),
-        _levels(plt, report, scenes, "cost over optimal", "cost over optimal", lambda p: p.cost_over_optimal, 1.0),
-        _shares(plt, report, scenes),
-        _levels(plt, report, scenes, "step times", "median step [ms]", lambda p: p.step_ms, 1.0, log=True),
+    percent, cost, step = "runs that reach the goal [%]", "cost of runs that reach the goal", "median step [ms]"
+    wanted: list[Callable[[], Picture | None]] = [
+        lambda: _levels(plt, report, scenes, "success", percent, lambda p: p.success, 100.0),
+        lambda: _levels(plt, report, scenes, "cost", cost, lambda p: p.cost),
+        lambda: _levels(plt, report, scenes, "cost over optimal", "cost over optimal", lambda p: p.cost_over_optimal),
+        lambda: _shares(plt, report, scenes),
+        lambda: _levels(plt, report, scenes, "step times", step, lambda p: p.step_ms, log=True),
     ]
+    drawn = [draw() for draw in watch("pictures", wanted)]
     return [picture for picture in drawn if picture is not None]
 
 
@@ -56,7 +61,7 @@ def _levels(
     what: str,
     label: str,
     of: Callable[[Point], Interval],
-    scale: float,
+    scale: float = 1.0,
     *,
     log: bool = False,
 ) -> Picture | None:

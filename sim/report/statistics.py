@@ -1,10 +1,14 @@
-"""Intervals and tests for shares and means of runs, and for pairs of runs that met equal noise."""
+"""Intervals and tests for shares and means of runs, and for pairs of runs that met equal noise.
+
+SciPy does the work and is imported late, since a report is one command of many.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import comb, nan, sqrt
+from math import nan, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,14 +39,12 @@ UNKNOWN = Interval(value=nan, low=nan, high=nan)
 
 def wilson(successes: int, runs: int) -> Interval:
     """A share with Wilson's score interval (Wilson 1927)."""
+    from scipy.stats import binomtest
+
     if runs == 0:
         return UNKNOWN
-    share, spread = successes / runs, Z**2 / runs
-    center = (share + spread / 2) / (1 + spread)
-    half = Z * sqrt(share * (1 - share) / runs + spread / (4 * runs)) / (1 + spread)
-    low = 0.0 if successes == 0 else center - half
-    high = 1.0 if successes == runs else center + half
-    return Interval(value=share, low=low, high=high)
+    known = binomtest(successes, runs).proportion_ci(method="wilson")
+    return Interval(value=successes / runs, low=float(known.low), high=float(known.high))
 
 
 def mean(values: ArrayLike, seed: int = 0) -> Interval:
@@ -54,20 +56,21 @@ def mean(values: ArrayLike, seed: int = 0) -> Interval:
     x = np.asarray(values, dtype=float)
     if len(x) < 2:
         return Interval(value=float(x.mean()) if len(x) else nan, low=nan, high=nan)
-    return _interval(float(x.mean()), _resampled(x[:, None], seed)[:, 0])
+    return _bootstrapped((x,), lambda x, axis: np.mean(x, axis=axis), seed)
 
 
 def ratio(above: ArrayLike, below: ArrayLike, seed: int = 0) -> Interval:
     """The ratio of two means over pairs (k,), with the interval of a bootstrap that draws pairs."""
-    pairs = np.column_stack([above, below]).astype(float)
-    if len(pairs) < 2:
-        return Interval(value=float(pairs[0, 0] / pairs[0, 1]) if len(pairs) else nan, low=nan, high=nan)
-    means = _resampled(pairs, seed)
-    return _interval(float(pairs[:, 0].mean() / pairs[:, 1].mean()), means[:, 0] / means[:, 1])
+    a, b = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
+    if len(a) < 2:
+        return Interval(value=float(a[0] / b[0]) if len(a) else nan, low=nan, high=nan)
+    return _bootstrapped((a, b), lambda a, b, axis: np.mean(a, axis=axis) / np.mean(b, axis=axis), seed)
 
 
 def paired_shares(gained: int, lost: int, pairs: int) -> Interval:
     """The difference of two shares over pairs, with the adjusted Wald interval of Bonett and Price (2012).
+
+    SciPy has none for pairs.
 
     Args:
         gained, lost: pairs of which only the first, or only the second, succeeded.
@@ -82,9 +85,9 @@ def paired_shares(gained: int, lost: int, pairs: int) -> Interval:
 
 def mcnemar(gained: int, lost: int) -> float:
     """Exact two-sided p-value that pairs of unequal outcome are as often one way as the other (McNemar 1947)."""
-    odd, few = gained + lost, min(gained, lost)
-    tail = sum(comb(odd, k) for k in range(few + 1))
-    return min(1.0, 2 * tail / (1 << odd))
+    from scipy.stats import binomtest
+
+    return float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
 
 
 def sign_flips(differences: ArrayLike, seed: int = 0) -> float:
@@ -92,24 +95,33 @@ def sign_flips(differences: ArrayLike, seed: int = 0) -> float:
 
     All flips up to 13 pairs, beyond that 10 000 random ones, with the one at hand counted among them.
     """
+    from scipy.stats import permutation_test
+
     d = np.asarray(differences, dtype=float)
     if len(d) == 0 or not d.any():
         return 1.0
-    exact = 2 ** len(d) <= REPEATS
-    if exact:
-        signs = 1 - 2 * ((np.arange(2 ** len(d))[:, None] >> np.arange(len(d))) & 1)
-        sums: Array = signs @ d
-    else:
-        rng, rows = np.random.default_rng(seed), max(1, BLOCK // len(d))
-        blocks = [min(rows, REPEATS - at) for at in range(0, REPEATS, rows)]
-        sums = np.concatenate([(1 - 2 * rng.integers(0, 2, (size, len(d)))) @ d for size in blocks])
-    as_far = int(np.sum(np.abs(sums) >= abs(float(d.sum())) * (1 - 1e-12)))
-    p: float = as_far / len(sums) if exact else (as_far + 1) / (len(sums) + 1)
-    return p
+
+    def far(x: Array, axis: int) -> Any:  # the distance from zero: both sides at once, whatever their shape
+        return np.abs(np.sum(x, axis=axis))
+
+    found = permutation_test(
+        (d,),
+        far,
+        permutation_type="samples",
+        alternative="greater",
+        vectorized=True,
+        n_resamples=REPEATS,
+        batch=max(1, BLOCK // len(d)),
+        rng=np.random.default_rng(seed),
+    )
+    return float(found.pvalue)
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """p-values adjusted for their number, so that the chance of any false finding stays below 5 % (Holm 1979)."""
+    """p-values adjusted for their number, so that the chance of any false finding stays below 5 % (Holm 1979).
+
+    SciPy adjusts for the false discovery rate only.
+    """
     adjusted, worst = [0.0] * len(p), 0.0
     for rank, i in enumerate(sorted(range(len(p)), key=lambda i: p[i])):
         worst = max(worst, min(1.0, (len(p) - rank) * p[i]))
@@ -117,13 +129,18 @@ def holm(p: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def _resampled(rows: Array, seed: int) -> Array:
-    """Means (REPEATS, c) of rows (k, c) drawn with replacement."""
-    rng, size = np.random.default_rng(seed), max(1, BLOCK // len(rows))
-    blocks = [min(size, REPEATS - at) for at in range(0, REPEATS, size)]
-    return np.concatenate([rows[rng.integers(0, len(rows), (block, len(rows)))].mean(axis=1) for block in blocks])
+def _bootstrapped(samples: tuple[Array, ...], statistic: Callable[..., Any], seed: int) -> Interval:
+    """A statistic of runs, or of pairs of runs, with its percentile interval."""
+    from scipy.stats import bootstrap
 
-
-def _interval(value: float, resampled: Array) -> Interval:
-    low, high = np.percentile(resampled, (2.5, 97.5))
-    return Interval(value=value, low=float(low), high=float(high))
+    found = bootstrap(
+        samples,
+        statistic,
+        paired=len(samples) > 1,
+        vectorized=True,
+        n_resamples=REPEATS,
+        batch=max(1, BLOCK // len(samples[0])),
+        method="percentile",
+        rng=np.random.default_rng(seed),
+    ).confidence_interval
+    return Interval(value=float(statistic(*samples, axis=-1)), low=float(found.low), high=float(found.high))

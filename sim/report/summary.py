@@ -3,23 +3,42 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from pirrht.control.methods import METHODS
-from sim.report.statistics import Interval, holm, mcnemar, mean, paired_shares, ratio, sign_flips, wilson
+from pirrht.errors import OptionError
+from sim.report.comparisons import (
+    BASE,
+    LEVEL,
+    Comparison,
+    Key,
+    Record,
+    adjusted,
+    both_arrive,
+    comparison,
+    least,
+    pairs_of,
+    questions,
+)
+from sim.report.statistics import Interval, mean, ratio, wilson
 from sim.sweeps.dataset import Dataset, wished
 from sim.text import counted
 
-BASE = "pi-rrht"  # what other methods are compared with
 BEST = "optimal"  # what costs are held against
 ALL = "all scenes"
-LEVEL = 0.05
+OUTCOMES = ("goal", "collision", "timeout")
 
-Record = Mapping[str, Any]
+Watch = Callable[[str, Sequence[Any]], Iterable[Any]]  # passes on what it is given, and tells how far that is
+
+
+def unwatched(_: str, items: Sequence[Any]) -> Iterable[Any]:
+    """Nobody is told."""
+    return items
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,25 +62,6 @@ class Point:
     class_switches: Interval  # per run
     step_ms: Interval  # mean over runs of the median
     step_p95_ms: Interval  # mean over runs of the 95th percentile
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
-    """A method against `BASE` on the seeds that both have come to an end with."""
-
-    scene: str
-    noise: float
-    method: str
-    pairs: int
-    gained: int  # pairs of which only the method's reached the goal
-    lost: int  # only that of `BASE`
-    success: Interval  # difference of the shares
-    success_p: float  # McNemar, exact
-    success_adjusted: float  # for all findings of the report
-    arrived: int  # pairs of which both reached the goal
-    cost: Interval  # mean difference of their costs
-    cost_p: float  # by flipping signs
-    cost_adjusted: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,16 +90,23 @@ class Report:
         return {name: told[name] for name in told if name != "manifest"} | {"sweep": dict(self.manifest)}
 
 
-def report(dataset: Dataset) -> Report:
+def report(dataset: Dataset, watch: Watch = unwatched) -> Report:
     """Sum up what a sweep has finished so far.
 
+    Args:
+        watch: told what is being done to which items, of which it passes one on at a time.
+
     Raises:
-        OptionError: the folder holds no sweep.
+        OptionError: the folder holds no sweep, or rows that no sweep wrote.
     """
     manifest = dataset.manifest()
-    records = sorted(dataset.records(), key=_order)
-    points = [_point(key, runs, by) for by in _groupings(records) for key, runs in by.items()]
-    comparisons = _adjusted([c for by in _groupings(records) for c in _comparisons(by)])
+    records = dataset.records()
+    _check(records, dataset)
+    groupings = _groupings(sorted(records, key=_order))
+    wanted = [(key, by) for by in groupings for key in by]
+    points = [_point(key, by[key], by) for key, by in watch("intervals", wanted)]
+    compared = [comparison(key, by) for key, by in watch("comparisons", wanted)]
+    comparisons = adjusted([c for c in compared if c is not None])
     return Report(
         name=dataset.folder.resolve().name,
         manifest=manifest,
@@ -108,19 +115,38 @@ def report(dataset: Dataset) -> Report:
         errors=dict(Counter(r["error"] for r in records if r["outcome"] is None).most_common()),
         points=points,
         comparisons=comparisons,
-        questions=sum(len(_questions(c)) for c in comparisons),
-        least_p=_least(comparisons),
+        questions=sum(len(questions(c)) for c in comparisons),
+        least_p=least(comparisons),
         findings=_findings(comparisons),
     )
-
-
-Key = tuple[str, float, str]
 
 
 def _order(record: Record) -> tuple[Any, ...]:
     known = list(METHODS)
     rank = known.index(record["method"]) if record["method"] in known else len(known)
     return record["scene"], record["noise"], rank, record["method"], record["seed"]
+
+
+_NUMBERS = ("cost", "path_length", "time")
+
+
+def _check(records: Sequence[Record], dataset: Dataset) -> None:
+    """Refuse rows that no sweep wrote: figures of them would mean nothing.
+
+    Raises:
+        OptionError: names the folder, the run and what is wrong with it.
+    """
+    for r in records:
+        wrong = [name for name in ("scene", "method", "noise", "seed") if r[name] is None]
+        if not wrong and r["outcome"] is not None:
+            wrong = ["outcome"] if r["outcome"] not in OUTCOMES else []
+            wrong += [name for name in _NUMBERS if r[name] is None or not isfinite(r[name])]
+        if wrong:
+            run = f"{r['scene']}, b = {r['noise']}, {r['method']}, seed {r['seed']}"
+            raise OptionError(
+                f"{dataset.runs}: the run {run} has no usable {wrong[0]}; remove its part-*.parquet, and its runs are "
+                "made again"
+            )
 
 
 def _groupings(records: Sequence[Record]) -> list[dict[Key, list[Record]]]:
@@ -139,7 +165,9 @@ def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[R
     runs = [r for r in everyone if r["outcome"] is not None]
     arrived = [r for r in runs if r["outcome"] == "goal"]
     classes = Counter(r["executed_class"] for r in arrived) if scene != ALL else Counter[str]()
-    best = [(r["cost"], b["cost"]) for r, b in _pairs(runs, groups.get((scene, noise, BEST), ())) if _both(r, b)]
+    best = [
+        (r["cost"], b["cost"]) for r, b in pairs_of(runs, groups.get((scene, noise, BEST), ())) if both_arrive(r, b)
+    ]
 
     def share(outcome: str) -> Interval:
         return wilson(sum(r["outcome"] == outcome for r in runs), len(runs))
@@ -159,78 +187,14 @@ def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[R
         path_length=mean([r["path_length"] for r in arrived]),
         time=mean([r["time"] for r in arrived]),
         classes={str(name): wilson(count, len(arrived)) for name, count in classes.most_common()},
-        class_switches=mean([r["class_switches"] for r in runs]),
-        step_ms=mean([r["step_ms"]["median"] for r in runs]),
-        step_p95_ms=mean([r["step_ms"]["p95"] for r in runs]),
+        class_switches=mean(_known(r["class_switches"] for r in runs)),
+        step_ms=mean(_known(r["step_ms"]["median"] for r in runs)),
+        step_p95_ms=mean(_known(r["step_ms"]["p95"] for r in runs)),
     )
 
 
-def _comparisons(groups: Mapping[Key, Sequence[Record]]) -> Iterable[Comparison]:
-    for (scene, noise, method), runs in groups.items():
-        base = groups.get((scene, noise, BASE))
-        if method == BASE or base is None:
-            continue
-        pairs = _pairs(runs, base)
-        ends = Counter((a["outcome"] == "goal", b["outcome"] == "goal") for a, b in pairs)
-        gained, lost = ends[True, False], ends[False, True]
-        off = [a["cost"] - b["cost"] for a, b in pairs if _both(a, b)]
-        yield Comparison(
-            scene=scene,
-            noise=noise,
-            method=method,
-            pairs=len(pairs),
-            gained=gained,
-            lost=lost,
-            success=paired_shares(gained, lost, len(pairs)),
-            success_p=mcnemar(gained, lost),
-            success_adjusted=1.0,
-            arrived=len(off),
-            cost=mean(off),
-            cost_p=sign_flips(off),
-            cost_adjusted=1.0,
-        )
-
-
-def _pairs(runs: Iterable[Record], others: Iterable[Record]) -> list[tuple[Record, Record]]:
-    """Runs of equal scene and seed that came to an end."""
-    known = {(r["scene"], r["seed"]): r for r in others if r["outcome"] is not None}
-    ended = [r for r in runs if r["outcome"] is not None]
-    return [(r, known[r["scene"], r["seed"]]) for r in ended if (r["scene"], r["seed"]) in known]
-
-
-def _both(a: Record, b: Record) -> bool:
-    return bool(a["outcome"] == b["outcome"] == "goal")
-
-
-def _adjusted(comparisons: Sequence[Comparison]) -> list[Comparison]:
-    """p-values adjusted for the number of questions that there are pairs for."""
-    asked = [(i, name) for i, c in enumerate(comparisons) for name in _questions(c)]
-    p = holm([getattr(comparisons[i], f"{name}_p") for i, name in asked])
-    changes: list[dict[str, Any]] = [{} for _ in comparisons]
-    for (i, name), adjusted in zip(asked, p, strict=True):
-        changes[i][f"{name}_adjusted"] = adjusted
-    return [replace(c, **change) for c, change in zip(comparisons, changes, strict=True)]
-
-
-def _questions(c: Comparison) -> list[str]:
-    return [name for name, pairs in (("success", c.pairs), ("cost", c.arrived)) if pairs]
-
-
-def _least(comparisons: Sequence[Comparison]) -> float:
-    """The adjusted p-value if all pairs of the comparison that has most differed, all of them one way.
-
-    Flips of signs, of which there are no more pairs, reach no smaller one.
-    """
-    questions = sum(len(_questions(c)) for c in comparisons)
-    return min(1.0, max(1, questions) * mcnemar(max((c.pairs for c in comparisons), default=0), 0))
-
-
-def pairs_needed(questions: int) -> int:
-    """The fewest pairs with which one of so many questions can come out significant."""
-    pairs = 1
-    while questions * mcnemar(pairs, 0) >= LEVEL:
-        pairs += 1
-    return pairs
+def _known(values: Iterable[float | None]) -> list[float]:
+    return [value for value in values if value is not None and isfinite(value)]
 
 
 def _findings(comparisons: Sequence[Comparison]) -> list[str]:

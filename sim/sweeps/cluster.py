@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import logging
 import queue
+import socket
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 import pirrht
 from pirrht.errors import OptionError, PirrhtError
@@ -15,7 +18,9 @@ from sim.sweeps.engine import TICK, Agenda, Item, Stop
 
 BATCH_SECONDS, BATCH_ITEMS = 2.0, 64  # a worker reports after so long, or so many items
 AHEAD = 2  # batches that a worker has at hand, the one under way included
-PATIENCE = "20s"  # for the scheduler to answer
+PATIENCE = 8.0  # for the scheduler to answer [s]
+REACHABLE = 4.0  # for its machine to be found and its port to be open [s]
+PROTOCOLS = ("tcp", "tls", "ws", "wss", "ucx")
 CENSUS = 1.0  # how often it is asked for its workers [s]
 
 
@@ -64,14 +69,13 @@ class Cluster:
         except ImportError:
             raise OptionError("--scheduler needs Dask; install it with: pip install 'pirrht[cluster]'") from None
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in one line
+        check_address(address)
+        _check_scheduler_at(address)
         self._address, self._killed = address, distributed.KilledWorker
         try:
             self._client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise OptionError(
-                f"--scheduler {address}: no scheduler answers there ({reason}); write for instance tcp://127.0.0.1:8786"
-            ) from None
+            raise _silent(address, " ".join(str(error).split()) or type(error).__name__) from None
         self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._luggage: dict[int, tuple[Any, Any]] = {}
         self._counted, self._workers = -CENSUS, list[str]()
@@ -198,6 +202,79 @@ class Cluster:
                 f"--scheduler {self._address}: the scheduler is gone; with -o finished runs are kept, and the same "
                 "command goes on when it is back"
             ) from None
+
+
+def check_address(address: str) -> None:
+    """Refuse an address that nobody listens at, within seconds.
+
+    Dask itself tries again and again until its time is over, and goes on trying while it is closed.
+
+    Raises:
+        OptionError: it is no address, or its machine is not found or refuses the connection.
+    """
+    try:
+        parts = urlsplit(address if "://" in address else f"tcp://{address}")
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise _silent(address, str(error)) from None
+    if parts.scheme not in PROTOCOLS:
+        raise _silent(address, f"the protocol {parts.scheme} is none of {', '.join(PROTOCOLS)}")
+    if not host or not port:
+        raise _silent(address, "it has no machine" if not host else "it has no port")
+    if parts.scheme == "ucx":
+        return
+    found: queue.SimpleQueue[OSError | None] = queue.SimpleQueue()
+    threading.Thread(target=lambda: found.put(_connected(host, port)), daemon=True).start()
+    try:
+        wrong = found.get(timeout=REACHABLE)  # looking a name up has no time limit of its own
+    except queue.Empty:
+        wrong = TimeoutError("timed out")
+    if wrong is not None:
+        raise _silent(address, wrong.strerror or str(wrong))
+
+
+def _connected(host: str, port: int) -> OSError | None:
+    """Why there is no connection; a scheduler that has just been started is waited for."""
+    began = time.monotonic()
+    while True:
+        try:
+            socket.create_connection((host, port), REACHABLE).close()
+            return None
+        except UnicodeError as error:
+            return OSError(str(error))
+        except OSError as error:
+            if time.monotonic() - began > REACHABLE / 2 or not isinstance(error, ConnectionRefusedError):
+                return error
+        time.sleep(TICK)
+
+
+def _check_scheduler_at(address: str) -> None:
+    """Ask who is there before a client is made: one that cannot begin cannot be closed in decent time either."""
+    import asyncio
+
+    from distributed.core import connect
+
+    async def identity() -> Any:
+        comm = await connect(address, timeout=PATIENCE)
+        try:
+            await comm.write({"op": "identity", "reply": True})
+            return await comm.read()
+        finally:
+            comm.abort()
+
+    try:
+        found = asyncio.run(asyncio.wait_for(identity(), PATIENCE))
+        kind = found.get("type") if isinstance(found, dict) else None
+    except Exception as error:  # whatever another program's bytes lead to
+        raise _silent(address, " ".join(str(error).split())[:80] or type(error).__name__) from None
+    if kind != "Scheduler":
+        raise _silent(address, f"who does is a {kind}")
+
+
+def _silent(address: str, reason: str) -> OptionError:
+    return OptionError(
+        f"--scheduler {address}: no scheduler answers there ({reason}); write for instance tcp://127.0.0.1:8786"
+    )
 
 
 def _batch(work: Callable[[Any], Any], items: Sequence[Any], luggage: Any) -> list[Any]:

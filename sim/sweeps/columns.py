@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from sim.columns import Column
+from sim.drive.result import FIGURES
+
 TIMING = "timing_"  # begins the names of columns that differ when a run is repeated
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """A column of the dataset."""
-
-    name: str
-    kind: str  # of Arrow: string, float64 or int64
-    unit: str
-    text: str
 
 
 _TABLE = """
@@ -31,25 +23,16 @@ lambda           float64 cost  temperature
 samples          int64   1     around each reference
 dt               float64 s     rollout step
 period           float64 s     control period
-outcome          string  -     goal, collision or timeout; null if the run ended with an error
-time             float64 s     simulated time of the drive
-cost             float64 cost  integral of q + u'Ru/2 up to the exit, phi not included
-path_length      float64 m     driven
-steps            int64   1     control steps
-vertices         int64   1     of the tree
-min_clearance    float64 m     least room around the robot after any physics step, 0 after a collision
-value_estimate   float64 cost  v at the start: estimated, of the method optimal exact; infinite if no sample survived
-executed_class   string  -     homology class of the driven path; null unless the goal was reached
-class_switches   int64   1     control steps whose class of greatest weight differs from the one before
-fallbacks        int64   1     control steps without a reference or a surviving sample
+"""
+_MORE = """
 shortest_length  float64 m     shortest reference at the start; null for methods without a tree
 error            string  -     why the run did not come to an end, null if it did
 timing_step_median_ms  float64 ms  wall time of a plan
 timing_step_p95_ms     float64 ms  its 95th percentile
 timing_step_max_ms     float64 ms  the longest
 timing_deadline_misses int64   1   plans that took longer than the period
-timing_plan_seconds    float64 s   wall time of tree and references, which the runs of a scene share
-timing_drive_seconds   float64 s   wall time of the drive
+timing_plan_seconds    float64 s   wall time of tree and references without compiling; the runs of a scene share it
+timing_drive_seconds   float64 s   wall time of the drive without compiling
 """
 
 
@@ -58,7 +41,11 @@ def _column(line: str) -> Column:
     return Column(name=name, kind=kind, unit="" if unit == "-" else unit, text=text)
 
 
-COLUMNS = tuple(_column(line) for line in _TABLE.strip().splitlines())
+def _columns(table: str) -> tuple[Column, ...]:
+    return tuple(_column(line) for line in table.strip().splitlines())
+
+
+COLUMNS = (*_columns(_TABLE), *FIGURES, *_columns(_MORE))
 KEY = ("scene", "scene_digest", "method", "noise", "seed", "plan_seed")
 RESULTS = tuple(c.name for c in COLUMNS if not c.name.startswith(TIMING))  # equal whenever a run is repeated
 

@@ -1,6 +1,6 @@
 """A sweep on disk: `manifest.json` says what was asked for, `runs/part-*.parquet` hold a row per finished run.
 
-A file is written beside its place, forced to disk and then moved there, so that each is whole or absent.
+Each file is whole or absent (`sim.sweeps.parts`).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -17,9 +17,12 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from sim.sweeps.columns import COLUMNS, key_of, record_of, row_of
+from sim.sweeps import manifests, parts
+from sim.sweeps.columns import key_of, record_of, row_of
+from sim.sweeps.manifests import wished
 
-FORMAT = 1
+__all__ = ["TREES", "Dataset", "Unwritable", "plain", "wished"]
+
 TREES = ".trees-"  # begins the names of folders that trees lie in while they are driven through
 CHUNK_RUNS, CHUNK_SECONDS = 500, 2.0  # a file is written after so many runs, or so long after the first of them [s]
 PATIENCE = 60.0  # how long rows that cannot be written are kept before the sweep ends [s]
@@ -43,7 +46,6 @@ class Dataset:
         self._kept: list[dict[str, Any]] = []  # rows that are in no file yet
         self._since = 0.0  # when the first of them came
         self._failing_since: float | None = None
-        self._parts = 0
 
     @property
     def runs(self) -> Path:
@@ -67,10 +69,13 @@ class Dataset:
             raise OptionError(
                 f"{self.folder} is no sweep: it has no manifest.json; give the folder of `pirrht sweep -o`"
             ) from None
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise OptionError(f"{file}: cannot be read ({error}); remove it and start the sweep again") from None
-        if not isinstance(found, dict) or found.get("format") != FORMAT:
+        if not isinstance(found, dict) or found.get("format") != parts.FORMAT:
             raise OptionError(f"{file}: not written by this version of pirrht; choose another folder")
+        flaw = manifests.flaw(found)
+        if flaw:
+            raise OptionError(f"{file} is damaged: {flaw}; put a copy back, or choose another folder")
         return found
 
     def check(self, settings: Mapping[str, Any], scenes: Mapping[str, str]) -> None:
@@ -103,28 +108,60 @@ class Dataset:
         Raises:
             OptionError: another sweep's folder, or one that cannot be written.
         """
-        self.check(settings, scenes)
-        try:
-            self.runs.mkdir(parents=True, exist_ok=True)
-            for left in [*self.runs.glob(".part-*"), *self.folder.glob(".manifest*")]:
+        self.ask(settings, scenes, [asked])
+        with self._writable():
+            for left in self.runs.glob(".part-*"):
                 left.unlink()
             for left in self.folder.glob(f"{TREES}*"):
                 shutil.rmtree(left, ignore_errors=True)
+
+    def ask(self, settings: Mapping[str, Any], scenes: Mapping[str, str], wishes: Iterable[Mapping[str, Any]]) -> None:
+        """Make the folder, or add to what one was asked for, beside a sweep that may be at it.
+
+        Raises:
+            OptionError: another sweep's folder, or one that cannot be written.
+        """
+        self.check(settings, scenes)
+        with self._writable():
+            for left in self.folder.glob(".manifest*"):
+                left.unlink()
             known = self.manifest() if (self.folder / "manifest.json").exists() else {}
-            wishes = [*known.get("asked", []), plain(asked)]
+            everything = [*known.get("asked", []), *map(plain, wishes)]
             content = {
-                "format": FORMAT,
+                "format": parts.FORMAT,
                 "version": pirrht.__version__,
                 "libraries": {name: _version(name) for name in LIBRARIES},
                 "settings": plain(settings),
                 "scenes": {**known.get("scenes", {}), **scenes},
-                "asked": [wish for i, wish in enumerate(wishes) if wish not in wishes[:i]],
+                "asked": [wish for i, wish in enumerate(everything) if wish not in everything[:i]],
             }
             text = json.dumps(content, indent=2) + "\n"
-            _replace(self.folder / "manifest.json", lambda stream: stream.write(text.encode()))
+            parts.replace(self.folder / "manifest.json", lambda stream: stream.write(text.encode()))
+
+    @contextmanager
+    def _writable(self) -> Iterator[None]:
+        """The folder, made if need be, for one who changes what lies in it; errors of the system in a line."""
+        try:
+            self.runs.mkdir(parents=True, exist_ok=True)
+            with self._turn():
+                yield
         except OSError as error:
             raise OptionError(f"--output {self.folder}: {error.strerror or error}; choose another place") from None
-        self._parts = 1 + max((int(file.stem.split("-")[1]) for file in self.files()), default=-1)
+
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        """One process at a time changes files, for a moment; without locks names are unique all the same."""
+        handle = None
+        with suppress(ImportError, OSError):
+            import fcntl
+
+            handle = os.open(self.runs, os.O_RDONLY)
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            if handle is not None:
+                os.close(handle)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -165,22 +202,31 @@ class Dataset:
             OptionError: a file cannot be read.
         """
         found: dict[tuple[Any, ...], dict[str, Any]] = {}
-        for file in self.files():
-            for row in _read(file).to_pylist():
-                found.setdefault(key_of(row), record_of(row))
+        with self._turn():
+            for file in self.files():
+                for row in parts.read(file).to_pylist():
+                    found.setdefault(key_of(row), record_of(row))
         return list(found.values())
 
     def forget_errors(self) -> None:
         """Take the runs that ended with an error out of the files, so that they are made again."""
-        import pyarrow.compute as pc
+        self._forget(lambda row: row["error"] is not None, self.files())
 
-        for file in self.files():
-            table = _read(file)
-            good = table.filter(pc.is_null(table["error"]))
-            if not len(good):
-                file.unlink()
-            elif len(good) < len(table):
-                _write(file, good)
+    def replace(self, keys: Set[tuple[Any, ...]]) -> None:
+        """Write what has been added, then take runs of these keys (`key_of`) out of older files."""
+        before = self.files()
+        self.flush()
+        self._forget(lambda row: key_of(row) in keys, before)
+
+    def _forget(self, unwanted: Callable[[dict[str, Any]], bool], files: Sequence[Path]) -> None:
+        with self._writable():
+            for file in files:
+                table = parts.read(file)
+                good = [i for i, row in enumerate(table.to_pylist()) if not unwanted(row)]
+                if not good:
+                    file.unlink()
+                elif len(good) < len(table):
+                    parts.replace(file, parts.parquet(table.take(good)))
 
     def add(self, record: Mapping[str, Any]) -> None:
         """Take a finished run in; it is written when `tend` or `flush` is called."""
@@ -214,15 +260,16 @@ class Dataset:
 
         if not self._kept:
             return
-        file = self.runs / f"part-{self._parts:06d}.parquet"
+        rows = pa.Table.from_pylist(self._kept, schema=parts.schema())
         try:
-            _write(file, pa.Table.from_pylist(self._kept, schema=_schema()))
+            with self._turn():
+                parts.add(self.runs, parts.parquet(rows))
         except OSError as error:
             raise Unwritable(
                 f"--output {self.folder}: {error.strerror or error}; {len(self._kept)} finished runs could not be "
                 "written: mend that and give the same command again"
             ) from None
-        self._parts, self._kept, self._failing_since = self._parts + 1, [], None
+        self._kept, self._failing_since = [], None
 
     @property
     def failing(self) -> bool:
@@ -251,64 +298,3 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return "unknown"
-
-
-def _schema() -> Any:
-    import pyarrow as pa
-
-    fields = [
-        pa.field(c.name, pa.type_for_alias(c.kind), metadata={"unit": c.unit, "description": c.text}) for c in COLUMNS
-    ]
-    return pa.schema(fields, metadata={"pirrht": json.dumps({"format": FORMAT, "version": pirrht.__version__})})
-
-
-def _read(file: Path) -> Any:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        return pq.read_table(file, schema=_schema())
-    except (OSError, pa.ArrowException) as error:
-        reason = " ".join(str(error).split())
-        raise OptionError(f"{file} cannot be read ({reason}); remove it, and its runs are made again") from None
-
-
-def _write(file: Path, table: Any) -> None:
-    import pyarrow.parquet as pq
-
-    _replace(file, lambda stream: pq.write_table(table, stream, compression="zstd"))
-
-
-def _replace(file: Path, write: Callable[[Any], object]) -> None:
-    """Write a file so that it is whole whenever it is seen, even after a loss of power."""
-    part = file.with_name(f".{file.name}")
-    try:
-        with part.open("wb") as stream:
-            write(stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(part, file)
-    except BaseException:
-        with suppress(OSError):
-            part.unlink()
-        raise
-    with suppress(OSError):  # not every file system lets a folder be forced to disk
-        folder = os.open(file.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
-
-
-def wished(asked: Sequence[Mapping[str, Any]]) -> int:
-    """How many different runs the wishes of a manifest add up to."""
-    return len(
-        {
-            (scene, method, noise, seed)
-            for wish in asked
-            for scene, noises in wish["noise"].items()
-            for noise in noises
-            for method in wish["methods"]
-            for seed in range(*wish["seeds"])
-        }
-    )

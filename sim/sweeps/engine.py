@@ -65,7 +65,11 @@ class Agenda:
         self._waiting: dict[tuple[Hashable, ...], deque[Any]] = {}
         self._failures: dict[int, int] = {}
         for item in items:
-            self._waiting.setdefault(item.point, deque()).append(item)
+            self.add(item)
+
+    def add(self, item: Item) -> None:
+        """One more item, even while others are being done."""
+        self._waiting.setdefault(item.point, deque()).append(item)
 
     def __len__(self) -> int:
         return sum(map(len, self._waiting.values()))
@@ -179,15 +183,15 @@ class Pool:
 
         Args:
             work: a function of a module, which is told one item.
+            agenda: what is done to a result, before the next is asked for, may add to it.
             lost: the result of an item that ended so many processes that nobody will try again, from it and why.
 
         Raises:
             PirrhtError: processes end before they have begun.
         """
-        while len(self._workers) < min(self._size, len(agenda)) and not stop.asked:
-            self._workers.append(Worker())
         false_starts = 0
         while stop.asked < 2:
+            self._hire(len(agenda), stop)
             _hand_out(self._workers, work, agenda, stop)
             busy: dict[Any, Worker] = {worker.pipe: worker for worker in self._workers if worker.item is not None}
             if not busy:
@@ -215,6 +219,13 @@ class Pool:
                     yield result
             if not heard:
                 yield None
+
+    def _hire(self, items: int, stop: Stop) -> None:
+        """As many processes as there is work for, up to the size of the pool."""
+        idle = sum(worker.item is None for worker in self._workers)
+        while idle < items and len(self._workers) < self._size and not stop.asked:
+            self._workers.append(Worker())
+            idle += 1
 
 
 def in_turn(work: Callable[[Any], Any], agenda: Agenda, stop: Stop) -> Iterator[Any]:

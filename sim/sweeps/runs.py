@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from io import BytesIO
@@ -13,18 +13,21 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.control.methods import TREELESS
-from pirrht.control.policy import Policy
 from pirrht.errors import PirrhtError
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drive import episode
+from sim.drive.result import DriveResult
 from sim.mjcf.library import find
-from sim.scenario import Scenario, prepare
+from sim.rehearsal import rehearse
+from sim.scenario import Driver, Scenario, prepare
+from sim.system_import import source
 
 KEPT = 4  # scenes, trees and grids that a process keeps at hand
 
 Frozen = tuple[tuple[str, Any], ...]
 
+_rehearsed: set[tuple[Any, ...]] = set()
 _alone = threading.Lock()  # a worker with several threads drives one robot at a time: its time is its own
 
 
@@ -36,7 +39,7 @@ class Job:
     method: str
     noise: float | None  # None: what the scene asks for
     seed: int
-    task: Frozen  # robot, radius, start, goal, preset
+    task: Frozen  # robot, system, radius, start, goal, preset
     given: Frozen  # settings that all runs share
     label: str = ""  # what tables call the scene; empty: as `scene`
     digest: str = ""  # of the files of scene and robot; empty: not looked at
@@ -115,7 +118,8 @@ def settled(job: Job) -> Scenario:
     Raises:
         PirrhtError: a scene or a setting is wrong.
     """
-    changes: dict[str, Any] = {"method": job.method, "seed": job.seed, "threads": 1}
+    # Drives share a tree, so it does not grow; and cores, so none is against the clock.
+    changes: dict[str, Any] = {"method": job.method, "seed": job.seed, "threads": 1, "grow": None, "real_time": False}
     if job.noise is not None:
         changes["noise"] = job.noise
     return _prepared(job.scene, job.task, job.given).with_settings(**changes)
@@ -159,32 +163,37 @@ def drive(job: Job, planned: Planned | None = None) -> dict[str, Any]:
     scenario = settled(job)
     if job.digest and job.digest != digest(job):
         raise PirrhtError(f"{job.scene}: the file is not the one that the sweep began with")
-    began = time.perf_counter()
-    controller = _controller(job, scenario, planned)
-    tally = episode.Tally(scenario.settings.period)
-    for frame in episode.run(
-        scenario.plant(), controller, scenario.start, scenario.plant_rng(), max_time=scenario.settings.max_time
-    ):
+    driver = _driver(job, scenario, planned)
+    _ready(job, scenario)
+    began, tally = time.perf_counter(), episode.Tally(scenario.settings.period)
+    for frame in scenario.drive(scenario.plant(), driver):
         tally.add(frame)
-    s = scenario.settings
+    seconds = time.perf_counter() - began
+    return finished(key(job, scenario.settings.noise), scenario, tally.drive(), seconds, planned)
+
+
+def finished(
+    identity: Mapping[str, Any], scenario: Scenario, result: DriveResult, seconds: float, planned: Planned | None = None
+) -> dict[str, Any]:
+    """The record of a run that came to an end, whose drive took `seconds` [s] of wall time."""
     return {
-        **_key(job, s.noise),
+        **identity,
         "robot": scenario.loaded.robot,
         "lambda": scenario.problem.temperature,
-        "samples": s.samples,
-        "dt": s.dt,
-        "period": s.period,
-        **tally.result(),
+        "samples": scenario.settings.samples,
+        "dt": scenario.settings.dt,
+        "period": scenario.settings.period,
+        **result.json(),
         "shortest_length": planned.shortest if planned else None,
         "plan_seconds": planned.seconds if planned else None,
-        "drive_seconds": time.perf_counter() - began,
+        "drive_seconds": seconds,
         "error": None,
     }
 
 
 def failure(job: Job, error: str) -> dict[str, Any]:
     """The record of a run that did not come to an end."""
-    return {**_key(job, job.noise), "outcome": None, "error": error}
+    return {**key(job, job.noise), "outcome": None, "error": error}
 
 
 def one_line(error: BaseException) -> str:
@@ -210,17 +219,18 @@ def unpacked(planned: Planned, folder: Path, number: int) -> Planned:
     return replace(planned, tree=str(file))
 
 
-def _controller(job: Job, scenario: Scenario, planned: Planned | None) -> Policy:
+def _driver(job: Job, scenario: Scenario, planned: Planned | None) -> Driver:
     if job.method == "optimal":
-        return scenario.optimal(_solved(job.scene, job.task, job.given, scenario.settings.noise))
+        return scenario.driver(truth=_solved(job.scene, job.task, job.given, scenario.settings.noise))
     if planned is None:
-        return scenario.controller(None)
+        return scenario.driver()
     if planned.error is not None:
         raise PirrhtError(planned.error)
-    return scenario.controller(_received(job.scene, job.task, job.given, planned.tree))
+    return scenario.driver(_received(job.scene, job.task, job.given, planned.tree))
 
 
 def _planned(scenario: Scenario) -> Planned:
+    rehearse(scenario)
     began = time.perf_counter()
     tree = scenario.grown_tree()
     references = tree.references(scenario.start, polished=scenario.settings.polish)
@@ -241,7 +251,8 @@ def unpack(scenario: Scenario, content: bytes) -> HomologyTree:
     return tree_file.load(BytesIO(content), scenario.space, scenario.steering(), limit=s.limit, classes=s.classes)
 
 
-def _key(job: Job, noise: float | None) -> dict[str, Any]:
+def key(job: Job, noise: float | None) -> dict[str, Any]:
+    """What tells a job's run from all others of its dataset."""
     return {
         "scene": job.name,
         "scene_digest": job.digest,
@@ -257,12 +268,21 @@ def _prepared(scene: str, task: Frozen, given: Frozen) -> Scenario:
     return prepare(scene, **dict(task), given=dict(given))
 
 
+def _ready(job: Job, scenario: Scenario) -> None:
+    """See to it that a drive does not have to wait for the compiler; once per kind of drive and process."""
+    kind = scenario.loaded.dynamics_name, job.method, job.given
+    if kind not in _rehearsed:
+        rehearse(scenario, driving=True)
+        _rehearsed.add(kind)
+
+
 @lru_cache(KEPT)
 def _digest(scene: str, task: Frozen, given: Frozen) -> str:
     scenario = _prepared(scene, task, given)
     content = hashlib.sha256()
     for file in (scenario.loaded.path, find("robot", dict(task).get("robot") or scenario.loaded.robot)):
         content.update(hashlib.sha256(file.read_bytes()).digest())
+    content.update(source(dict(task).get("system")))
     return content.hexdigest()[:16]
 
 

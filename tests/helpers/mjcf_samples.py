@@ -19,6 +19,14 @@ ROBOT = {
     "dynamics": '<text name="pirrht_dynamics" data="single_integrator"/>',
     "command": '<numeric name="pirrht_command" data="1 0 0 1"/>',
 }
+# a wall from side to side, so that no way leads to the goal
+WALL = """<mujoco model="wall"><worldbody>
+  <geom name="floor" type="plane" pos="2 2 0" size="2 2 0.1"/>
+  <geom name="wall" type="box" pos="2 2 0.25" size="0.1 2.1 0.25"/>
+  <site name="start" pos="0.4 2 0"/>
+  <site name="goal" type="cylinder" pos="3.6 2 0" size="0.2 0.01"/>
+  <site name="workspace" type="box" pos="2 2 0.5" size="2 2 0.5"/>
+</worldbody></mujoco>"""
 
 
 def mjcf(world: str, *, head: str = "") -> str:

@@ -17,11 +17,13 @@ from pirrht.errors import OptionError  # noqa: E402
 from pirrht.systems.unicycle import Unicycle  # noqa: E402
 from pirrht.tree.homology_tree import HomologyTree  # noqa: E402
 from sim import gym  # noqa: E402
+from sim.cli import main  # noqa: E402
 from sim.drive import episode  # noqa: E402
 from sim.mjcf import scene_names  # noqa: E402
 from sim.mjcf.robot import control_limits  # noqa: E402
 from sim.scenario import Scenario  # noqa: E402
 from sim.sweeps import columns, runs  # noqa: E402
+from sim.sweeps.dataset import Dataset  # noqa: E402
 
 INFO = {"outcome", "cost", "time", "min_clearance", "path_length"}
 
@@ -42,6 +44,7 @@ def driven(env, policy, seed=0):
     return np.array(states), np.array(rewards), (terminated, truncated), info
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", scene_names())
 def test_every_scene_is_registered_and_passes_gymnasiums_own_checks(scene: str):
     with warnings.catch_warnings():
@@ -51,6 +54,7 @@ def test_every_scene_is_registered_and_passes_gymnasiums_own_checks(scene: str):
         check_env(gymnasium.make("pirrht/Scene-v0", scene=scene, bound=2.0).unwrapped)
 
 
+@pytest.mark.slow
 def test_a_name_is_enough_to_import_us():
     script = "import gymnasium; print(gymnasium.make('sim.gym:pirrht/Slit-v0').unwrapped.job.scene)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -197,6 +201,83 @@ def test_wrapped_environments_and_policies_made_for_each_seed_are_scored_alike()
     for a, b in zip(one, other, strict=True):
         assert a["outcome"] == b["outcome"]
         assert a["cost"] == pytest.approx(b["cost"])
+
+
+# -- scores in a sweep's folder ----------------------------------------------------------------------------------
+
+FAST = {"scene": "slit", "noise": 0.02, "max_time": 0.05}
+SWEEP = "sweep slit --noise 0.02 --seeds 0:3 --methods passive --vertices 60 --samples 10 --max-time 0.05 --jobs 1"
+
+
+@pytest.fixture
+def swept(tmp_path):
+    assert main([*SWEEP.split(), "-o", str(tmp_path / "sweep")]) == 0
+    return tmp_path / "sweep"
+
+
+def test_a_report_shows_the_users_method_beside_ours(swept, capsys):
+    before = Dataset(swept).records()
+    scored = gym.score(ahead, seeds=range(3), method="mine", into=swept, **FAST)
+    assert Dataset(swept).records()[:3] == before
+    assert [r["cost"] for r in Dataset(swept).records()[3:]] == [r["cost"] for r in scored]
+    assert [r["noisy_path_length"] for r in Dataset(swept).records()[3:]] == [r["noisy_path_length"] for r in scored]
+    assert main(["report", str(swept)]) == 0
+    told = capsys.readouterr().out
+    assert "6 of 6 runs asked for are there" in told
+    assert "mine" in told
+    assert main([*SWEEP.split(), "-o", str(swept)]) == 0  # it goes on as before
+
+
+def test_a_score_makes_a_folder_that_a_sweep_goes_on_with(tmp_path, capsys):
+    gym.score(ahead, seeds=[4, 7], method="mine", into=tmp_path / "new", scene="slit", noise=0.02)
+    assert main(["report", str(tmp_path / "new")]) == 0
+    assert "2 of 2 runs asked for are there" in capsys.readouterr().out
+    Dataset(tmp_path / "new").check({"plan_seed": 0}, {})
+
+
+def test_runs_that_are_there_are_refused_and_replaced_only_on_demand(swept):
+    gym.score(ahead, seeds=range(2), method="mine", into=swept, **FAST)
+    driven = []
+
+    def other(x):
+        driven.append(x)
+        return np.array([-0.5, 0.0])
+
+    with pytest.raises(OptionError, match=r"holds 1 of these runs already \(method 'mine', seed 1\).* again=True"):
+        gym.score(other, seeds=[1, 2], method="mine", into=swept, **FAST)
+    assert not driven  # refused before anything is driven
+    scored = gym.score(other, seeds=[1, 2], method="mine", into=swept, again=True, **FAST)
+    found = {r["seed"]: r["cost"] for r in Dataset(swept).records() if r["method"] == "mine"}
+    assert found[1] == scored[0]["cost"]
+    assert found[2] == scored[1]["cost"]
+    assert sorted(found) == [0, 1, 2]
+
+
+def test_a_policy_that_fails_loses_no_finished_drive(swept):
+    def some(seed):
+        return (lambda x: np.full(2, np.nan)) if seed == 2 else ahead
+
+    with pytest.raises(OptionError, match="seed 2"):
+        gym.score(some, seeds=range(5), method="mine", anew=True, into=swept, **FAST)
+    assert [r["seed"] for r in Dataset(swept).records() if r["method"] == "mine"] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"max_time": 0.1}, "--max-time 0.05 and these drives are with 0.1"),
+        ({"plant": "sde"}, "--plant mujoco and these drives are with sde"),
+        ({"phi": 5.0}, "--phi inf and these drives are with 5.0"),
+        ({"start": (1.0, 2.0)}, "--start 1.0 2.5 and these drives are with 1.0 2.0"),
+        ({"goal": (5.0, 2.5, 0.2)}, "--goal"),
+        ({"radius": 0.07}, "--radius"),
+        ({"robot": "unicycle"}, "--phi inf and"),
+    ],
+)
+def test_drives_of_another_task_are_not_mixed_in(swept, changes, what):
+    with pytest.raises(OptionError, match="choose another folder") as caught:
+        gym.score(ahead, seeds=[0], method="mine", into=swept, **{**FAST, **changes})
+    assert what in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ def spaces() -> dict[int, FreeSpace]:
     return {seed: FreeSpace.of(scenes.scene_of(seed)) for seed in SEEDS}
 
 
+@pytest.mark.slow
 def test_a_seed_means_a_scene():
     assert scenes.random_scene(3) == scenes.random_scene(3)
     assert scenes.random_scene(3) != scenes.random_scene(4)
@@ -51,6 +52,7 @@ def test_a_solid_is_set_as_far_from_another_as_is_asked():
         assert gap == pytest.approx(0.3, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_states_are_free_and_a_third_each_is_near_and_far(spaces):
     for seed, space in spaces.items():
         states = scenes.random_states(space, 30, seed)

@@ -438,6 +438,7 @@ def test_what_one_of_several_methods_heeds_is_not_refused():
     refuse_idle({"guide": "open-loop", "draws": "independent"}, ["mppi"])
 
 
+@pytest.mark.slow
 def test_steps_of_one_length_are_asked_for_by_name_and_kept_by_a_sweep(figures, tmp_path):
     words = ["estimate", "slit", "--at", "2.3", "2.63", "--noise", "0.3", *SMALL]
     values = {rule: figures(*words, *rule)[1]["value"] for rule in ((), ("--steps", "fitted"), ("--steps", "uniform"))}

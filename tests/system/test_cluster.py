@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -175,11 +177,37 @@ def test_a_wish_to_stop_waits_for_the_batches_under_way(local):
     assert 1 <= len(done) < 100
 
 
-def test_no_scheduler_costs_one_line(capsys, monkeypatch):
-    monkeypatch.setattr("sim.sweeps.cluster.PATIENCE", "1s")
-    for address in ("tcp://127.0.0.1:9", "nonsense://x"):
-        with pytest.raises(OptionError, match="no scheduler answers there"):
-            Cluster(address)
+@pytest.fixture
+def stranger() -> Iterator[str]:
+    """The address of a program that is no scheduler: it answers as a web server does."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            while True:
+                try:
+                    caller, _ = server.accept()
+                except OSError:
+                    return
+                with caller:
+                    caller.sendall(b"HTTP/1.0 400 Bad Request\r\n\r\n" + bytes(200))
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        server.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense://x", "foo", "tcp://127.0.0.1:99999"])
+def test_no_scheduler_costs_one_line(address, monkeypatch):
+    monkeypatch.setattr("sim.sweeps.cluster.REACHABLE", 0.5)
+    with pytest.raises(OptionError, match="no scheduler answers there") as caught:
+        Cluster(address)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_listens_but_is_no_scheduler_costs_one_line(stranger):
+    with pytest.raises(OptionError, match="no scheduler answers there") as caught:
+        Cluster(stranger)
+    assert "\n" not in str(caught.value)
 
 
 def test_without_dask_the_extra_is_named(monkeypatch):

@@ -89,6 +89,7 @@ def test_ten_obstacles_or_more_of_all_shapes_stand_free():
     assert {o.kind for o in loaded.scene.obstacles} == set(Kind) - {Kind.MESH}
 
 
+@pytest.mark.slow
 def test_obstacles_cover_a_fifth_of_the_field():
     scene = course()[0].scene
     axes = [np.arange(low + 0.02, high, 0.04) for low, high in zip(scene.lower, scene.upper, strict=True)]
@@ -112,6 +113,7 @@ def test_every_gap_is_wide_enough_for_the_noise():
     assert min(width for width, _, _ in gaps()) > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_cheapest_way_squeezes_through_two_gaps(seed):
     path = references(seed)[0].trajectory.points
@@ -119,6 +121,7 @@ def test_the_cheapest_way_squeezes_through_two_gaps(seed):
     assert sum(width < NARROW for width in passed) >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_ten_classes_lie_within_thirty_percent(seed):
     costs = np.array([reference.cost for reference in references(seed)])

@@ -35,6 +35,7 @@ def test_the_optimal_law_reaches_the_goal_in_nearly_all_runs_and_takes_the_detou
     assert slits <= 6
 
 
+@pytest.mark.slow
 def test_a_drive_by_the_law_has_neither_estimate_nor_fallback(noisy):
     driver = noisy.optimal()
     plan = driver.plan(noisy.start)
@@ -46,6 +47,7 @@ def test_a_drive_by_the_law_has_neither_estimate_nor_fallback(noisy):
     assert plan.at(elsewhere, 0.004) == pytest.approx(driver.desirability.control(elsewhere))
 
 
+@pytest.mark.slow
 def test_run_reports_the_exact_value(tmp_path, capsys):
     out = tmp_path / "run.json"
     status = main(["run", "slit", "--method", "optimal", "--noise", "0.3", "--json", str(out)])
@@ -57,6 +59,7 @@ def test_run_reports_the_exact_value(tmp_path, capsys):
     assert capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_drive_by_the_law_can_be_recorded(tmp_path):
     out = tmp_path / "run.rrd"
     assert main(["run", "slit", "--method", "optimal", "--noise", "0.3", "--record", str(out)]) in (0, 1)
@@ -75,6 +78,7 @@ def test_a_sweep_refuses_before_it_drives(capsys):
     assert "choose more --noise" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_truth_adds_the_exact_value_control_and_errors(tmp_path, capsys):
     out = tmp_path / "estimate.json"
     arguments = ["estimate", "slit", "--noise", "0.3", "--at", "2.2", "2.6", "--repeat", "2", "--vertices", "300"]

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from repository import ROOT
 
+import pirrht
+
 pytestmark = pytest.mark.slow
 
 
@@ -47,6 +49,8 @@ def test_a_wheel_holds_both_packages_and_their_models(wheel):
         assert {path.relative_to(ROOT).as_posix() for path in (ROOT / folder).rglob("*.py")} <= names
     for path in (ROOT / "models").rglob("*.xml"):
         assert f"sim/models/{path.relative_to(ROOT / 'models').as_posix()}" in names
+    assert {"pirrht/py.typed", "sim/py.typed"} <= names
+    assert f"pirrht-{pirrht.__version__}-" in wheel.name
     assert {"sim/models/scenes/slit.xml", "sim/models/robots/puck.xml"} <= names
 
 

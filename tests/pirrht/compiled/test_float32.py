@@ -22,6 +22,7 @@ def found(x):
     return out.astype(float), np.exp(x.astype(float))
 
 
+@pytest.mark.slow
 def test_the_exponential_is_exact_to_three_in_ten_million():
     edges = -np.log(2.0) * (np.arange(120) + 0.5)  # where the power of two changes
     drawn = np.random.default_rng(0).uniform(-86.9, 0.0, 200_000)

@@ -60,6 +60,7 @@ def test_normals_are_normal(shape):
     assert kstest(normals(11, *shape).ravel(), "norm").pvalue > 1e-3
 
 
+@pytest.mark.slow
 def test_the_first_eight_moments_are_those_of_a_normal():
     """4 million numbers of seed 12; each moment within 4 standard errors."""
     x = normals(12, 2000, 2000).ravel()
@@ -84,6 +85,7 @@ def test_the_logarithm_is_within_the_rounding_of_its_numbers():
     np.testing.assert_allclose(_logarithms(u), exact, rtol=3e-7, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_the_two_numbers_of_a_draw_have_a_uniform_direction_and_a_radius_that_does_not_depend_on_it():
     """2 million pairs of seed 21; Kolmogorov-Smirnov, and the mean of cos(k angle) times the squared radius."""
     pairs = normals(21, 2000, 2000).reshape(-1, 2)

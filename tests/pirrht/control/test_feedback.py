@@ -54,6 +54,7 @@ def test_at_the_state_of_a_first_plan_the_law_is_the_estimate(plan):
         assert weight == pytest.approx(plan.estimate.class_weights[name], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_step_aside_from_the_ridge_between_two_ways_the_law_turns_as_the_optimal_one_does(noisy, plan):
     """20000 samples per class; standard error of u about 0.03, held control off by 0.3 and more."""
     scenario, _ = noisy

@@ -45,6 +45,7 @@ def around_all(slit: Scenario, tree: HomologyTree, samples: int = 150, **setting
 # -- the best class ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_where_there_is_one_class_the_best_of_them_is_what_all_of_them_say():
     problem, space = annulus(0.3)
     tree = HomologyTree(space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))

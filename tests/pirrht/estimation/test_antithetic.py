@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from batches import batch_of
 
 from pirrht.arrays import Array
@@ -38,6 +39,7 @@ def around(slit: Scenario, slit_tree: HomologyTree) -> tuple[Array, list[Array]]
     return np.array([t.tape(TIMES) for t in trajectories]), corners
 
 
+@pytest.mark.slow
 def test_standard_errors_of_pairs_cover_what_repeated_plans_show(slit, slit_tree):
     """A standard deviation from 60 plans (seeds 0 to 59) has a relative standard error of 9 %; b = 0.1, N = 600.
 

@@ -43,6 +43,7 @@ def test_desirability_matches_cosh_for_interval_exit_whatever_the_tapes(sides, w
     assert within([e.control for e in found], [control, 0.0])
 
 
+@pytest.mark.slow
 def test_every_reference_gives_the_same_value():
     integral = PathIntegral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, samples=6000, guide="open-loop"))
     values = {
@@ -53,6 +54,7 @@ def test_every_reference_gives_the_same_value():
             assert within(found - values[()], 0.0), sides
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
 @pytest.mark.parametrize("b", [0.2, 0.3, 0.5])
 def test_desirability_around_a_disc_is_a_ratio_of_bessel_functions(b, guide):
@@ -72,6 +74,7 @@ def test_desirability_around_a_disc_is_a_ratio_of_bessel_functions(b, guide):
         assert within(values, value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("b", [0.3, 0.5])
 @pytest.mark.parametrize("radius", [0.1, 0.3])
 def test_at_the_default_step_the_rim_of_a_disc_costs_nothing(radius, b):
@@ -102,6 +105,7 @@ def test_a_reference_may_be_split_into_two_of_half_the_samples(guide):
     np.testing.assert_allclose(split.control, whole.control, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_useless_reference_keeps_the_value():
     """A tape that heads along the corridor, where no exit is, takes half of the samples and no value."""
     problem = strip(0.5, 0.5)
@@ -115,6 +119,7 @@ def test_a_useless_reference_keeps_the_value():
     assert values.mean() == pytest.approx(value, rel=0.01)
 
 
+@pytest.mark.slow
 def test_unequal_counts_keep_the_value():
     problem = strip(0.5, 0.5)
     value, control = interval_exit(problem, 0.5, 0.5, 0.2)

@@ -115,6 +115,7 @@ def test_functions_that_return_constants_take_the_same_paths_as_constants(guide)
     np.testing.assert_allclose(*tapes, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "dynamics",
     [Uneven(b=0.5, base=0.5, rise=12.0), Uneven(b=0.5, widening=2.0), Uneven(b=0.5, widening=2.0, rise=8.0)],

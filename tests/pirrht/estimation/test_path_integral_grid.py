@@ -73,6 +73,7 @@ def passive(integral: PathIntegral, x: Array, count: int) -> Batch:
 # -- any guide ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{}, {"draws": "independent"}, {"guide": "open-loop"}, {"dt": 0.3}])
 @pytest.mark.parametrize("counts", [(1000, 1000), (1600, 400)])
 def test_psi_around_a_post_is_that_of_the_grid(settings, counts):
@@ -84,6 +85,7 @@ def test_psi_around_a_post_is_that_of_the_grid(settings, counts):
     assert is_the_grids(values)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [around_post, around_corner])
 def test_a_guide_that_knows_nothing_of_the_walls_leaves_psi_where_it_is(make: Callable[..., Solved]):
     """Its way leads over the wrong corners, and back; a third of the samples do well, to bound the variance."""
@@ -123,6 +125,7 @@ PLACES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["blocks", "one by one"])
 @pytest.mark.parametrize("place", list(PLACES))
 def test_split_steps_are_equal_in_law_to_small_ones(place, kernels):
@@ -196,6 +199,7 @@ def test_with_a_small_final_cost_psi_is_that_of_the_grid_with_that_cost(make: Ca
 # -- a doorway ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_in_a_doorway_whose_jambs_join_elsewhere_the_control_is_symmetric():
     """Before a door on the middle of the room behind it; within three of the standard errors that it reports."""
     scene = Scene(

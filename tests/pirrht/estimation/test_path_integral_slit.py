@@ -23,6 +23,7 @@ def at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Es
     return estimate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("b", "value", "share"), [(0.1, 8.443, 1.0), (0.2, 8.825, 0.98), (0.3, 9.535, 0.05)])
 def test_value_and_share_of_the_slit_are_those_of_continuous_time(slit, slit_tree, b, value, share):
     estimate = at_start(slit, slit_tree, b, 40000)

@@ -121,6 +121,7 @@ def driven(states: list[Array], samples: int = 300, seed: int = 0) -> Estimate:
     return estimate
 
 
+@pytest.mark.slow
 def test_weights_stay_finite_where_collisions_cost_a_million_lambda():
     problem, _ = car()
     assert problem.temperature == pytest.approx(0.0009)

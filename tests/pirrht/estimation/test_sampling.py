@@ -82,6 +82,7 @@ def assert_cautious(error: Array, spread: Array) -> None:
 COUNTS = pytest.mark.parametrize("counts", [[400, 400], [400, 150]], ids=["equal counts", "unequal counts"])
 
 
+@pytest.mark.slow
 @COUNTS
 @pytest.mark.parametrize("weights", ["balance", "average"])
 def test_the_reported_error_covers_the_spread_of_300_repeats(strip, weights, counts):
@@ -91,6 +92,7 @@ def test_the_reported_error_covers_the_spread_of_300_repeats(strip, weights, cou
     assert_cautious(error, spread)
 
 
+@pytest.mark.slow
 @COUNTS
 def test_the_reported_error_of_samples_that_climb_covers_the_spread_of_300_repeats(counts):
     known = around_post(0.5)
@@ -100,6 +102,7 @@ def test_the_reported_error_of_samples_that_climb_covers_the_spread_of_300_repea
     assert_cautious(error, spread)
 
 
+@pytest.mark.slow
 def test_the_reported_error_covers_the_spread_of_300_plans_in_the_slit(slit: Scenario, slit_tree: HomologyTree):
     controller = slit.with_settings(noise=0.1, samples=200).controller(slit_tree)
     estimates = [controller.plan(slit.start).estimate for _ in range(300)]
@@ -141,6 +144,7 @@ def agree(one: Array, other: Array, *, errors: float = 3.0) -> bool:
     return bool(abs(one.mean() - other.mean()) <= errors * error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weights", ["balance", "average"])
 def test_unequal_counts_leave_the_mean_of_psi_over_1000_repeats(strip, weights):
     integral = PathIntegral(*strip, Sampling(dt=0.1, guide="open-loop", weights=weights, threads=1))
@@ -269,6 +273,7 @@ def test_sampling_goes_on_doubling_until_the_control_is_known_or_the_budget_is_s
     assert until(target=1e-9, budget=50) == [50]
 
 
+@pytest.mark.slow
 def test_stopping_when_the_error_looks_small_biases_the_value_by_less_than_its_error(strip):
     """Consistent, not unbiased: 0.002 too high here, with an error of 0.027, over 1000 repeats."""
     problem = strip[0]
@@ -294,6 +299,7 @@ def test_a_shifted_tape_carries_on_where_the_last_one_is_now():
     np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.35), [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_million_samples_would_take_less_than_a_gibibyte(slit: Scenario, slit_tree: HomologyTree):
     """Ten times less, as numpy's allocations tell; what is kept of a path does not grow with its steps."""
     controller = slit.with_settings(samples=33_334, allocation="equal").controller(slit_tree)

@@ -43,6 +43,7 @@ def test_with_exit_at_step_ends_fitted_steps_are_uniform_ones_and_along_steps_th
         assert np.array_equal(fitted, uniform) == alike
 
 
+@pytest.mark.slow
 def test_exit_at_step_ends_samples_the_chain_that_the_grid_solves(slit):
     """A third of a step's noise before the goal's rim; a finer first step is off by 40 standard errors of v there.
 

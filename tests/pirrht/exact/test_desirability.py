@@ -85,6 +85,7 @@ def test_between_free_walls_psi_is_the_hyperbolic_cosine_of_an_interval():
         assert grid.control(np.array([x, 3.5])) == pytest.approx([b**2 * k * math.tanh(k * x), 0.0], abs=2e-3)
 
 
+@pytest.mark.slow
 def test_values_on_the_slit_are_those_of_an_independent_solution(through_slit):
     assert through_slit[0.2].value(START) == pytest.approx(8.825, abs=0.002)
     assert through_slit[0.3].value(START) == pytest.approx(9.535, abs=0.002)
@@ -146,6 +147,7 @@ def test_judged_at_the_ends_of_steps_the_slit_looks_safer(slit, through_slit):
     assert through_slit[0.3].shares(START, 2000)["0,0"] == pytest.approx(0.048, abs=4 * 0.005)
 
 
+@pytest.mark.slow
 def test_shorter_steps_come_closer_to_continuous_time():
     room = scene(post(2.0, 2.2, 0.3))
     x = np.array([0.5, 2.0])
@@ -154,6 +156,7 @@ def test_shorter_steps_come_closer_to_continuous_time():
     assert gaps[1] < 0.6 * gaps[0]  # O(sqrt dt)
 
 
+@pytest.mark.slow
 def test_the_discrete_solution_solves_its_own_equation():
     """psi(x) = exp(-q dt/lambda) E[psi(x + b dw)] by 200 000 draws, seed 0; four standard errors."""
     b, dt = 0.3, 0.1
@@ -182,6 +185,7 @@ def test_the_value_of_a_car_agrees_with_samples():
         assert grid.value(np.array(x)) == pytest.approx(estimate.value, abs=0.01 * estimate.value + 4.0 * error)
 
 
+@pytest.mark.slow
 def test_a_heading_is_known_up_to_whole_turns():
     room = scene(width=3.0)
     problem = Problem(dynamics=Unicycle(b=0.3), scene=room, R=np.eye(1))

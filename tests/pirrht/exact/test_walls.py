@@ -97,6 +97,7 @@ def test_where_grid_points_touch_walls_the_value_is_that_of_finite_differences(w
     assert found == pytest.approx(expected, rel=0.005, abs=0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("which", "b"), [("disc", 0.1), ("13", 0.2), ("9", 0.2)])
 def test_around_grid_points_that_touch_walls_the_control_grows_as_one_over_the_distance(which, b):
     """log psi behaves as log(distance): u . normal x distance = b^2, to a tenth so close to a wall."""
@@ -115,6 +116,7 @@ def test_around_grid_points_that_touch_walls_the_control_grows_as_one_over_the_d
         assert grid.control(x) @ normal * c == pytest.approx(b**2, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_grid_that_does_not_resolve_the_obstacles_is_still_refused():
     with pytest.raises(OptionError, match="too coarse for this scene"):
         exact(scene_of(9), 0.1, spacing=0.15)

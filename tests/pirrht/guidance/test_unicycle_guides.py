@@ -85,6 +85,7 @@ def narrow() -> tuple[Scenario, HomologyTree]:
 WINDING = ((3.678, 1.202, 3.111), (9.944, -1.841, -1.994), (4.758, -4.111, 3.028))
 
 
+@pytest.mark.slow
 def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_class():
     integral, _, guides = setting()
     assert len(guides) == 2
@@ -134,6 +135,7 @@ def test_a_guide_is_a_minimum_of_what_it_minimises():
         assert cost(guide.control + 0.02 * bump) > best
 
 
+@pytest.mark.slow
 def test_feedback_holds_noisy_paths_together():
     spread = {}
     for guide_by in ("feedback", "open-loop"):
@@ -235,6 +237,7 @@ def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
     assert last.rest(100.0, problem.scene.goal.center) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", WINDING)
 def test_a_cold_guide_and_one_continued_from_it_at_the_same_state_agree_in_cost(state):
     """Five continuations gain less than three lambda in all, and none of them leaves its class or touches anything."""

@@ -42,6 +42,7 @@ def beside(known: Solved, seed: int, count: int = 300) -> Array:
 # -- closed forms ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("b", [0.2, 0.3, 0.5])
 @pytest.mark.parametrize("radius", [0.1, 0.3])
 def test_in_an_empty_room_a_way_climbs_the_bessel_function(radius, b):

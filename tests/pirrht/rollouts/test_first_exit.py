@@ -249,6 +249,7 @@ def test_a_sweep_never_passes_through_a_thin_wall():
             assert np.hypot(*(where - np.array(space.arena.goal))) == pytest.approx(space.arena.radius)
 
 
+@pytest.mark.slow
 def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
     space = room()
     arena = space.arena

@@ -15,9 +15,9 @@ from pirrht.problem import Problem
 from pirrht.shortening.dubins_shortcut import shortcut
 from pirrht.shortening.shorten import polish
 from pirrht.steering.dubins import Dubins
+from pirrht.steering.edges import EdgeChecker
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from pirrht.tree.edges import EdgeChecker
 from pirrht.tree.homology_tree import HomologyTree
 
 CAR = Dubins(V=1.5, rho=0.8)
@@ -199,6 +199,7 @@ def fine(start: Array, curvature: Array, length: Array, spacing: float) -> Array
     return np.array(points)
 
 
+@pytest.mark.slow
 def test_signatures_of_turning_curves_equal_those_of_fine_polylines() -> None:
     rng = np.random.default_rng(12)
     tails, heads = pairs(30, 13, span=3.0)

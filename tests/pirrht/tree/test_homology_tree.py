@@ -227,6 +227,7 @@ def check_polished(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
     return saved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_polishing_keeps_class_and_freedom_and_never_lengthens(seed: int):
     space = posts()

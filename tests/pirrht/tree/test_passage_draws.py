@@ -49,6 +49,7 @@ def test_every_open_passage_gets_a_vertex(seed: int):
     assert has_vertex(tree).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_classes_of_few_vertices_are_those_of_many_and_their_references_no_longer(seed: int):
     space = FreeSpace.of(scattered(seed))

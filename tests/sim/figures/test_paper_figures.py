@@ -116,6 +116,7 @@ def test_the_driven_path_of_a_snapshot_ends_where_the_robot_is(drive):
         assert np.allclose(drive.driven(step)[-1], drive.frames[step].plan.state[:2])
 
 
+@pytest.mark.slow
 def test_lengths_never_rise_and_end_at_or_above_those_of_the_references():
     shown = lengths.work(SMALL, lambda: None)
     figure = lengths.draw(plt, shown)
@@ -133,6 +134,7 @@ def test_lengths_never_rise_and_end_at_or_above_those_of_the_references():
         assert known[-1] >= reference.length - 1e-6
 
 
+@pytest.mark.slow
 def test_shares_of_the_classes_sum_to_one_and_only_a_solved_grid_is_shown():
     found = shares.work(SMALL, lambda: None)
     assert np.allclose(found.sampled.sum(axis=1), 1.0, atol=0.02)  # the rest belongs to paths that wind more
@@ -171,6 +173,7 @@ def test_bad_options_are_refused_in_one_line(arguments, told, tmp_path):
     assert not list(tmp_path.rglob("*.pdf"))
 
 
+@pytest.mark.slow
 def test_without_matplotlib_the_script_says_how_to_get_it(tmp_path):
     (tmp_path / "matplotlib.py").write_text("raise ImportError\n")
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.argv = ['x', '-o', {str(tmp_path / 'out')!r}]; "

@@ -120,6 +120,7 @@ def controls(frames: list[Frame]) -> Array:
     return np.rint(100 * np.concatenate([frame.advance.controls[:, 0] for frame in frames])).astype(int)
 
 
+@pytest.mark.slow
 def test_fast_plans_take_over_when_their_period_begins(slit: Scenario):
     frames, driver, tally = drive(slit, lambda i: 0.05)
     assert [frame.step for frame in frames] == list(range(6))
@@ -133,6 +134,7 @@ def test_fast_plans_take_over_when_their_period_begins(slit: Scenario):
     np.testing.assert_allclose(driver.elapsed, PERIOD)
 
 
+@pytest.mark.slow
 def test_plans_are_made_for_the_state_in_which_they_take_over(slit: Scenario):
     frames, driver, _ = drive(slit, lambda i: 0.05)
     for frame, planned in zip(frames, driver.made, strict=False):
@@ -140,6 +142,7 @@ def test_plans_are_made_for_the_state_in_which_they_take_over(slit: Scenario):
     assert driver.left == pytest.approx([0.07] * len(driver.left))
 
 
+@pytest.mark.slow
 def test_a_slow_plan_is_a_miss_and_the_old_law_goes_on_until_it_is_there(slit: Scenario):
     frames, _, tally = drive(slit, lambda i: 0.125 if i == 2 else 0.02)
     # Plan 2, begun at 0.1 for 0.2, is ready at 0.225; plan 3, begun then for 0.3, is ready in time.
@@ -151,6 +154,7 @@ def test_a_slow_plan_is_a_miss_and_the_old_law_goes_on_until_it_is_there(slit: S
     assert frames[2].plan.control == pytest.approx([0.02, 0.0])
 
 
+@pytest.mark.slow
 def test_a_planner_that_never_keeps_up_misses_almost_all(slit: Scenario):
     frames, driver, tally = drive(slit, lambda i: 0.0 if i < 1 else 0.25, periods=10)
     assert tally.misses == 9 - sum(not frame.timing.missed for frame in frames[1:] if frame.timing)
@@ -170,6 +174,7 @@ def test_errors_of_either_thread_end_the_drive(slit: Scenario):
     assert not {"plant", "planner"} & {thread.name for thread in threading.enumerate()}
 
 
+@pytest.mark.slow
 def test_a_drive_that_is_given_up_leaves_no_thread_behind(slit: Scenario):
     clock = FakeClock()
     driver = FakeDriver(slit, clock, lambda i: 0.01)
@@ -284,3 +289,11 @@ def test_a_short_drive_against_the_real_clock(tmp_path, capsys):
 def test_time_and_precision_cannot_both_end_sampling(capsys):
     assert main(["run", "slit", "--real-time", "--target-error", "0.1"]) == 2
     assert "--target-error" in capsys.readouterr().err
+
+
+def test_periods_add_up_as_they_do_without_a_clock(slit: Scenario):
+    frames, _, tally = drive(slit, lambda i: 0.05)
+    assert [frame.time for frame in frames] == pytest.approx(PERIOD * np.arange(6))
+    assert tally.result()["cost"] == pytest.approx(sum(frame.advance.cost for frame in frames))
+    assert frames[-1].noisy_length == pytest.approx(sum(frame.advance.length for frame in frames))
+    assert tally.result()["path_length"] == pytest.approx(0.01 * PERIOD * 21, rel=1e-3)  # 1 to 6 cm/s, without noise

@@ -37,6 +37,7 @@ def test_speed_and_turn_rate_are_tracked_within_a_percent(tmp_path, V, turn, tim
     assert np.ptp(states[:, 2]) == pytest.approx(4 * abs(turn), abs=0.03 * abs(turn) + 1e-3)  # unwrapped, late
 
 
+@pytest.mark.slow
 def test_heading_diffuses_as_the_equation_says(tmp_path):
     """Seed 0, 60 drives of 1 s: the variance of 60 Gaussians has a standard error of 18 % of b^2 t.
 

@@ -13,9 +13,11 @@ import pytest
 from repository import environment
 
 from pirrht.errors import OptionError
+from sim.cli import main
 from sim.sweeps import dataset as module
 from sim.sweeps.columns import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
 from sim.sweeps.dataset import Dataset, Unwritable, wished
+from sim.sweeps.manifests import wishes
 
 SETTINGS = {"samples": 50, "robot": None, "start": (1.0, 2.0)}
 SCENES = {"slit": "0123"}
@@ -107,6 +109,68 @@ def test_a_later_sweep_adds_files_and_takes_none_away(dataset, clock):
     assert wished(later.manifest()["asked"]) == 20
 
 
+def test_files_of_others_are_never_overwritten(dataset, clock):
+    """Neither by one who has not begun a sweep there, nor by two at once, nor because of a number that is missing."""
+    (dataset.runs / "part-copy.parquet").write_bytes(b"")
+    writers = [Dataset(dataset.folder, clock) for _ in range(3)]
+    for round_ in range(2):
+        for i, writer in enumerate(writers):
+            writer.add(record(10 * round_ + i))
+        for writer in writers:
+            writer.flush()
+    (dataset.runs / "part-copy.parquet").unlink()
+    assert sorted(r["seed"] for r in dataset.records()) == [0, 1, 2, 10, 11, 12]
+    dataset.files()[0].unlink()
+    writers[0].add(record(30))
+    writers[0].flush()
+    assert [r["seed"] for r in dataset.records()] == [1, 2, 10, 11, 12, 30]
+
+
+def test_processes_that_write_at_once_lose_nothing(dataset):
+    script = "import sys\nfrom pathlib import Path\nfrom sim.sweeps.dataset import Dataset\n"
+    script += f"d, known = Dataset(Path({str(dataset.folder)!r})), {record(0)!r}\n"
+    script += "for seed in range(int(sys.argv[1]), int(sys.argv[1]) + 20):\n"
+    script += "    d.add({**known, 'seed': seed})\n    d.flush()\n"
+    command = [sys.executable, "-c", script]
+    writers = [subprocess.Popen([*command, str(first)], env=environment()) for first in (0, 100)]
+    assert [writer.wait() for writer in writers] == [0, 0]
+    assert sorted(r["seed"] for r in dataset.records()) == [*range(20), *range(100, 120)]
+    assert len(dataset.files()) == 40
+
+
+def test_without_hard_links_and_locks_files_are_still_not_overwritten(dataset, monkeypatch):
+    def refused(*_: object) -> None:
+        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "link", refused)
+    for seed in range(2):
+        later = Dataset(dataset.folder)
+        later.add(record(seed))
+        later.flush()
+    assert [r["seed"] for r in dataset.records()] == [0, 1]
+
+
+def test_runs_are_replaced_by_what_was_added(dataset):
+    for seed in range(4):
+        dataset.add(record(seed))
+        if seed % 2:
+            dataset.flush()
+    for seed in (1, 2):
+        dataset.add(record(seed, cost=99.0))
+    dataset.replace({key_of(record(seed)) for seed in (1, 2)})
+    assert {r["seed"]: r["cost"] for r in dataset.records()} == {0: 8.0, 1: 99.0, 2: 99.0, 3: 11.0}
+
+
+def test_another_may_ask_while_a_sweep_is_under_way(dataset):
+    (dataset.folder / ".trees-x").mkdir()
+    (dataset.runs / ".part-1").write_bytes(b"PAR1 half")
+    Dataset(dataset.folder).ask(SETTINGS, SCENES, wishes("mine", "slit", 0.1, [3, 4, 7]))
+    assert (dataset.folder / ".trees-x").exists()
+    assert (dataset.runs / ".part-1").exists()
+    assert wished(dataset.manifest()["asked"]) == 9 + 3
+    assert [wish["seeds"] for wish in dataset.manifest()["asked"][1:]] == [[3, 5], [7, 8]]
+
+
 def test_what_a_killed_sweep_left_half_written_is_cleared_away(dataset, clock):
     (dataset.runs / ".part-000000.parquet").write_bytes(b"PAR1 half")
     (dataset.folder / ".manifest.json").write_text("{")
@@ -149,11 +213,47 @@ def test_a_folder_of_something_else_and_a_file_are_refused(tmp_path):
         Dataset(tmp_path / "letter.txt").check({}, {})
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 99}'])
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 99}', "[" * 100_000, "\udcff", '{"format": 1}'])
 def test_a_damaged_manifest_costs_one_line(dataset, content):
-    (dataset.folder / "manifest.json").write_text(content)
+    (dataset.folder / "manifest.json").write_text(content, errors="surrogateescape")
     with pytest.raises(OptionError, match=r"manifest\.json"):
         Dataset(dataset.folder).check(SETTINGS, SCENES)
+
+
+ODD = [
+    *({name: None} for name in ("version", "libraries", "settings", "scenes", "asked")),
+    {"settings": []},
+    {"scenes": {"slit": 3}},
+    {"libraries": {"numpy": {}}},
+    {"asked": ["all"]},
+    {"asked": [{"methods": ["single"], "seeds": [0, 3]}]},
+    {"asked": [{**ASKED, "methods": "single"}]},
+    {"asked": [{**ASKED, "noise": {"slit": 0.1}}]},
+    {"asked": [{**ASKED, "noise": {"slit": ["loud"]}}]},
+    {"asked": [{**ASKED, "seeds": [0]}]},
+    {"asked": [{**ASKED, "seeds": [0, 10**15]}]},
+    {"asked": [{**ASKED, "seeds": [0.5, 3]}]},
+]
+
+
+@pytest.mark.parametrize("change", ODD, ids=str)
+@pytest.mark.parametrize("command", ["report", "sweep slit --seeds 0:1 --vertices 60 --max-time 0.02 -o"])
+def test_an_odd_manifest_costs_one_line_and_status_2(dataset, capsys, change, command):
+    file = dataset.folder / "manifest.json"
+    known = {**json.loads(file.read_text()), **change}
+    file.write_text(json.dumps({name: value for name, value in known.items() if value is not None}))
+    assert main([*command.split(), str(dataset.folder)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "manifest.json is damaged: " in error
+    assert next(iter(change)) in error
+
+
+def test_rows_without_a_key_are_a_damaged_file(dataset, capsys):
+    dataset.add({**record(0), "method": None})
+    dataset.flush()
+    assert main(["report", str(dataset.folder)]) == 2
+    assert "part-000000.parquet cannot be read (it has rows without method)" in capsys.readouterr().err
 
 
 def test_a_damaged_file_of_rows_is_named_with_the_remedy(dataset):

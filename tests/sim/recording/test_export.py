@@ -103,6 +103,7 @@ def test_a_car_has_a_heading_and_one_control(tmp_path):
     assert all(described(name).text for name in table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.45, 0.7, 0.99])
 def test_of_a_recording_that_breaks_off_the_whole_chunks_are_exported(drive, table, tmp_path, capsys, share):
     cut = tmp_path / "cut.rrd"

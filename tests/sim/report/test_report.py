@@ -175,6 +175,7 @@ def test_a_sweep_of_errors_alone_tells_how_many_there_were_of_each(tmp_path, cap
         assert "<img" not in shown
 
 
+@pytest.mark.slow
 def test_a_scene_of_errors_alone_takes_no_picture_from_another(tmp_path):
     pytest.importorskip("matplotlib")
     from sim.report.plots import pictures
@@ -272,6 +273,57 @@ def test_a_sweep_without_a_single_run_has_a_report(tmp_path, capsys):
     told = capsys.readouterr().out
     assert "0 of 120 runs" in told
     assert "there are no runs" in told
+
+
+@pytest.mark.parametrize("damage", ["cut off", "empty", "other bytes"])
+def test_a_part_that_cannot_be_read_is_named_in_one_line(damage, dataset, capsys):
+    part = dataset.files()[0]
+    content = part.read_bytes()
+    part.write_bytes({"cut off": content[:300], "empty": b"", "other bytes": bytes(b ^ 85 for b in content)}[damage])
+    assert main(["report", str(dataset.folder)]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert f"{part} cannot be read" in told
+    assert not (dataset.folder / "report.md").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"scene": None}, "no usable scene"),
+        ({"noise": None}, "no usable noise"),
+        ({"outcome": "flew"}, "no usable outcome"),
+        ({"cost": None}, "seed 1 has no usable cost"),
+        ({"path_length": float("inf")}, "no usable path_length"),
+    ],
+)
+def test_rows_that_no_sweep_wrote_are_refused_by_run_and_column(changes, what, tmp_path, capsys):
+    dataset = stored(tmp_path / "sweep", [record("pi-rrht", 0), record("pi-rrht", 1, **changes)])
+    assert main(["report", str(dataset.folder)]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert what in told
+
+
+def test_step_times_that_were_not_taken_are_left_out(tmp_path):
+    records = [record("pi-rrht", seed) for seed in range(3)]
+    records[0]["step_ms"] = {"median": None, "p95": float("nan"), "max": None}
+    point = report(stored(tmp_path / "sweep", records)).points[0]
+    assert (point.step_ms.value, point.step_p95_ms.value, point.runs) == (2.0, 3.0, 3)
+
+
+def test_who_watches_is_passed_every_interval_comparison_and_picture(dataset):
+    pytest.importorskip("matplotlib")
+    from sim.report.plots import pictures
+
+    told: list[tuple[str, int]] = []
+
+    def watch(what, items):
+        told.append((what, len(items)))
+        return items
+
+    pictures(report(dataset, watch), watch)
+    assert told == [("intervals", 3), ("comparisons", 3), ("pictures", 5)]
 
 
 @pytest.mark.parametrize(("words", "culprit"), [("nowhere", "no sweep"), (".", "no sweep"), ("", "DIR")])

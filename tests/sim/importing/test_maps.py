@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 pytest.importorskip("yaml")
 Image = pytest.importorskip("PIL.Image")
@@ -240,6 +244,16 @@ def test_unknown_is_a_word_for_maps_only(tmp_path: Path):
         ({"image": "map.yaml"}, "cannot be read"),
         ({"resolution": "fine"}, "resolution is 'fine'; it must be a number"),
         ({"resolution": -0.1}, "resolution is -0.1"),
+        ({"resolution": 0}, "resolution is 0; it must be the side of a cell in metres, 0.0001 to 100"),
+        ({"resolution": "1.0e-9"}, "resolution is 1e-09"),
+        ({"resolution": "1.0e+308"}, "resolution is 1e+308"),
+        ({"resolution": "1" + "0" * 400}, "it must be a number"),
+        ({"image": "[1, 2]"}, "image is [1, 2]; it must be the name of a file"),
+        ({"image": "x" * 300}, "does not exist"),
+        ({"origin": "[1.0e+308, 0, 0]"}, "none beyond 1e+06"),
+        ({"origin": "{a: 1}"}, "origin is {'a': 1}"),
+        ({"mode": "[1]"}, "mode is [1]"),
+        ({"image": "2020-99-99"}, "month must be in 1..12"),
         ({"resolution": "true"}, "resolution is True"),
         ({"origin": "[0, x, 0]"}, "origin is"),
         ({"origin": "[0]"}, "origin is"),
@@ -261,9 +275,55 @@ def test_a_map_that_cannot_be_read_is_refused_by_file_and_key(tmp_path: Path, ca
     assert not target.exists()
 
 
-@pytest.mark.parametrize("text", ["", "just words", "[1, 2", "image: \xff\n\tx: 1"])
+@pytest.mark.parametrize("text", ["", "just words", "[1, 2", "image: \xff\n\tx: 1", "image: " + 1000 * "["])
 def test_a_file_that_is_no_map_is_refused(tmp_path: Path, text: str):
     path = tmp_path / "map.yaml"
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(SceneError, match=r"map\.yaml: no"):
         read_map(path)
+
+
+BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+)
+
+
+@pytest.mark.parametrize("key", ["image", "resolution", "origin", "mode", "negate"])
+def test_a_value_that_would_unfold_to_gigabytes_is_named_in_one_line(tmp_path: Path, key: str):
+    path = written(tmp_path, drawn("#."), **{key: "*i"})
+    path.write_text(BOMB + path.read_text())
+    with pytest.raises(SceneError, match=f"{key} is ") as caught:
+        read_map(path)
+    assert len(str(caught.value)) < 1000
+
+
+@pytest.mark.parametrize("size", ["100000 100000", "12000 12000"])
+def test_a_picture_that_declares_more_pixels_than_memory_holds_is_refused_unread(tmp_path: Path, size: str, capfd):
+    path = written(tmp_path, drawn("#."), image="big.pgm")
+    (tmp_path / "big.pgm").write_bytes(f"P5\n{size}\n255\n".encode())
+    with pytest.raises(SceneError, match=r"big\.pgm is too large .* 25000000 pixels at most"):
+        read_map(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_what_could_be_waited_for_without_end_is_not_opened(tmp_path: Path):
+    """Pipes and folders in place of the map, of its picture, of a world."""
+    pipe, folder = tmp_path / "pipe", tmp_path / "folder"
+    os.mkfifo(pipe)
+    folder.mkdir()
+    for name in ("pipe", "folder"):
+        with pytest.raises(SceneError, match=f"{name}: cannot be read"):
+            read_map(written(tmp_path, drawn("#."), image=name))
+        for suffix in (".yaml", ".world"):
+            source = (tmp_path / name).rename(tmp_path / f"{name}{suffix}")
+            with pytest.raises(SceneError, match=f"{name}{suffix}: cannot be read"):
+                import_world(source, tmp_path / "a.xml", start=[0, 0], goal=[1, 1, 0.1])
+            source.rename(tmp_path / name)
+
+
+@settings(deadline=None, max_examples=60)
+@given(cells=arrays(np.bool_, st.tuples(st.integers(1, 14), st.integers(1, 14))))
+def test_any_set_of_cells_survives_as_rectangles(cells):
+    pieces = cover(cells)
+    np.testing.assert_array_equal(union(pieces, cells.shape) > 0, cells)
+    assert np.all(pieces[:, ::2] < pieces[:, 1::2])

@@ -248,6 +248,7 @@ def test_late_classes_have_colours_that_no_early_one_has():
     assert not set(drawn[:18]) & set(drawn[18:])
 
 
+@pytest.mark.slow
 def test_a_tree_that_grows_is_drawn_vertex_by_vertex_and_none_twice(tmp_path):
     drive, file = Drive(), tmp_path / "grown.rrd"
     before = drive.tree.size
@@ -294,7 +295,7 @@ def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_on
 
 
 def test_compiled_kernels_are_found_where_the_first_command_looks_for_them(recorded):
-    assert cached(warm.SAMPLER["single_integrator"])
+    assert cached(warm.sampler("single_integrator"))
     assert cached(warm.PLANNER)
 
 

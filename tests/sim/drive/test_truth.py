@@ -36,6 +36,7 @@ def recorded(grid, tmp_path_factory):
     return file, frames, witness.result()
 
 
+@pytest.mark.slow
 def test_the_optimal_control_is_a_second_arrow_of_another_colour_and_the_same_scale(recorded, grid):
     file, frames, _ = recorded
     arrows = [two for two in columns(file)["/world/robot"]["Arrows3D:vectors"] if two]
@@ -48,6 +49,7 @@ def test_the_optimal_control_is_a_second_arrow_of_another_colour_and_the_same_sc
     assert colors == [r << 24 | g << 16 | b << 8 | 255 for r, g, b in (CONTROL, OPTIMUM)]
 
 
+@pytest.mark.slow
 def test_value_and_distance_from_the_optimum_are_numbers_at_every_step(recorded, grid):
     file, frames, result = recorded
     table, states = columns(file), np.array([frame.plan.state for frame in frames])
@@ -75,6 +77,7 @@ def test_a_recording_with_truth_stays_small(recorded):
     assert file.stat().st_size <= STATIC_BYTES + 480_000 * frames[-1].end_time
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["pi-rrht", "optimal", "passive"])
 def test_a_drive_tells_how_far_from_the_optimum_it_was(tmp_path, capsys, method):
     files = ["--record", str(tmp_path / "a.rrd"), "--json", str(tmp_path / "a.json")]

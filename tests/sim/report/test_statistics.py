@@ -49,6 +49,7 @@ def test_the_bootstrap_of_a_mean_agrees_with_the_normal_interval():
     assert mean(x) == found
 
 
+@pytest.mark.slow
 def test_the_bootstrap_covers_as_often_as_it_says():
     rng = np.random.default_rng(2)
     hits = [(i := mean(rng.exponential(1.0, 60), seed)).low <= 1.0 <= i.high for seed in range(200)]
@@ -88,6 +89,11 @@ def test_sign_flips_enumerate_few_pairs_and_draw_for_many():
     assert sign_flips([]) == sign_flips([0.0, 0.0]) == 1.0
     rng = np.random.default_rng(4)
     assert sign_flips(rng.normal(1.0, 1.0, 100)) == pytest.approx(1 / 10_001)
+
+
+@pytest.mark.slow
+def test_p_values_of_random_sign_flips_are_uniform():
+    rng = np.random.default_rng(4)
     p = [sign_flips(rng.normal(0.0, 1.0, 30), seed) for seed in range(200)]
     assert 0.01 <= np.mean(np.array(p) < 0.05) <= 0.1
     assert np.mean(p) == pytest.approx(0.5, abs=0.08)

@@ -1,0 +1,65 @@
+"""What a finished drive came to: the one record that the JSON of `run`, rows of sweeps and scores are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from sim.columns import Column
+
+_KINDS = {"str": "string", "float": "float64", "int": "int64"}  # annotation -> Arrow
+
+
+def _told(unit: str, text: str) -> Any:
+    return field(metadata={"unit": unit, "text": text})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveResult:
+    """The figures of a drive, in SI units; `FIGURES` describes them."""
+
+    outcome: str = _told("", "goal, collision or timeout; null if the run ended with an error")
+    time: float = _told("s", "simulated time of the drive")
+    cost: float = _told("cost", "integral of q + u'Ru/2 up to the exit, phi not included")
+    path_length: float = _told("m", "driven, without the path's noise: by chords, less what noise adds to them")
+    noisy_path_length: float = _told("m", "driven with the noise of every physics step: grows with their number")
+    steps: int = _told("1", "control steps")
+    vertices: int = _told("1", "of the tree")
+    min_clearance: float = _told(
+        "m", "clearance: free distance around the robot, least after any physics step, 0 after a collision"
+    )
+    value_estimate: float | None = _told(
+        "cost", "v at the start: estimated, of the method optimal exact; infinite if no sample survived"
+    )
+    executed_class: str | None = _told("", "homology class of the driven path; null unless the goal was reached")
+    class_switches: int = _told("1", "control steps whose class of greatest weight differs from the one before")
+    fallbacks: int = _told("1", "control steps without a reference or a surviving sample: the last tape goes on")
+    doubtful_plans: int = _told("1", "control steps whose plan rests on fewer than 10 effective samples")
+    least_ess: float | None = _told("1", "least effective sample size of a plan; null for methods without samples")
+    least_ess_time: float | None = _told("s", "simulated time of that plan")
+    step_ms: Mapping[str, float]  # median, p95 and max of the wall time of a plan [ms]
+    deadline_misses: int  # plans that took longer than the period
+    real_time: Mapping[str, Any] | None = None  # how a real-time drive kept its times (`realtime_timing.figures`)
+
+    def json(self) -> dict[str, Any]:
+        """The figures under the names of the public JSON."""
+        told = {f.name: getattr(self, f.name) for f in fields(self)}
+        if self.real_time is None:
+            del told["real_time"]
+        return told
+
+
+FIGURES = tuple(
+    Column(name=f.name, kind=_KINDS[str(f.type).split(" ")[0]], unit=f.metadata["unit"], text=f.metadata["text"])
+    for f in fields(DriveResult)
+    if f.metadata
+)
+
+
+def explained() -> str:
+    """All figures as text, one per line."""
+    width = max(len(f.name) for f in FIGURES)
+    return "\n".join(
+        f"  {f.name:{width}}  {f'[{f.unit}] ' if f.unit not in ('', '1') else ''}{f.text}" for f in FIGURES
+    )

@@ -1,0 +1,107 @@
+"""Numbers of MJCF files: what a scene says of options, and what is no number at all."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError, SceneError
+from sim.options.table import NUMERICS, gone
+
+FAR = 1e6  # [m]; whatever stands or reaches farther is a slip of the pen
+_WORDS = {  # attributes whose value is a name
+    "name", "class", "childclass", "file", "model", "prefix", "mesh", "material", "texture", "hfield", "joint",
+    "joint1", "joint2", "body", "body1", "body2", "geom", "geom1", "geom2", "site", "site1", "site2", "target",
+    "tendon", "actuator", "objname", "refname", "key", "plugin", "instance",
+}  # fmt: skip
+
+
+def option_defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
+    """What a scene says of options, by their names.
+
+    Raises:
+        SceneError: there is no such option, or it cannot have that value; names the element.
+    """
+    defaults = {}
+    for numeric in spec.numerics:
+        if not numeric.name.startswith("pirrht_"):
+            continue
+        name, values = numeric.name.removeprefix("pirrht_").replace("_", "-"), list(numeric.data)
+        label = f'{path}: custom numeric "{numeric.name}"'
+        if name.startswith("motion-"):
+            raise moves(numeric.name, path)
+        try:
+            gone(name, label)
+            if name not in NUMERICS:
+                known = ", ".join("pirrht_" + option.replace("-", "_") for option in NUMERICS)
+                raise SceneError(f"{label} is no option; those are {known}")
+            if len(values) != 1 or math.isnan(values[0]):
+                raise SceneError(f"{label} is {values}; write one finite number")
+            NUMERICS[name].check(float(values[0]), label)
+        except OptionError as error:
+            raise SceneError(str(error)) from None
+        defaults[name] = float(values[0])
+    return defaults
+
+
+def moves(element: str, path: Path) -> SceneError:
+    """The refusal of an element that moves a body."""
+    body = element.removeprefix("pirrht_motion_")
+    return SceneError(
+        f'{path}: body "{body}" moves (mocap, by "{element}"), and moving obstacles are not supported yet; '
+        "remove its motion, and it stands where it is"
+    )
+
+
+def refuse_nan(path: Path) -> None:
+    """Refuse a file, or one that it includes, in which an attribute is not a number; MuJoCo only warns.
+
+    Raises:
+        SceneError: names file, element and attribute.
+    """
+    waiting, seen = [path], set()
+    while waiting:
+        file = waiting.pop()
+        seen.add(file)
+        for element in _elements(file):
+            for attribute, value in element.attrib.items():
+                if attribute not in _WORDS and element.tag != "text" and _has_nan(value):
+                    called = f' "{element.get("name")}"' if element.get("name") else ""
+                    raise SceneError(f'{file}: {element.tag}{called} has {attribute}="{value}"; write numbers there')
+            if element.tag == "include" and "file" in element.attrib:
+                included = path.parent / element.attrib["file"]
+                waiting += [included] if included not in seen else []
+
+
+def refuse_far(label: str, path: Path, *numbers: Array) -> None:
+    """Refuse what stands or reaches farther than any scene does [m].
+
+    Raises:
+        SceneError: names file and element.
+    """
+    for values in numbers:
+        wrong = np.asarray(values, dtype=float).ravel()
+        wrong = wrong[~(np.abs(wrong) <= FAR)]
+        if len(wrong):
+            raise SceneError(f"{path}: {label} has a place or size of {wrong[0]:g} m; write at most {FAR:g} m")
+
+
+def _elements(file: Path) -> list[ElementTree.Element]:
+    """All elements of a file; none where MuJoCo has the better words for what is wrong."""
+    try:
+        content = file.read_bytes()
+        return (
+            list(ElementTree.fromstring(content).iter()) if b"nan" in content.lower() or b"include" in content else []
+        )
+    except (OSError, ElementTree.ParseError, ValueError, LookupError):
+        return []
+
+
+def _has_nan(value: str) -> bool:
+    words = value.replace(",", " ").split()
+    return any(word.lower().lstrip("+-") == "nan" for word in words)

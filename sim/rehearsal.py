@@ -1,0 +1,54 @@
+"""A plan in a small room, so that whatever must be compiled or loaded is before any clock runs."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from pirrht.control.methods import TREELESS
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from sim.scenario import Scenario
+
+VERTICES, SAMPLES = 30, 20
+_CUBE = Obstacle(
+    name="cube", kind=Kind.BOX, size=np.full(3, 0.3), position=np.array([2.0, 2.6, 0.3]), rotation=np.eye(3)
+)
+_ROOM = Scene(
+    name="rehearsal",
+    lower=np.zeros(2),
+    upper=np.full(2, 4.0),
+    obstacles=(_CUBE,),
+    goal=Goal(center=np.array([3.3, 2.0]), radius=0.3),
+    start=np.array([0.7, 2.0, 0.0]),
+    robot_radius=0.2,
+)
+
+
+def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
+    """Do once, elsewhere, what a grown tree and its references need; results stay as they are.
+
+    Args:
+        driving: make a control step's plan too.
+    """
+    s = scenario.settings
+    small = replace(
+        scenario,
+        settings=replace(
+            s, vertices=VERTICES, samples=min(s.samples, SAMPLES), tree=None, target_error=None, budget=None
+        ),
+        problem=replace(scenario.problem, scene=_ROOM),
+        space=FreeSpace.of(_ROOM),
+    )
+    with suppress(Exception):  # a robot that cannot turn in so small a room, say: what matters will come up again
+        tree = None if s.method in TREELESS else small.grown_tree()
+        if tree is not None:
+            tree.references(small.start, polished=s.polish)
+        if driving and s.method != "optimal":
+            driver = small.driver(tree)
+            driver.path_integral.warm_up()
+            driver.begin(small.start)
+            plan = driver.plan(small.start)
+            plan.at(small.start, 0.0)

@@ -1,0 +1,138 @@
+"""What a sweep is asked for: scenes, methods, noise levels and seeds, of which every combination is a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pirrht.control.methods import METHODS
+from pirrht.errors import OptionError
+from sim.mjcf import scene_names
+from sim.options import table as options
+from sim.options.settings import SEED
+from sim.sweeps.runs import Frozen, Job
+
+MOST_RUNS = 1_000_000  # jobs and records of so many fit into some gigabytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """What a command line asks for."""
+
+    scenes: tuple[str, ...]
+    methods: tuple[str, ...]
+    noises: tuple[float | None, ...]  # None: what the scene asks for
+    seeds: range
+    task: Frozen
+    given: Frozen
+
+    def __post_init__(self) -> None:
+        for option, values in (("SCENE", self.scenes), ("--methods", self.methods), ("--noise", self.noises)):
+            twice = [value for i, value in enumerate(values) if value in values[:i]]
+            if twice:
+                raise OptionError(f"{option} names {twice[0]} twice; every combination is one run: leave one out")
+        if self.size > MOST_RUNS:
+            raise OptionError(
+                f"{self.size} runs are asked for, and a sweep has {MOST_RUNS} at most; ask for fewer --seeds at a "
+                "time: the same -o DIR takes the others later"
+            )
+
+    @property
+    def size(self) -> int:
+        """Number of runs; `len(seeds)` alone knows no more than a machine word."""
+        return len(self.scenes) * len(self.methods) * len(self.noises) * (self.seeds.stop - self.seeds.start)
+
+    def jobs(self) -> list[Job]:
+        """All combinations, by scene, noise, method and seed."""
+        return [
+            Job(scene=scene, method=method, noise=noise, seed=seed, task=self.task, given=self.given, label=label)
+            for scene, label in zip(self.scenes, labels(self.scenes), strict=True)
+            for noise in self.noises
+            for method in self.methods
+            for seed in self.seeds
+        ]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What all runs share and results depend on, by option."""
+        return options.identity(dict((*self.task, *self.given)))
+
+
+def parse(
+    *,
+    scenes: Sequence[str],
+    methods: str,
+    noise: str | None,
+    seeds: str,
+    task: Mapping[str, Any],
+    given: Mapping[str, Any],
+) -> Grid:
+    """A grid from the words of a command line.
+
+    Args:
+        methods: names with commas between them.
+        noise: levels with commas between them; None: what each scene asks for.
+        seeds: `A:B` for A to B-1, or one seed.
+        task: robot, radius, start, goal and preset, None where not said.
+        given: settings that all runs share, None where not said.
+
+    Raises:
+        OptionError: an unknown method, seeds or noise that are no numbers, something said twice, too many runs.
+    """
+    names = tuple(name.strip() for name in methods.split(","))
+    for name in names:
+        if name not in METHODS:
+            raise OptionError(f"--methods names {name!r}; known are {', '.join(METHODS)}")
+    options.refuse_idle(given, names)
+    return Grid(
+        scenes=tuple(scenes),
+        methods=names,
+        noises=(None,) if noise is None else tuple(noises_of(noise)),
+        seeds=seeds_of(seeds),
+        task=_frozen(task),
+        given=_frozen(given),
+    )
+
+
+def noises_of(text: str) -> Iterator[float]:
+    """Noise levels as in 0.1,0.3.
+
+    Raises:
+        OptionError: one of them is no positive number.
+    """
+    for part in text.split(","):
+        try:
+            level = float(part)
+        except ValueError:
+            raise OptionError(f"--noise: {part!r} is no number; write for instance 0.1,0.3") from None
+        yield options.BY_SETTING["noise"].check(level)
+
+
+def seeds_of(text: str) -> range:
+    """Seeds as in 0:100, or one.
+
+    Raises:
+        OptionError: it is no range, an empty one, or has a seed that no dataset can hold.
+    """
+    first, _, last = text.partition(":")
+    try:
+        start, stop = int(first), int(last) if last else int(first) + 1
+    except ValueError:
+        raise OptionError(f"--seeds: {text[:60]!r} is no range; write for instance 0:100") from None
+    if start < 0 or stop <= start:
+        raise OptionError(f"--seeds: {text[:60]!r} holds no seed; write for instance 0:100")
+    if stop - 1 > SEED:
+        raise OptionError(f"--seeds: {text[:60]!r} goes beyond {SEED}, the largest seed; write smaller ones")
+    return range(start, stop)
+
+
+def labels(scenes: Sequence[str]) -> list[str]:
+    """Names of built-in scenes, and of files where they differ."""
+    stems = [scene if scene in scene_names() else Path(scene).stem for scene in scenes]
+    return [stem if stems.count(stem) == 1 else scene for scene, stem in zip(scenes, stems, strict=True)]
+
+
+def _frozen(values: Mapping[str, Any]) -> Frozen:
+    return tuple((name, tuple(value) if isinstance(value, list) else value) for name, value in values.items())

@@ -1,0 +1,50 @@
+"""How far a sweep is, on a terminal: runs done of those asked for, the share that reached the goal, the time left."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import Any
+
+from tqdm import tqdm
+
+
+class Progress:
+    """A line on standard error, as a context; nothing where that is no terminal.
+
+    Args:
+        asked: number of runs.
+        done: records of runs that are there already.
+        places: number of trees to grow.
+    """
+
+    def __init__(self, asked: int, done: Sequence[Mapping[str, Any]], places: int) -> None:
+        self._ended, self._arrived, self._places = 0, 0, places
+        self._bar = tqdm(total=asked, initial=len(done), desc="sweep", unit=" runs", disable=None, dynamic_ncols=True)
+        for record in done:
+            self._count(record)
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._bar.close()
+
+    def add(self, record: Mapping[str, Any] | None, grown: int) -> None:
+        """Take note of a run that has ended, or of none, and of how many trees there have been."""
+        if record is not None:
+            self._count(record)
+        told = [f"goal {self._arrived / self._ended:.0%}"] if self._ended else []
+        told += [f"trees {grown}/{self._places}"] if grown < self._places else []
+        self._bar.set_postfix_str(", ".join(told), refresh=record is None)  # the clock goes on while nothing ends
+        self._bar.update(0 if record is None else 1)
+
+    def say(self, line: str) -> None:
+        """A line of its own, terminal or not."""
+        self._bar.write(line, sys.stderr)
+
+    def _count(self, record: Mapping[str, Any]) -> None:
+        if record["outcome"] is not None:
+            self._ended += 1
+            self._arrived += record["outcome"] == "goal"

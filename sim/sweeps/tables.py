@@ -1,0 +1,55 @@
+"""The table of a sweep on a terminal: one line per scene, noise level and method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sim.drawing.colors import title
+from sim.text import table
+
+_FIRST = ("scene", "b", "method", "runs", "goal", "collision", "timeout")
+_LAST = ("cost", "time [s]", "path/shortest", "switches", "ms/step", "plan [s]", "classes")
+
+
+def summary(rows: Sequence[dict[str, Any]], room: int | None = None) -> str:
+    """A table with one line per scene, noise and method; a path is held against the shortest reference."""
+    points: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+    for row in rows:
+        points.setdefault((row["scene"], row["noise"], row["method"]), []).append(row)
+    failed = any(row["outcome"] is None for row in rows)
+    header = [*_FIRST, *(["error"] if failed else []), *_LAST]
+    return table(header, [_line(point, everyone, failed) for point, everyone in points.items()], room, keep=3)
+
+
+def _line(point: tuple[Any, ...], everyone: Sequence[dict[str, Any]], failed: bool) -> list[str]:
+    scene, noise, method = point
+    group = [r for r in everyone if r["outcome"] is not None]
+    arrived = [r for r in group if r["outcome"] == "goal"]
+    ends = [sum(r["outcome"] == name for r in group) for name in ("goal", "collision", "timeout")]
+    return [
+        *(scene, f"{noise:g}", method, str(len(everyone))),
+        *map(str, ends),
+        *([str(len(everyone) - len(group))] if failed else []),
+        _mean([r["cost"] for r in arrived]),
+        _mean([r["time"] for r in arrived]),
+        _mean([r["path_length"] / r["shortest_length"] for r in arrived if r["shortest_length"]]),
+        _mean([r["class_switches"] for r in group], 2),
+        _mean([np.median([r["step_ms"]["median"] for r in group])] if group else [], 1),
+        _mean([r["plan_seconds"] for r in group if r["plan_seconds"] is not None]),
+        _shares([r["executed_class"] for r in arrived]),
+    ]
+
+
+def _mean(values: Sequence[float], digits: int = 3) -> str:
+    return f"{np.mean(values):.{digits}f}" if values else "-"
+
+
+def _shares(ids: Sequence[str]) -> str:
+    if not ids:
+        return "-"
+    names, counts = np.unique(ids, return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return ", ".join(f"{title(str(names[i]))}: {counts[i] / len(ids):.0%}" for i in order[:4])

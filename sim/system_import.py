@@ -1,0 +1,93 @@
+"""A system of somebody's own by the module and the name that it has there, as `--system MODULE:NAME` says it."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pirrht.errors import OptionError, PirrhtError
+from sim.systems import BUILT_IN, System, named, names, register
+
+
+def chosen(which: str | System) -> System:
+    """A system, registered: itself, the built-in one of that name, or MODULE:NAME of a module that is imported.
+
+    The module is looked for in the current folder too, as `python -m` does. A function of that name is called for the
+    system.
+
+    Raises:
+        OptionError: there is no such module or name, it is no system, or the module cannot be imported.
+    """
+    if isinstance(which, System):
+        return which if which.name in BUILT_IN and named(which.name) is which else register(which)
+    if which in names():
+        return named(which)
+    module_name, colon, name = str(which).partition(":")
+    if not (module_name and colon and name):
+        raise OptionError(
+            f"--system is {which!r}; write MODULE:NAME, as in my_module:BOAT, or one of {', '.join(names())}"
+        )
+    found = getattr(_module(module_name, which), name, None)
+    if found is None:
+        raise OptionError(f"--system {which}: the module {module_name} has no {name}; {_offers(module_name)}")
+    if not isinstance(found, System) and callable(found):
+        found = _called(found, which)
+    if not isinstance(found, System):
+        raise OptionError(
+            f"--system {which}: {name} is of the type {type(found).__name__}; it must be a sim.systems.System or a "
+            "function that returns one"
+        )
+    return register(found)
+
+
+def source(which: str | System | None) -> bytes:
+    """The file of the module that a system is from, as far as there is one; results depend on it."""
+    if not isinstance(which, str) or ":" not in which:
+        return b""
+    file = getattr(sys.modules.get(which.partition(":")[0]), "__file__", None)
+    return Path(file).read_bytes() if file is not None and Path(file).is_file() else b""
+
+
+def _module(name: str, which: str) -> Any:
+    folder = os.getcwd()
+    if folder not in sys.path and "" not in sys.path:
+        sys.path.insert(0, folder)
+    importlib.invalidate_caches()
+    try:
+        return importlib.import_module(name)
+    except PirrhtError as error:
+        raise OptionError(f"--system {which}: {error}") from None
+    except (Exception, SystemExit) as error:
+        if isinstance(error, ModuleNotFoundError) and error.name in _parents(name):
+            raise OptionError(
+                f"--system {which}: there is no module {name} in {folder} or among what is installed; mend the name, "
+                "or set PYTHONPATH"
+            ) from None
+        raise OptionError(f"--system {which}: {_told(error)} while the module {name} was imported; mend it") from None
+
+
+def _called(function: Callable[[], Any], which: str) -> Any:
+    try:
+        return function()
+    except PirrhtError as error:
+        raise OptionError(f"--system {which}: {error}") from None
+    except (Exception, SystemExit) as error:
+        raise OptionError(f"--system {which}: {_told(error)} when it was called without arguments; mend it") from None
+
+
+def _parents(name: str) -> list[str]:
+    parts = name.split(".")
+    return [".".join(parts[: i + 1]) for i in range(len(parts))]
+
+
+def _told(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _offers(module: str) -> str:
+    found = [name for name, value in vars(sys.modules[module]).items() if isinstance(value, System)]
+    return f"its systems are {', '.join(found)}" if found else "it has no sim.systems.System at all"

@@ -1,0 +1,222 @@
+"""What moves, as one record per system: dynamics, costs, steering and defaults; a registry that robots name them in.
+
+A robot's MJCF names a system (`pirrht_dynamics`); `--system MODULE:NAME` takes one of somebody's own instead. Ten lines
+make one:
+
+    from sim.systems import System
+
+    BOAT = System(
+        name="boat",
+        dynamics=lambda settings: Boat(settings.noise),
+        steering=lambda problem: GroundTrack(),
+        R=2 * np.eye(2),
+        defaults={"samples": 300},
+    )
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError, PirrhtError
+from sim.options.table import BY_SETTING, SPECIAL
+from sim.settings import PRESETS, Settings
+
+POSE = ("x", "y", "heading")  # states that are the place of a robot; the others move with it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class System:
+    """A kind of robot: what the method and the simulator must know of it.
+
+    Raises:
+        OptionError: a default is no setting, or has a value that cannot work.
+    """
+
+    name: str  # as in `<text name="pirrht_dynamics" data="NAME"/>`
+    dynamics: Callable[[Settings], Any]  # the `pirrht.Dynamics`, of which `states` must be the same
+    steering: Callable[[Any], Any]  # a `pirrht.Problem` -> its `pirrht.Steering`
+    R: Array | Callable[[Array], Array]  # control cost, as in `pirrht.Problem`
+    q: float | Callable[..., float] = 1.0  # state cost rate [cost/s], likewise
+    q_min: float | None = None
+    states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
+    defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
+    paper_samples: int = 200  # N under `--preset paper`
+    heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
+    robots: str = ""  # what the help calls its robots; empty: it says nothing of them
+
+    def __post_init__(self) -> None:
+        for name, known, what in (("defaults", BY_SETTING, "setting"), ("heeds", SPECIAL, "setting to heed")):
+            strange = [entry for entry in getattr(self, name) if entry not in known]
+            if strange:
+                raise OptionError(
+                    f"system {self.name}: {strange[0]!r} is no {what}; those are {', '.join(sorted(known))}"
+                )
+        if self.states[:2] != POSE[:2]:
+            raise OptionError(f'system {self.name}: its states are {self.states}; the first two must be "x" and "y"')
+        _ = self.settings
+
+    @property
+    def settings(self) -> Settings:
+        """Those of a run that nobody says anything about."""
+        return Settings(**self.defaults)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """States that are the place of a robot, which its joints must be."""
+        return tuple(name for name in self.states if name in POSE)
+
+    def preset(self, name: str | None) -> dict[str, Any]:
+        """The settings of a preset; none without a name.
+
+        Raises:
+            OptionError: there is none of that name.
+        """
+        if name is None:
+            return {}
+        if name not in PRESETS:
+            raise OptionError(f"--preset is {name!r}; it must be one of {', '.join(PRESETS)}")
+        return {**PRESETS[name], "samples": self.paper_samples}
+
+    def refuse(self, given: Mapping[str, Any]) -> None:
+        """Refuse numbers that were given (not None) and that this system has none of.
+
+        Raises:
+            OptionError: names the option and the systems that heed it.
+        """
+        for name in sorted(SPECIAL - set(self.heeds)):
+            if given.get(name) is not None:
+                who = " or ".join(system.robots or system.name for system in _known.values() if name in system.heeds)
+                raise OptionError(
+                    f"--{name} is for {who or 'other systems'}, and this robot is a {self.name}; leave it out"
+                )
+
+    def problem(self, scene: Any, settings: Settings) -> Any:
+        """The `pirrht.Problem` in a `pirrht.Scene`.
+
+        Raises:
+            OptionError, NotLinearlySolvable: the system cannot work there.
+        """
+        from pirrht.problem import Problem
+
+        dynamics = self._asked("dynamics", settings)
+        if tuple(getattr(dynamics, "states", ())) != self.states:
+            raise OptionError(
+                f"system {self.name}: {type(dynamics).__name__} has the states {getattr(dynamics, 'states', None)} and "
+                f"the system says {self.states}; make them the same"
+            )
+        return Problem(dynamics=dynamics, scene=scene, R=self.R, q=self.q, q_min=self.q_min, phi=settings.phi)
+
+    def steered(self, problem: Any) -> Any:
+        """The `pirrht.Steering` of a problem.
+
+        Raises:
+            OptionError: there is none.
+        """
+        return self._asked("steering", problem)
+
+    def _asked(self, what: str, argument: Any) -> Any:
+        try:
+            return getattr(self, what)(argument)
+        except PirrhtError:
+            raise
+        except Exception as error:
+            told = " ".join(f"{type(error).__name__}: {error}".split())
+            raise OptionError(f"system {self.name}: {told} in its {what}; mend it") from error
+
+
+_known: dict[str, System] = {}
+
+
+def register(system: System) -> System:
+    """Make a system known by its name; a later one takes the place of an earlier one, but of none that is built in.
+
+    Raises:
+        OptionError: it is no `System`, or its name is that of a built-in one.
+    """
+    if not isinstance(system, System):
+        raise OptionError(f"{system!r} is no sim.systems.System; make one with System(name=..., dynamics=..., ...)")
+    if system.name in BUILT_IN and _known[system.name] is not system:
+        raise OptionError(f"system {system.name}: that name is taken by one that is built in; choose another")
+    _known[system.name] = system
+    return system
+
+
+def names() -> tuple[str, ...]:
+    """The names of all that are registered, built-in ones first."""
+    return tuple(_known)
+
+
+def named(name: str) -> System:
+    """The system of that name.
+
+    Raises:
+        OptionError: none has it.
+    """
+    if name not in _known:
+        raise OptionError(f"no system is called {name!r}; known are {', '.join(_known)}, or give --system MODULE:NAME")
+    return _known[name]
+
+
+def _point(settings: Settings) -> Any:
+    from pirrht.systems.single_integrator import SingleIntegrator
+
+    return SingleIntegrator(b=settings.noise)
+
+
+def _car(settings: Settings) -> Any:
+    from pirrht.systems.unicycle import Unicycle
+
+    return Unicycle(V=settings.speed, rho=settings.rho, b=settings.noise)
+
+
+def _straight(problem: Any) -> Any:
+    from pirrht.steering.straight_line import StraightLine
+
+    return StraightLine.of(problem)
+
+
+def _dubins(problem: Any) -> Any:
+    from pirrht.steering.dubins import Dubins
+
+    return Dubins.of(problem)
+
+
+BUILT_IN: tuple[str, ...] = ()
+for _system in (
+    System(
+        name="single_integrator",
+        dynamics=_point,
+        steering=_straight,
+        R=2.0 * np.eye(2),
+        paper_samples=200,
+        robots="puck",
+    ),
+    System(
+        name="unicycle",
+        dynamics=_car,
+        steering=_dubins,
+        R=np.eye(1),
+        states=POSE,
+        defaults={
+            "noise": 0.03,
+            "phi": 1000.0,
+            "vertices": 2000,
+            "samples": 300,
+            "period": 0.1,
+            "limit": 0.8,
+            "max_time": 60.0,
+            "exploration": 10.0,  # with the robot's own noise tapes hardly move, and none of a few drives arrives
+        },
+        paper_samples=300,
+        heeds=("noise", "speed", "rho"),
+        robots="car",
+    ),
+):
+    register(_system)
+BUILT_IN = names()

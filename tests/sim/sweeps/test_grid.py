@@ -1,0 +1,71 @@
+"""What a sweep is asked for comes out of the text that it is written as, and nothing too large does."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pirrht.control.methods import METHODS
+from pirrht.errors import OptionError
+from sim.options.settings import SEED
+from sim.sweeps.grid import MOST_RUNS, Grid, noises_of, parse, seeds_of
+
+levels = st.lists(st.floats(1e-300, 1e300), min_size=1, max_size=6, unique=True)
+
+
+@given(start=st.integers(0, SEED - 1), more=st.integers(1, 10**9))
+def test_a_range_of_seeds_is_read_back_from_its_text(start, more):
+    stop = min(start + more, SEED + 1)
+    assert seeds_of(f"{start}:{stop}") == range(start, stop)
+    assert seeds_of(str(start)) == range(start, start + 1)
+
+
+@given(levels)
+def test_noise_levels_are_read_back_from_their_text(noises):
+    assert list(noises_of(",".join(map(repr, noises)))) == noises
+
+
+@given(st.text(max_size=12) | st.from_regex(r"[-0-9:_e.,]{1,8}", fullmatch=True))
+def test_any_other_text_is_a_range_or_refused_in_one_line(text):
+    said = None
+    try:
+        seeds = seeds_of(text)
+    except OptionError as error:
+        said = str(error)
+    if said is None:
+        assert 0 <= seeds.start < seeds.stop <= SEED + 1
+    else:
+        assert said.startswith("--seeds")
+        assert len(said.splitlines()) == 1
+
+
+@settings(max_examples=40)
+@given(
+    methods=st.lists(st.sampled_from(sorted(METHODS)), min_size=1, unique=True),
+    noises=levels,
+    first=st.integers(0, 50),
+    count=st.integers(1, 5),
+)
+def test_every_combination_is_one_job_in_the_order_of_the_text(methods, noises, first, count):
+    words = {"methods": ", ".join(methods), "noise": ",".join(map(repr, noises)), "seeds": f"{first}:{first + count}"}
+    grid = parse(scenes=["slit", "a/b.xml"], task={"goal": [1, 2]}, given={"threads": 2, "plan_seed": 0}, **words)
+    jobs = grid.jobs()
+    expected = [
+        (scene, noise, method, seed)
+        for scene in ("slit", "a/b.xml")
+        for noise in noises
+        for method in methods
+        for seed in range(first, first + count)
+    ]
+    assert [(j.scene, j.noise, j.method, j.seed) for j in jobs] == expected
+    assert len(jobs) == grid.size
+    assert grid.settings == {"goal": (1, 2), "plan_seed": 0}
+
+
+def test_as_many_runs_as_memory_holds_are_asked_for_at_most():
+    kept = {"scenes": ("slit",), "methods": ("pi-rrht",), "noises": (None,), "task": (), "given": ()}
+    assert Grid(seeds=range(MOST_RUNS), **kept).size == MOST_RUNS
+    for seeds in (range(MOST_RUNS + 1), range(10**12), range(10**30)):
+        with pytest.raises(OptionError, match=f"{MOST_RUNS} at most.*-o DIR takes the others later"):
+            Grid(seeds=seeds, **kept)

@@ -1,0 +1,326 @@
+"""The table of options: complete, bounded, and all that parser, scenes, help and datasets know of options."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mjcf_samples import FLOOR, SITES, mjcf
+from repository import ROOT
+
+import pirrht
+from pirrht.control import best_class, controller, mppi
+from pirrht.errors import OptionError
+from sim import memory
+from sim.cli import docs, main, parser
+from sim.options.settings import BETWEEN
+from sim.options.table import BY_SETTING, IDENTIFYING, NUMERICS, OPTIONS, check, options_of
+from sim.scenario import prepare
+from sim.settings import PRESETS, Settings
+from sim.systems import named, names
+
+COMMANDS = tuple(parser.COMMANDS)
+HOSTILE = ("1e308", "-1e308", "1e40", "1000000000000", "-1", "0", "1e-308", "nan", "inf", "-inf", "1" + "0" * 400, "x")
+QUICK = ["--vertices", "30", "--samples", "4"]
+NUMBERS = list(  # each once, in the last of these commands that has it
+    {
+        option.dest: (command, option)
+        for command in ("plan", "sweep", "estimate", "run")
+        for option in options_of(command)
+        if option.number and option.name != "at"
+    }.values()
+)
+GRIDS = ["--noise", "--seeds"]  # of a sweep, told as text
+
+
+def words_of(command: str, *more: str) -> list[str]:
+    """A command that ends at once, whatever else it is told."""
+    words = [command, "slit", *more]
+    for flag, value in zip(QUICK[::2], QUICK[1::2], strict=True):
+        words += [] if flag in more else [flag, value]
+    if command == "estimate":
+        words += ["--at", "1", "2.5"]
+    if command in ("run", "sweep") and "--max-time" not in more:
+        words += ["--max-time", "0.01"]
+    if command == "sweep":
+        words += [] if "--seeds" in more else ["--seeds", "0:1"]
+        words += [] if "--jobs" in more else ["--jobs", "1"]
+    return words
+
+
+def refused_or_done(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    status = main(words)
+    told = capsys.readouterr().err
+    assert "Traceback" not in told
+    if status == 2:
+        assert told.startswith("pirrht: ")
+        assert told.count("\n") == 1
+        assert len(told) < 1000
+    else:
+        assert status in (0, 1)
+
+
+# -- every number, however hostile, is refused in one line or works ---------------------------------------------------
+
+
+@pytest.mark.parametrize("value", HOSTILE)
+@pytest.mark.parametrize(("command", "option"), NUMBERS, ids=[f"{c}-{o.name}" for c, o in NUMBERS])
+def test_a_hostile_number_is_refused_in_one_line_or_works(command, option, value, capsys):
+    values = [value] * (option.count if isinstance(option.count, int) else 2 if option.count else 1)
+    if option.name == "goal":
+        values = ["5", "2.5", value]
+    refused_or_done(words_of(command, option.flag, *values), capsys)
+
+
+@pytest.mark.parametrize("value", HOSTILE)
+@pytest.mark.parametrize("flag", GRIDS)
+def test_a_hostile_grid_is_refused_in_one_line_or_works(flag, value, capsys):
+    refused_or_done(words_of("sweep", flag, value), capsys)
+    refused_or_done(words_of("sweep", flag, f"0:{value}" if flag == "--seeds" else f"0.1,{value}"), capsys)
+
+
+@pytest.mark.parametrize("value", HOSTILE)
+def test_a_hostile_place_is_refused_in_one_line_or_works(value, capsys):
+    for words in (["--start", value, "2.5"], ["--start", "1", "2.5", value], ["--goal", value, "2.5", "0.3"]):
+        refused_or_done(words_of("plan", *words), capsys)
+    for place in ([value, "2.5"], ["1", "2.5", value]):
+        refused_or_done(["estimate", "slit", "--at", *place, *QUICK], capsys)
+
+
+@pytest.mark.parametrize("value", [v for v in HOSTILE if v != "x"])
+@pytest.mark.parametrize("name", NUMERICS)
+def test_a_hostile_numeric_of_a_scene_is_refused_in_one_line_or_works(name, value, capsys, tmp_path):
+    scene = tmp_path / "scene.xml"
+    numeric = f'<numeric name="pirrht_{name.replace("-", "_")}" data="{value}"/>'
+    scene.write_text(mjcf(FLOOR + SITES, head=f"<custom>{numeric}</custom>"))
+    own = [] if name in ("vertices", "samples") else QUICK
+    refused_or_done(["plan", str(scene), *own], capsys)
+
+
+@pytest.mark.parametrize("value", [v for v in HOSTILE if v != "x"])
+@pytest.mark.parametrize("site", ["goal", "workspace", "start"])
+def test_a_hostile_site_is_refused_in_one_line_or_works(site, value, capsys, tmp_path):
+    for attribute in ("size", "pos"):
+        text = SITES.replace(f'name="{site}"', f'name="{site}" data-{attribute}=""')
+        start = text.index(f"data-{attribute}")
+        whole = text[start:].split("/>")[0]
+        old = whole.split(f' {attribute}="')[1].split('"')[0] if f' {attribute}="' in whole else None
+        if old is None:
+            continue
+        first, _, rest = old.partition(" ")
+        bad = whole.replace(f' {attribute}="{first} {rest}"', f' {attribute}="{value} {rest}"')
+        scene = tmp_path / "scene.xml"
+        scene.write_text(mjcf(FLOOR + text.replace(whole, bad.split('""', 1)[1])))
+        refused_or_done(["plan", str(scene), *QUICK], capsys)
+
+
+# -- bounds -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("option", [o for o in OPTIONS if o.number], ids=lambda o: f"{o.commands[0]}-{o.name}")
+def test_every_number_has_bounds_with_a_reason(option):
+    places = {"start", "goal", "at"}  # the scene knows what is too far
+    if option.name in places:
+        return
+    assert option.bounds is not None
+    assert option.bounds.low < option.bounds.high < np.inf
+    assert len(option.bounds.why.split()) >= 5
+
+
+@pytest.mark.parametrize(
+    "option", [o for o in OPTIONS if o.number and o.bounds], ids=lambda o: f"{o.commands[0]}-{o.name}"
+)
+def test_bounds_are_allowed_and_what_is_beyond_is_not(option):
+    bounds = option.bounds
+    pair = [option.kind(bounds.low), option.kind(bounds.high)]
+    assert option.check(pair if option.count else pair[0]) == (pair if option.count else pair[0])
+    assert option.check(pair if option.count else pair[1]) == (pair if option.count else pair[1])
+    for wrong in (bounds.low - 1, bounds.high * 2, np.nan, -np.inf):
+        with pytest.raises(OptionError, match=option.flag):
+            option.check([wrong] if option.count else wrong)
+
+
+def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made():
+    scenario = prepare("slit")
+    size = memory.Size(
+        states=2, controls=2, obstacles=2, classes=3, distance=4.5, speed=1.0, temperature=0.02, rate=1.0
+    )
+    memory.check(scenario.settings, size, 8 * memory.GIB)
+    for changes, option in (({"samples": 1_000_000}, "--samples"), ({"vertices": 1_000_000}, "--vertices")):
+        large = Settings(**changes)
+        needed = size.tree(large) if option == "--vertices" else size.sampling(large)
+        memory.check(large, size, 2.1 * needed)
+        with pytest.raises(OptionError, match=rf"{needed / memory.GIB:.3g} GiB.*{option}"):
+            memory.check(large, size, 1.9 * needed)
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        ("--dt 0.00001", "--dt 1e-05: a path of 9.8 s has 9.8e+05 steps"),
+        ("--noise 100", "or lower --noise"),
+        ("--max-time 80000 --period 0.002", "--max-time 80000 is 4e+07 periods"),
+        ("--grow 9000", "--grow 9000 adds up to"),
+        ("--classes 10000 --limit 100", "GiB of memory"),
+        ("--method mppi --horizon 9000 --dt 0.01", "or lower --horizon"),
+    ],
+)
+def test_what_would_never_end_is_refused_with_what_to_change(words, what, capsys):
+    assert main(["run", "slit", *words.split()]) == 2
+    assert what in capsys.readouterr().err
+
+
+# -- what follows from the table --------------------------------------------------------------------------------------
+
+
+def test_every_setting_is_an_option_and_the_other_way_round():
+    assert {field.name for field in fields(Settings)} == set(BY_SETTING)
+    for name, option in BY_SETTING.items():
+        value = getattr(Settings(), name)
+        assert option.kind is bool or value is None or isinstance(value, option.kind)
+
+
+def test_what_is_slow_to_import_is_said_again_and_the_same():
+    assert controller.BETWEEN == BETWEEN
+    assert Settings().consistency == best_class.CONSISTENCY
+    assert Settings().horizon == mppi.HORIZON
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_option_of_a_command_is_there_twice_and_its_help_says_it(command, capsys):
+    options = options_of(command)
+    assert len({option.dest for option in options}) == len(options)
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    told = capsys.readouterr().out
+    assert all((option.metavar if option.positional else option.flag) in told for option in options)
+
+
+def test_help_tells_the_default_of_each_robot_and_that_a_scene_wins(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "400")
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    told = capsys.readouterr().out
+    assert "puck 0.01, car 0.1, or the scene's" in told
+    for name in names():
+        assert f"{named(name).robots} {named(name).settings.noise:g}" in told
+    assert "a scene's own (custom numerics pirrht_NAME) win over these" in told
+
+
+def test_the_page_of_the_command_line_is_up_to_date():
+    assert (ROOT / "docs" / "cli.md").read_text() == docs.page(), "run `python -m sim.cli.docs`"
+
+
+def test_the_version_has_one_source(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"pirrht {pirrht.__version__}\n"
+    assert pirrht.__version__ not in (ROOT / "pyproject.toml").read_text()
+
+
+def test_what_identifies_a_dataset_is_what_results_depend_on():
+    free = {option.dest for option in options_of("sweep")} - IDENTIFYING
+    grid = {"scenes", "methods", "noise", "seeds"}  # each run's own, told beside the settings
+    assert free - grid == {"threads", "jobs", "scheduler", "json", "output", "again"}
+
+
+def test_the_papers_preset_is_what_options_say_of_it():
+    assert PRESETS["paper"].keys() == {
+        *("dt", "period", "exit", "steps", "weights", "guide", "allocation", "draws", "between"),
+    }
+    assert prepare("slit", preset="paper").settings.samples == 200
+    assert prepare("slit", robot="unicycle", preset="paper").settings.samples == 300
+
+
+def test_checks_do_not_need_a_scene():
+    with pytest.raises(OptionError, match="--repeat is 0"):
+        check("estimate", {"repeat": 0})
+    check("estimate", {"repeat": None, "at": [1.0, 2.0]})
+
+
+# -- what a scene says ------------------------------------------------------------------------------------------------
+
+
+def scene_with(folder: Path, **numerics: float) -> str:
+    """The slit with other defaults."""
+    text = (ROOT / "models" / "scenes" / "slit.xml").read_text()
+    lines = "".join(f'<numeric name="pirrht_{name}" data="{value}"/>' for name, value in numerics.items())
+    scene = folder / "own.xml"
+    scene.write_text(text.replace("<custom>", f"<custom>{lines}"))
+    return str(scene)
+
+
+def test_a_scene_says_how_often_an_estimate_is_repeated_and_the_command_line_wins(tmp_path, capsys):
+    words = ["estimate", scene_with(tmp_path, repeat=3), "--at", "1", "2.5", "--method", "passive", *QUICK]
+    assert main(words) == 0
+    assert capsys.readouterr().out.splitlines()[-2].split()[0] == "2"
+    assert main([*words, "--repeat", "2"]) == 0
+    assert capsys.readouterr().out.splitlines()[-2].split()[0] == "1"
+
+
+@pytest.mark.parametrize(("said", "hz"), [([], 25.0), (["--record-hz", "50"], 50.0)])
+def test_a_scene_says_how_often_a_recording_is_drawn_and_the_command_line_wins(tmp_path, monkeypatch, said, hz):
+    from sim.cli import commands
+
+    seen = {}
+    monkeypatch.setattr(commands, "_recorder", lambda arguments, *_: seen.update(hz=arguments.record_hz))
+    words = ["run", scene_with(tmp_path, record_hz=25), "--method", "passive", "--max-time", "0.02", *QUICK]
+    assert main([*words, *said]) == 1
+    assert seen["hz"] == hz
+
+
+def test_without_a_word_of_the_scene_five_pictures_a_second_are_recorded(monkeypatch):
+    from sim.cli import commands
+
+    seen = {}
+    monkeypatch.setattr(commands, "_recorder", lambda arguments, *_: seen.update(hz=arguments.record_hz))
+    assert main(["run", "slit", "--method", "passive", "--max-time", "0.02", *QUICK]) == 1
+    assert seen["hz"] == 5.0
+
+
+@pytest.mark.parametrize("name", ["rounds", "memory"])
+def test_an_option_that_is_gone_is_refused_in_a_scene_by_that_word(tmp_path, capsys, name):
+    assert main(["plan", scene_with(tmp_path, **{name: 2})]) == 2
+    assert f'custom numeric "pirrht_{name}" is gone: ' in capsys.readouterr().err
+
+
+def test_a_scene_wins_over_the_robot_and_the_command_line_over_both(tmp_path):
+    scene = scene_with(tmp_path, horizon=4.5)
+    assert prepare("slit").settings.horizon == 3.0
+    assert prepare(scene).settings.horizon == 4.5
+    assert prepare(scene, given={"horizon": 2.0}).settings.horizon == 2.0
+
+
+@pytest.mark.parametrize(
+    ("element", "what"),
+    [
+        ('<geom name="rock" size="0.2" pos="nan 5 0"/>', 'geom "rock" has pos="nan 5 0"'),
+        ('<body name="crate" euler="0 0 NaN"><geom size="0.2"/></body>', 'body "crate" has euler="0 0 NaN"'),
+        ('<geom size="-nan" pos="5 5 0"/>', 'geom has size="-nan"'),
+        ('<geom name="far" size="0.2" pos="1e9 5 0"/>', 'geom "far" has a place or size of 1e+09 m'),
+    ],
+)
+def test_what_is_no_number_in_a_scene_is_refused_by_element_and_file(tmp_path, capsys, element, what):
+    scene = tmp_path / "odd.xml"
+    scene.write_text(mjcf(FLOOR + SITES + element))
+    assert main(["plan", str(scene), *QUICK]) == 2
+    told = capsys.readouterr().err
+    assert f"{scene}: {what}" in told
+    assert told.count("\n") == 1
+
+
+def test_what_is_no_number_in_an_included_file_is_refused_with_that_file(tmp_path, capsys):
+    part, scene = tmp_path / "part.xml", tmp_path / "whole.xml"
+    part.write_text('<mujoco><worldbody><geom name="rock" size="0.2" pos="nan 5 0"/></worldbody></mujoco>')
+    scene.write_text(mjcf(FLOOR + SITES).replace("<worldbody>", '<include file="part.xml"/><worldbody>', 1))
+    assert main(["plan", str(scene), *QUICK]) == 2
+    assert f'{part}: geom "rock" has pos="nan 5 0"' in capsys.readouterr().err
+
+
+def test_a_geom_may_be_called_nan(tmp_path, capsys):
+    scene = tmp_path / "grandmother.xml"
+    scene.write_text(mjcf(FLOOR + SITES + '<geom name="nan" type="cylinder" size="0.5 0.5" pos="5 5 0.5"/>'))
+    assert main(["plan", str(scene), *QUICK]) == 0

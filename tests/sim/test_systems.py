@@ -1,0 +1,185 @@
+"""Systems are records in a registry: robots name them, and somebody's own comes by module and name."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mjcf_samples import ROBOT, robot_mjcf
+
+from pirrht import SingleIntegrator, StraightLine
+from pirrht.errors import OptionError
+from sim import systems
+from sim.cli import main
+from sim.mjcf import load
+from sim.scenario import prepare
+from sim.system_import import chosen, source
+from sim.systems import System, named, names, register
+
+RAFT = """
+import numpy as np
+from pirrht import SingleIntegrator, StraightLine
+from sim.systems import System
+
+RAFT = System(
+    name="raft", dynamics=lambda settings: SingleIntegrator(b=settings.noise), steering=StraightLine.of,
+    R=2 * np.eye(2),
+    defaults={"samples": 7, "noise": 0.2},
+)
+NUMBER = 3
+def make(): return RAFT
+def broken(): raise ValueError("no\\nwind")
+def other(): return 4
+"""
+
+
+def raft(**changes: object) -> System:
+    known: dict[str, object] = {
+        "name": "raft", "dynamics": lambda s: SingleIntegrator(b=s.noise), "steering": StraightLine.of,
+        "R": 2 * np.eye(2),
+    }  # fmt: skip
+    return System(**{**known, **changes})  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with modules in it; what is registered and imported is forgotten afterwards."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(systems, "_known", dict(systems._known))
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "rafts.py").write_text(RAFT)
+    (tmp_path / "sinking.py").write_text("import nothing_of_the_kind")
+    (tmp_path / "leaking.py").write_text("raise RuntimeError('water\\nin the hull')")
+    (tmp_path / "leaving.py").write_text("import sys; sys.exit(3)")
+    (tmp_path / "typo.py").write_text("def (")
+    for name in ("rafts", "sinking", "leaking", "leaving", "typo"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    return tmp_path
+
+
+def test_the_robots_of_the_house_have_the_systems_of_the_paper():
+    assert names()[:2] == ("single_integrator", "unicycle")
+    assert [len(named(name).states) for name in names()[:2]] == [2, 3]
+    assert (named("unicycle").settings.noise, named("single_integrator").settings.noise) == (0.03, 0.1)
+
+
+def test_a_system_is_chosen_by_module_and_name_with_its_own_defaults(folder):
+    scenario = prepare("slit", system="rafts:RAFT", given={"vertices": 10})
+    assert (scenario.system.name, scenario.loaded.dynamics_name) == ("raft", "raft")
+    assert scenario.settings.vertices == 10
+    assert scenario.settings.samples == 200  # the scene's, which win over a system's
+    assert chosen("rafts:make") is scenario.system
+    assert b"RAFT" in source("rafts:RAFT")
+
+
+def test_a_robot_names_any_registered_system(folder):
+    robot = folder / "machine.xml"
+    robot.write_text(robot_mjcf(dynamics=ROBOT["dynamics"].replace("single_integrator", "raft")))
+    with pytest.raises(Exception, match='"raft"; write "single_integrator" or "unicycle", or choose a system'):
+        load("slit", robot=robot)
+    register(raft())
+    assert load("slit", robot=robot).dynamics_name == "raft"
+
+
+def test_a_system_may_be_handed_over_as_it_is(folder):
+    own = raft(paper_samples=11)
+    assert prepare("slit", system=own, preset="paper").settings.samples == 11
+    assert prepare("slit", system="unicycle", robot="unicycle").system is named("unicycle")
+
+
+@pytest.mark.parametrize(
+    ("which", "what"),
+    [
+        ("rafts", "write MODULE:NAME"),
+        (":RAFT", "write MODULE:NAME"),
+        ("nowhere:RAFT", "there is no module nowhere in"),
+        ("rafts.deep:RAFT", "there is no module rafts.deep in"),
+        ("rafts:KAYAK", "the module rafts has no KAYAK; its systems are RAFT"),
+        ("rafts:NUMBER", "NUMBER is of the type int; it must be a sim.systems.System"),
+        ("rafts:other", "other is of the type int"),
+        ("rafts:broken", "ValueError: no wind when it was called"),
+        ("sinking:RAFT", "No module named 'nothing_of_the_kind' while the module sinking was imported"),
+        ("leaking:RAFT", "RuntimeError: water in the hull while the module leaking was imported"),
+        ("leaving:RAFT", "SystemExit: 3 while the module leaving was imported"),
+        ("typo:RAFT", "SyntaxError"),
+        ("..rafts:RAFT", "while the module ..rafts was imported"),
+    ],
+)
+def test_what_is_no_system_costs_one_line(folder, capsys, which, what):
+    assert main(["plan", "slit", "--system", which]) == 2
+    told = capsys.readouterr().err
+    assert what in told
+    assert f"--system {which}" in told or f"--system is '{which}'" in told
+    assert told.count("\n") == 1
+
+
+def test_states_that_do_not_fit_the_robot_are_refused_by_name(folder, capsys):
+    assert main(["plan", "slit", "--robot", "unicycle", "--system", "rafts:RAFT"]) == 2
+    told = capsys.readouterr().err
+    assert "unicycle.xml" in told
+    assert "for the states (x, y) of raft: slide along x, slide along y" in told
+
+
+def test_states_of_the_system_and_its_dynamics_are_the_same(folder):
+    with pytest.raises(OptionError, match=r"system raft: SingleIntegrator has the states \('x', 'y'\)"):
+        prepare("slit", robot="unicycle", system=raft(states=("x", "y", "heading")))
+
+
+def test_what_goes_wrong_in_a_system_costs_one_line(folder, capsys):
+    text = (folder / "rafts.py").read_text()
+    (folder / "holes.py").write_text(text.replace("settings.noise", "settings.wind").replace("RAFT =", "HOLED ="))
+    (folder / "bare.py").write_text(text.replace("StraightLine.of", "lambda problem: 1 / 0").replace("make", "bare"))
+    for which, what in (
+        ("holes:HOLED", "system raft: AttributeError: 'Settings' object has no attribute 'wind' in its dynamics"),
+        ("bare:RAFT", "system raft: ZeroDivisionError: division by zero in its steering"),
+    ):
+        assert main(["plan", "slit", "--system", which]) == 2
+        told = capsys.readouterr().err
+        assert what in told
+        assert told.count("\n") == 1
+
+
+def test_joints_are_those_of_a_systems_place(folder):
+    assert raft(states=("x", "y", "vx", "vy")).joints == ("x", "y")
+    assert load("slit", system=raft(states=("x", "y", "vx", "vy"))).states == ("x", "y", "vx", "vy")
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"defaults": {"nois": 1}}, "'nois' is no setting; those are .*noise"),
+        ({"defaults": {"noise": -1}}, "--noise is -1; it must be a positive number"),
+        ({"heeds": ("wind",)}, "'wind' is no setting to heed; those are noise, rho, speed"),
+        ({"states": ("y", "x")}, 'the first two must be "x" and "y"'),
+    ],
+)
+def test_a_system_that_cannot_work_is_refused(changes, what):
+    with pytest.raises(OptionError, match=what):
+        raft(**changes)
+
+
+def test_a_built_in_name_is_taken_and_another_one_may_be_given_anew(folder):
+    with pytest.raises(OptionError, match="unicycle: that name is taken"):
+        register(raft(name="unicycle"))
+    with pytest.raises(OptionError, match=r"3 is no sim\.systems\.System"):
+        register(3)  # type: ignore[arg-type]
+    register(raft())
+    assert register(raft()) is named("raft")
+
+
+@pytest.mark.parametrize(("option", "who"), [("speed", "car"), ("rho", "car")])
+def test_numbers_that_a_system_has_none_of_are_refused(option, who):
+    with pytest.raises(OptionError, match=f"--{option} is for {who}.*single_integrator"):
+        prepare("slit", given={option: 2.0})
+    assert prepare("slit", robot="unicycle", given={option: 2.0}).settings != named("unicycle").settings
+
+
+def test_noise_that_a_system_has_in_itself_is_not_asked_for(folder):
+    with pytest.raises(OptionError, match="--noise is for"):
+        prepare("slit", system=raft(heeds=()), given={"noise": 0.2})
+    scenario = prepare("slit", system=raft(heeds=()))
+    assert scenario.with_settings(seed=3, noise=scenario.settings.noise).settings.seed == 3
+    with pytest.raises(OptionError, match="--noise is for"):
+        scenario.with_settings(noise=0.2)

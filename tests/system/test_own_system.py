@@ -1,0 +1,109 @@
+"""The README's boat, registered in ten lines, goes wherever the robots of the house go."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from repository import ROOT, environment
+
+README = (ROOT / "README.md").read_text()
+CLASSES = next(text for text in re.findall(r"```python\n(.*?)```", README, re.S) if "class Boat" in text)
+HULL = next(text for text in re.findall(r"```xml\n(.*?)```", README, re.S) if 'model="boat"' in text)
+SYSTEM = """
+from sim.systems import System
+
+BOAT = System(
+    name="boat",
+    dynamics=lambda settings: Boat(),
+    steering=lambda problem: GroundTrack(),
+    R=2 * np.eye(2),
+    heeds=(),
+)
+"""
+BOAT = ("slit", "--robot", "boat.xml", "--system", "moor:BOAT", "--vertices", "100", "--samples", "20")
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def moor(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the boat's hull, and a module with its classes and its system."""
+    folder = tmp_path_factory.mktemp("moor")
+    (folder / "boat.xml").write_text(HULL)
+    (folder / "moor.py").write_text(CLASSES[: CLASSES.index("loaded = load(")] + SYSTEM)
+    return folder
+
+
+def call(folder: Path, *words: str, status: int = 0) -> str:
+    """What a command in that folder prints."""
+    done = subprocess.run(
+        [sys.executable, *words], cwd=folder, capture_output=True, text=True, timeout=400, env=environment()
+    )
+    assert done.returncode == status, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stdout
+
+
+def told(folder: Path, *words: str, status: int = 0) -> dict:
+    """The JSON of a command."""
+    call(folder, "-m", "sim.cli", *words, "--json", "told.json", status=status)
+    found: dict = json.loads((folder / "told.json").read_text())
+    return found
+
+
+def test_the_system_takes_about_ten_lines():
+    assert len([line for line in SYSTEM.splitlines() if line.strip()]) <= 10
+
+
+def test_a_boat_is_planned_for(moor):
+    found = told(moor, "plan", *BOAT)
+    assert found["robot"] == "boat"
+    assert sorted(one["id"] for one in found["classes"]) == ["-1,0", "0,0", "0,1"]
+
+
+def test_a_boat_drives_and_is_recorded(moor):
+    found = told(moor, "run", *BOAT, "--max-time", "0.1", "--record", "boat.rrd", status=1)
+    assert (found["outcome"], found["steps"]) == ("timeout", 10)
+    assert found["lambda"] == pytest.approx(2 * 0.1**2)
+    assert (moor / "boat.rrd").stat().st_size > 10_000
+
+
+def test_a_boats_control_makes_up_for_the_current(moor):
+    found = told(moor, "estimate", *BOAT, "--at", "1", "2.5", "--samples", "200")
+    (control,) = found["control"]
+    assert control[0] > 0.8
+    assert control[1] == pytest.approx(-0.2, abs=0.3)
+
+
+def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(moor):
+    words = ("--max-time", "0.03", "--seeds", "0:2", "--jobs", "2", "-o", "runs")
+    rows = told(moor, "sweep", *BOAT, *words)
+    assert [row["outcome"] for row in rows] == ["timeout"] * 2
+    assert [row["error"] for row in rows] == [None] * 2
+    assert json.loads((moor / "runs" / "manifest.json").read_text())["settings"]["system"] == "moor:BOAT"
+    words = [word for word in ("sweep", *BOAT, *words) if word not in ("--system", "moor:BOAT")]
+    done = subprocess.run(
+        [sys.executable, "-m", "sim.cli", *words], cwd=moor, capture_output=True, text=True, env=environment()
+    )
+    assert done.returncode == 2
+    assert "was made with --system moor:BOAT and this sweep is without --system" in done.stderr
+
+
+def test_a_boat_is_an_environment(moor):
+    pytest.importorskip("gymnasium")
+    code = (
+        "import gymnasium, sim.gym\n"
+        "boat = gymnasium.make('pirrht/Scene-v0', scene='slit', robot='boat.xml', system='moor:BOAT')\n"
+        "x, _ = boat.reset(seed=1)\n"
+        "for _ in range(100): x, *_ = boat.step([0.0, 0.0])\n"
+        "print(*x)\n"
+    )
+    x = np.array([float(word) for word in call(moor, "-c", code).split()])
+    np.testing.assert_allclose(x, [1.0, 2.5 + 0.2 * 1.0], atol=4 * 0.1)  # drifts for a second
+    assert x[1] != 2.5
