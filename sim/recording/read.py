@@ -1,4 +1,4 @@
-"""Recordings read back: the rows that `step_row.columns` wrote, whether it is whole or breaks off."""
+"""Recordings read back: the rows that `components.columns` wrote, whether it is whole or breaks off."""
 
 from __future__ import annotations
 

@@ -1,22 +1,17 @@
-"""A control step in a recording, and the numbers that are kept of it at `/steps`: those that `columns.py` names."""
+"""A control step as a recording sees it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from math import inf
-from typing import Any
 
 import numpy as np
-import rerun as rr
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
 from sim.drive.episode import Frame
 from sim.drive.truth import Truth
-from sim.recording.columns import Column, components
 
 Edges = tuple[Array, Array]  # ends (k, 2, 3) [m, m, turns] and heights of their middles (k,) [turns]
 
@@ -92,20 +87,3 @@ class Row:
             news=news,
             growth=growth,
         )
-
-
-def columns(rows: Sequence[Row]) -> list[Any]:
-    """All components of some steps; step and time are their index."""
-    return [part for name, column in components().items() for part in _component(name, column, rows)]
-
-
-def _component(name: str, column: Column, rows: Sequence[Row]) -> Iterable[Any]:
-    """One named component with any number of values per step."""
-    assert column.values is not None
-    texts = column.kind is str
-    values = [[v if texts else float(v) for v in column.values(row)] for row in rows]
-    flat = list(chain.from_iterable(values))
-    if not flat:
-        return ()
-    parts: Iterable[Any] = rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in values])
-    return parts
