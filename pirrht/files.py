@@ -3,37 +3,118 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 from pirrht.errors import OptionError
+
+SHOWN = 40  # characters of a file's name that its draft bears: two such names and an ending fit any file system
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draft:
+    """A file beside another one, whose place it takes when it is complete; links are followed.
+
+    Raises:
+        OSError: whatever the system has against it.
+    """
+
+    handle: int  # open for writing
+    file: Path
+    target: Path
+
+    @classmethod
+    def beside(cls, path: Path) -> Draft:
+        """A new, empty one for a path."""
+        target = target_of(path)
+        handle, name = tempfile.mkstemp(prefix=f".{target.name[:SHOWN]}.", suffix=".part", dir=target.parent)
+        return cls(handle=handle, file=Path(name), target=target)
+
+    def publish(self) -> None:
+        """Take the target's place, with its permissions or, if there is none, those of any new file."""
+        try:
+            mode = stat.S_IMODE(os.stat(self.target).st_mode)
+        except FileNotFoundError:
+            mode = 0o666 & ~_umask()
+        os.chmod(self.file, mode)
+        os.replace(self.file, self.target)
+
+    def discard(self) -> None:
+        """Remove it, unless it has been published."""
+        with suppress(OSError):
+            os.unlink(self.file)
 
 
 @contextmanager
 def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
     """A stream whose content becomes that of a file; an old file stays until then, and if anything goes wrong.
 
+    What is no regular file, such as /dev/null or a pipe, and what standard output goes to are written straight to,
+    in one go at the end.
+
     Raises:
         OptionError: it cannot be written; names the option.
     """
-    part = None
     try:
-        handle, part = tempfile.mkstemp(prefix=path.name, suffix=".part", dir=path.resolve().parent)
-        with os.fdopen(handle, "wb") as stream:
+        with (_poured if takes_as_it_comes(path) else _beside)(path) as stream:
             yield stream
-        os.chmod(part, 0o666 & ~_umask())
-        os.replace(part, path)
-        part = None
     except OSError as error:
-        raise OptionError(f"{option} {path}: {error.strerror or error}; choose another place") from None
+        raise OptionError(f"{option} {shown(path)}: {error.strerror or error}; choose another place") from None
+
+
+def target_of(path: Path) -> Path:
+    """Where a path leads, whether there is a file or not; symbolic links are followed."""
+    return Path(os.path.realpath(path))
+
+
+def takes_as_it_comes(path: Path) -> bool:
+    """Whether nothing can take a path's place: a device, a pipe, or the file behind this process' output."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return False
+    return not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)) or _output(found) is not None
+
+
+def shown(path: Path) -> str:
+    """A path as text that any terminal takes, whatever bytes it is made of."""
+    return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+@contextmanager
+def _beside(path: Path) -> Iterator[BinaryIO]:
+    draft = Draft.beside(path)
+    try:
+        with os.fdopen(draft.handle, "wb") as stream:
+            yield stream
+        draft.publish()
     finally:
-        if part is not None:
-            with suppress(OSError):
-                os.unlink(part)
+        draft.discard()
+
+
+@contextmanager
+def _poured(path: Path) -> Iterator[BinaryIO]:
+    with tempfile.TemporaryFile() as stream:  # content that is written to and fro, and none if anything goes wrong
+        yield stream
+        stream.seek(0)
+        known = _output(os.stat(path))
+        with open(path, "wb") if known is None else os.fdopen(os.dup(known), "wb") as target:
+            shutil.copyfileobj(stream, target)
+
+
+def _output(found: os.stat_result) -> int | None:
+    """The descriptor of standard output or error if that is what was found: opening a file again would empty it."""
+    for known in (1, 2):
+        with suppress(OSError):
+            if os.path.samestat(found, os.fstat(known)):
+                return known
+    return None
 
 
 def _umask() -> int:

@@ -11,7 +11,7 @@ from pirrht import Controller, Dubins, FreeSpace, HomologyTree, Problem, Samplin
 from sim import episode
 from sim.executor import Executor
 from sim.mjcf import load
-from sim.recording.recorder import Recorder
+from sim.recording.recorder import Recorder, Sinks
 
 PERIOD = 0.1  # the plan is made anew this often [s]
 
@@ -39,7 +39,8 @@ def main() -> int:
     plant = Executor(loaded, problem, period=PERIOD)
     tally = episode.Tally(PERIOD)
     settings: dict[str, object] = {"noise": options.noise, "seed": options.seed}
-    with Recorder(loaded, space, tree, controller.path_integral, file=options.record, settings=settings) as recorder:
+    sinks = Sinks(file=options.record)
+    with Recorder(loaded, tree, controller.path_integral, sinks, settings=settings) as recorder:
         for frame in episode.run(plant, controller, loaded.scene.start, for_plant, max_time=60.0):
             recorder.log(frame, tally.add(frame))
 

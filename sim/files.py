@@ -1,37 +1,64 @@
-"""Output files: refused before any work is done, and replaced only once their new content is complete."""
+"""Output files, refused before any work is done; `pirrht.files.replaced` writes them once that is done."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+import stat
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pirrht.errors import OptionError
-from pirrht.files import replaced
+from pirrht.files import replaced, shown, takes_as_it_comes, target_of
 
 
 def check_writable(path: Path, option: str) -> None:
     """Refuse an output path before any work is done.
 
     Raises:
-        OptionError: the folder is missing or may not be written to, or the path is a folder.
+        OptionError: the name is none that the system takes, the folder is missing or may not be written to, or the
+            path is a folder or a disk.
     """
-    folder = path.resolve().parent
-    if path.is_dir():
-        raise OptionError(f"{option} {path} is a folder; give the path of a file")
-    if not folder.is_dir():
-        raise OptionError(f"{option} {path}: the folder {folder} does not exist; create it first")
-    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-        raise OptionError(f"{option} {path} may not be written; choose another place or mend the permissions")
+    found = checked_name(path, option)
+    name = f"{option} {shown(path)}"
+    if found is not None and stat.S_ISDIR(found.st_mode):
+        raise OptionError(f"{name} is a folder; give the path of a file")
+    if found is not None and stat.S_ISBLK(found.st_mode):
+        raise OptionError(f"{name} is a disk; give the path of a file")
+    folder = target_of(path).parent
+    straight = takes_as_it_comes(path)
+    if not straight and not folder.is_dir():
+        raise OptionError(f"{name}: the folder {shown(folder)} does not exist; create it first")
+    if (not straight and not os.access(folder, os.W_OK)) or (found is not None and not os.access(path, os.W_OK)):
+        raise OptionError(f"{name} may not be written; choose another place or mend the permissions")
+
+
+def checked_name(path: Path, option: str) -> os.stat_result | None:
+    """What the system knows of a path, if anything.
+
+    Raises:
+        OptionError: the name is too long, not UTF-8 or leads nowhere.
+    """
+    try:
+        str(path).encode()
+        return os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except UnicodeEncodeError:
+        raise OptionError(f"{option} {shown(path)}: the name is not UTF-8; give one that is") from None
+    except (OSError, ValueError) as error:  # ValueError: a null character
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise OptionError(f"{option} {_short(path)}: {reason}; give another path") from None
 
 
 def write_json(path: Path, value: Any) -> None:
     """Write JSON so that the old file stays until the new one is complete."""
     text = json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
+    sys.stdout.flush()  # what was said before comes first where both go to one place
     with replaced(path, "--json") as stream:
         stream.write(text.encode())
 
@@ -49,3 +76,9 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def _short(path: Path) -> str:
+    """A path that fits a line, with its beginning and end."""
+    text = shown(path)
+    return text if len(text) <= 80 else f"{text[:40]}...{text[-30:]}"

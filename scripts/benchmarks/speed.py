@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks import planners, rollouts
 from benchmarks.timing import row
 
-from sim.recording.recorder import Recorder
+from sim.recording.recorder import Recorder, Sinks
 from sim.rehearsal import rehearse
 from sim.scenario import Scenario, prepare
 
@@ -70,14 +70,8 @@ def _drive(scenario: Scenario, seconds: float, record: Path | None) -> list[floa
     driver, timed = scenario.driver(tree), scenario.with_settings(max_time=seconds)
     recorder = None
     if record is not None:
-        recorder = Recorder(
-            scenario.loaded,
-            scenario.space,
-            tree,
-            driver.path_integral,
-            file=record,
-            settings={"scene": "benchmark"},
-        )
+        sinks, settings = Sinks(file=record), {"scene": "benchmark"}
+        recorder = Recorder(scenario.loaded, tree, driver.path_integral, sinks, settings=settings)
     spent = []
     for frame in timed.drive(timed.plant(), driver):
         began = time.perf_counter()

@@ -93,7 +93,9 @@ def plan(arguments: argparse.Namespace) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Plan, drive, record and sum up."""
     _check_outputs(arguments, "json", "record", "video", "png")
+    _sinks(arguments)
     scenario = _scenario(arguments)
+    _look(arguments, scenario)
     settings = scenario.settings
     optimal = settings.method == "optimal"
     film = _film(arguments, scenario)
@@ -206,7 +208,7 @@ def export(arguments: argparse.Namespace) -> int:
     engine.check_format(arguments.output)
     known = read.read(arguments.recording)
     columns = engine.table(known)
-    engine.write(arguments.output, columns, known.settings)
+    engine.write(arguments.output, columns, known)
     print(f"{arguments.output}: {len(known.steps)} control steps, {len(columns)} columns")
     if not known.whole:
         print(f"{arguments.recording} ends at {known.steps[-1][1]:.2f} s without an outcome; what it holds is exported")
@@ -280,26 +282,32 @@ def _state(at: list[float], scenario: Scenario) -> Array:
     return x
 
 
+def _sinks(arguments: argparse.Namespace) -> Any:
+    """Where a recording goes; refused before any work is done if that cannot be."""
+    from sim.recording.sinks import Sinks
+
+    sinks = Sinks(file=arguments.record, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
+    sinks.check()
+    return sinks
+
+
+def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
+    """What a recording shows; refused before the plan if the scene has no such obstacle."""
+    from sim.recording.look import Look
+
+    samples, lift = arguments.record_samples, arguments.record_lift
+    look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
+    look.check(scenario.space)
+    return look
+
+
 def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any) -> Any:
-    if not (arguments.record or arguments.connect or arguments.view or arguments.serve):
+    sinks, look = _sinks(arguments), _look(arguments, scenario)
+    if not sinks:
         return None
     from sim.recording.recorder import Recorder
 
-    recorder = Recorder(
-        scenario.loaded,
-        scenario.space,
-        tree,
-        path_integral,
-        file=arguments.record,
-        connect=arguments.connect,
-        view=arguments.view,
-        serve=arguments.serve,
-        hz=arguments.record_hz,
-        samples=arguments.record_samples,
-        truth=arguments.truth,
-        lift=arguments.record_lift,
-        settings=settings_json(scenario),
-    )
+    recorder = Recorder(scenario.loaded, tree, path_integral, sinks, look, settings=settings_json(scenario))
     if recorder.server is not None:
         print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
     return recorder

@@ -10,6 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.files import replaced
 from pirrht.geometry.scene import Obstacle
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree, Reference
@@ -159,10 +160,10 @@ def _surface(kind: str, size: Array) -> Array:
 
 
 def _save(plt: Any, figure: Any, path: Path, option: str) -> None:
+    """Write a figure whole or not at all, in the format of the file's ending."""
     try:
-        figure.savefig(path, dpi=150, bbox_inches="tight")
-    except (OSError, ValueError) as error:
-        raise OptionError(f"{option} {path}: {error}; give a file that ends in .png, .pdf or .svg") from None
+        with replaced(path, option) as stream:
+            figure.savefig(stream, format=path.suffix[1:].lower(), dpi=150, bbox_inches="tight")
     finally:
         plt.close(figure)
 

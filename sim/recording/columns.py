@@ -1,55 +1,136 @@
-"""The table that `pirrht export` makes of a recording: its columns, their units and what they mean."""
+"""What is kept of every control step: one table from which recordings are written, exported and explained.
+
+A row of it is a column of the table that `pirrht export` makes: what a step has to say there, and the component at
+`/steps` of a recording that holds it. To keep one more number of every step is to add one row here.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sim.recording.step_row import Row
+
+Values = Callable[["Row"], Iterable[Any]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Column:
     """A column, or several of one kind."""
 
     name: str  # in the table; K stands for 1, 2, ... and ID for a class
     unit: str
     text: str
+    values: Values | None = None  # of a step, none where it has none; None: it follows from something else
+    component: str = ""  # that holds them; by default the name up to K or ID
+    at: int = 0  # place of the first value that belongs here
+    kind: type[float] | type[int] | type[str] = float
+    optional: bool = False  # whether the column is left out where no step has a value
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "component", self.component or re.split("_K|:ID", self.name)[0])
+
+    @property
+    def many(self) -> bool:
+        """Whether it stands for one column per number K."""
+        return self.name.endswith("_K")
+
+    @property
+    def by_class(self) -> bool:
+        """Whether it stands for one column per class."""
+        return self.name.endswith(":ID")
+
+    def describes(self, name: str) -> bool:
+        """Whether a column of the table is of this kind."""
+        return re.fullmatch(self.name.replace("_K", r"_\d+").replace(":ID", ":.+"), name) is not None
+
+
+def _end(r: Row) -> Iterable[float]:
+    """Where the drive ended; where any other step ended is where the next one began."""
+    return r.states[-1] if r.outcome is not None and len(r.states) else ()
 
 
 COLUMNS = (
-    Column(name="step", unit="1", text="number of the control step, from 0"),
-    Column(name="time", unit="s", text="simulated time at its start"),
-    Column(name="duration", unit="s", text="simulated time it took"),
-    Column(name="x", unit="m", text="position at its start"),
-    Column(name="y", unit="m", text="position at its start"),
-    Column(name="heading", unit="rad", text="heading of a car at its start, counter-clockwise from x"),
-    Column(name="control_K", unit="m/s or 1", text="u at its start: velocity of a point, steering of a car"),
-    Column(name="noise_K", unit="sqrt(s)", text="sum of the Brownian increments over the step"),
-    Column(name="end_x", unit="m", text="position at its end"),
-    Column(name="end_y", unit="m", text="position at its end"),
-    Column(name="end_heading", unit="rad", text="heading of a car at its end"),
-    Column(name="cost", unit="cost", text="integral of q + u'Ru/2 from the start of the drive to the end of the step"),
-    Column(name="length", unit="m", text="driven up to the end of the step, without the path's noise (path_length)"),
-    Column(name="clearance", unit="m", text="room around the robot at the start of the step"),
-    Column(name="value", unit="cost", text="estimate of v = -lambda log psi; infinite if no sample survived"),
-    Column(name="value_error", unit="cost", text="its standard error; 0 if exact, infinite if unknown"),
-    Column(name="control_error_K", unit="m/s or 1", text="standard error of u; 0 if exact, infinite if unknown"),
-    Column(name="doubtful", unit="1", text="1 where v and u rest on fewer than 10 effective samples"),
-    Column(name="exact_value", unit="cost", text="v, solved for on a grid (`run --truth`)"),
-    Column(name="exact_control_K", unit="m/s or 1", text="the optimal control u* (`run --truth`)"),
-    Column(name="weight:ID", unit="1", text="share of psi of a homology class; NaN if no sample survived"),
-    Column(name="ess:ID", unit="1", text="effective sample size of a homology class"),
-    Column(name="vertices", unit="1", text="of the tree that the plan was made with"),
-    Column(name="plan_ms", unit="ms", text="wall time of the plan"),
-    Column(name="outcome", unit="", text="goal, collision or timeout in the last row, empty before"),
+    Column("step", "1", "number of the control step, from 0", kind=int),
+    Column("time", "s", "simulated time at its start"),
+    Column("duration", "s", "simulated time it took", lambda r: [r.duration]),
+    Column("x", "m", "position at its start", lambda r: r.state, "state", 0),
+    Column("y", "m", "position at its start", lambda r: r.state, "state", 1),
+    Column("heading", "rad", "heading of a car at its start, counter-clockwise from x", lambda r: r.state, "state", 2),
+    Column("state_K", "", "entry K of the state at its start, from 4", lambda r: r.state, "state", 3),
+    Column("control_K", "m/s or 1", "u at its start: velocity of a point, steering of a car", lambda r: r.control),
+    Column("noise_K", "sqrt(s)", "sum of the Brownian increments over the step", lambda r: r.noise.sum(axis=0)),
+    Column("end_x", "m", "position at its end", _end, "end", 0),
+    Column("end_y", "m", "position at its end", _end, "end", 1),
+    Column("end_heading", "rad", "heading of a car at its end", _end, "end", 2),
+    Column("end_state_K", "", "entry K of the state at its end, from 4", _end, "end", 3),
+    Column(
+        "cost", "cost", "integral of q + u'Ru/2 from the start of the drive to the end of the step", lambda r: [r.cost]
+    ),
+    Column(
+        "length",
+        "m",
+        "driven up to the end of the step, without the path's noise (path_length)",
+        lambda r: [r.length],
+    ),
+    Column("clearance", "m", "room around the robot at the start of the step", lambda r: [r.clearance]),
+    Column("value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", lambda r: [r.value]),
+    Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", lambda r: [r.value_error]),
+    Column(
+        "control_error_K",
+        "m/s or 1",
+        "standard error of u; 0 if exact, infinite if unknown",
+        lambda r: r.control_error,
+    ),
+    Column(
+        "doubtful", "1", "1 where v and u rest on fewer than 10 effective samples", lambda r: [r.doubtful], kind=int
+    ),
+    Column(
+        "exact_value",
+        "cost",
+        "v, solved for on a grid (`run --truth`)",
+        lambda r: [] if r.truth is None else [r.truth.value],
+        optional=True,
+    ),
+    Column(
+        "exact_control_K",
+        "m/s or 1",
+        "the optimal control u* (`run --truth`)",
+        lambda r: [] if r.truth is None else r.truth.control,
+        optional=True,
+    ),
+    Column(
+        "weight:ID",
+        "1",
+        "share of psi of a homology class; NaN if no sample survived",
+        lambda r: r.weights.values(),
+        "weights",
+    ),
+    Column("ess:ID", "1", "effective sample size of a homology class", lambda r: r.sizes.values()),
+    Column("vertices", "1", "of the tree that the plan was made with", lambda r: [r.vertices], kind=int),
+    Column("plan_ms", "ms", "wall time of the plan"),
+    Column(
+        "outcome",
+        "",
+        "goal, collision or timeout in the last row, empty before",
+        lambda r: [] if r.outcome is None else [r.outcome.name.lower()],
+        kind=str,
+    ),
 )
+CLASSES = Column("classes", "", "ids of the classes that weights and sizes belong to", lambda r: r.weights, kind=str)
+
+
+def components() -> dict[str, Column]:
+    """What is written at `/steps`: of each component one of its columns."""
+    return {c.component: c for c in (CLASSES, *COLUMNS) if c.values is not None}
 
 
 def described(name: str) -> Column:
     """The description of a column of the table."""
-    for column in COLUMNS:
-        if re.fullmatch(column.name.replace("_K", r"_\d+").replace(":ID", ":.+"), name):
-            return column
-    return Column(name=name, unit="", text="")
+    return next((c for c in COLUMNS if c.describes(name)), Column(name, "", ""))
 
 
 def explained() -> str:

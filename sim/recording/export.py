@@ -1,4 +1,7 @@
-"""A drive as a table for other tools: Parquet or NumPy, with the columns that `columns.py` describes."""
+"""A drive as a table for other tools: Parquet or NumPy, with the columns that `columns.py` describes.
+
+Columns of a class bear its title, as all tables and pictures do; the class' whole id is in the column's description.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.files import replaced
-from sim.recording.columns import described
+from pirrht.files import replaced, shown
+from sim.drawing.colors import title
+from sim.recording.columns import CLASSES, COLUMNS, Column, described
 from sim.recording.read import Cells, Recording
 
 FORMATS = (".parquet", ".npz")
@@ -27,85 +31,101 @@ def check_format(file: Path) -> None:
         OptionError: with the endings that are known.
     """
     if file.suffix not in FORMATS:
-        raise OptionError(f"--output {file}: the ending must be one of {', '.join(FORMATS)}")
+        raise OptionError(f"--output {shown(file)}: the ending must be one of {', '.join(FORMATS)}")
 
 
 def table(recording: Recording) -> Table:
     """The columns of a recording by name, each with one entry per control step."""
-    cells = [row for _, _, row in recording.steps]
-    columns: Table = {
-        "step": np.array([step for step, _, _ in recording.steps]),
-        "time": np.array([time for _, time, _ in recording.steps]),
-        **_scalar("duration", cells),
-        **_places("", np.array([row["state"] for row in cells])),
-        **_vector("control", cells),
-        **_vector("noise", cells),
-        **_places("end_", _ends(cells)),
-    }
-    for name in ("cost", "length", "clearance", "value", "value_error"):
-        columns |= _scalar(name, cells)
-    columns |= _vector("control_error", cells)
-    columns["doubtful"] = np.array([int(row.get("doubtful", [0])[0]) for row in cells])
-    if all("exact_value" in row for row in cells):
-        columns |= {**_scalar("exact_value", cells), **_vector("exact_control", cells)}
-    columns |= {**_by_class("weight", "weights", cells), **_by_class("ess", "ess", cells)}
-    columns["vertices"] = np.array([int(row.get("vertices", [0])[0]) for row in cells])
-    columns["plan_ms"] = np.array([recording.plan_ms.get(step, nan) for step, _, _ in recording.steps])
-    columns["outcome"] = np.array([(row.get("outcome") or [""])[0] for row in cells])
+    columns: Table = {}
+    for column in COLUMNS:
+        columns |= _expanded(column, recording)
     return columns
 
 
-def write(file: Path, columns: Table, settings: dict[str, Any]) -> None:
-    """Write a table with its description; the ending of the file tells the format.
+def write(file: Path, columns: Table, recording: Recording) -> None:
+    """Write the table of a recording with its description; the ending of the file tells the format.
 
     Raises:
         OptionError: the file cannot be written.
     """
+    ids = {title(name): name for name in recording.classes}
+    about = {name: _about(name, ids) for name in columns}
     with replaced(file, "--output") as stream:
         if file.suffix == ".npz":
-            about = {name: {"unit": described(name).unit, "text": described(name).text} for name in columns}
-            notes = json.dumps({"settings": settings, "columns": about})
+            notes = json.dumps({"settings": recording.settings, "columns": about})
             arrays: dict[str, Any] = {**columns, "about": np.array(notes)}
             np.savez_compressed(stream, **arrays)
         else:
-            _write_parquet(stream, columns, settings)
+            _write_parquet(stream, columns, about, recording.settings)
 
 
-def _write_parquet(stream: Any, columns: Table, settings: dict[str, Any]) -> None:
+def _about(name: str, ids: dict[str, str]) -> dict[str, str]:
+    """Unit and meaning of a column, and the class that it belongs to."""
+    column = described(name)
+    known = {"unit": column.unit, "text": column.text}
+    return {**known, "class": ids[name.partition(":")[2]]} if column.by_class else known
+
+
+def _write_parquet(stream: Any, columns: Table, about: dict[str, dict[str, str]], settings: dict[str, Any]) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     fields = []
     for name, values in columns.items():
-        about = {"unit": described(name).unit, "description": described(name).text}
-        fields.append(pa.field(name, pa.array(values).type, metadata=about))
+        notes = {"description" if key == "text" else key: text for key, text in about[name].items()}
+        fields.append(pa.field(name, pa.array(values).type, metadata=notes))
     schema = pa.schema(fields, metadata={"pirrht": json.dumps(settings)})
     pq.write_table(pa.table(dict(columns), schema=schema), stream, compression="zstd")
 
 
-def _scalar(name: str, cells: list[Cells]) -> Table:
-    return {name: np.array([row[name][0] for row in cells])}
+def _expanded(column: Column, recording: Recording) -> Table:
+    """A column, or those that it stands for."""
+    if column.values is None:
+        return {column.name: _index(column.name, recording)}
+    if column.by_class:
+        return _by_class(column, recording)
+    rows = _cells(column, recording)
+    width = max(map(len, rows)) - column.at
+    if not column.many:
+        return {column.name: _filled(column, rows, column.at)} if width > 0 or _always(column) else {}
+    first = column.at + 1
+    stem = column.name.removesuffix("K")
+    return {f"{stem}{first + k}": _filled(column, rows, column.at + k) for k in range(width)}
 
 
-def _vector(name: str, cells: list[Cells]) -> Table:
-    values = np.array([row[name] for row in cells])
-    return {f"{name}_{k + 1}": values[:, k] for k in range(values.shape[1])}
+def _index(name: str, recording: Recording) -> Array:
+    """What a recording tells beside its components."""
+    if name == "step":
+        return np.array([step for step, _, _ in recording.steps])
+    if name == "time":
+        return np.array([time for _, time, _ in recording.steps])
+    return np.array([recording.plan_ms.get(step, nan) for step, _, _ in recording.steps])
 
 
-def _places(prefix: str, states: Array) -> Table:
-    """Positions and headings, and what else a state has."""
-    names = ["x", "y", "heading", *(f"state_{k}" for k in range(4, states.shape[1] + 1))]
-    return {f"{prefix}{names[k]}": states[:, k] for k in range(states.shape[1])}
+def _cells(column: Column, recording: Recording) -> list[list[Any]]:
+    """What each step has of a column's component."""
+    cells: list[Cells] = [row for _, _, row in recording.steps]
+    unknown = [nan] * len(cells[-1].get("state") or [])
+    if column.component != "end":
+        return [row.get(column.component) or [] for row in cells]
+    return [*(row.get("state") or [] for row in cells[1:]), cells[-1].get("end") or unknown]
 
 
-def _ends(cells: list[Cells]) -> Array:
-    """Where each step ended, which is where the next began."""
-    unknown = [nan] * len(cells[-1]["state"])
-    return np.array([*(row["state"] for row in cells[1:]), cells[-1].get("end") or unknown])
+def _always(column: Column) -> bool:
+    """Whether the column is there even if no step has a value."""
+    return column.at == 0 and not column.optional
 
 
-def _by_class(column: str, component: str, cells: list[Cells]) -> Table:
+def _filled(column: Column, rows: list[list[Any]], at: int) -> Array:
+    missing = {float: nan, int: 0, str: ""}[column.kind]
+    return np.array([row[at] if len(row) > at else missing for row in rows], dtype=column.kind)
+
+
+def _by_class(column: Column, recording: Recording) -> Table:
     """A column for each class that was ever known; a class without samples has 0."""
-    named = [dict(zip(row.get("classes") or [], row.get(component) or [], strict=True)) for row in cells]
-    classes = list(dict.fromkeys(name for row in named for name in row))
-    return {f"{column}:{c}": np.array([row.get(c, 0.0) if row else nan for row in named]) for c in classes}
+    named = [
+        dict(zip(row.get(CLASSES.component) or [], row.get(column.component) or [], strict=True))
+        for _, _, row in recording.steps
+    ]
+    stem = column.name.removesuffix("ID")
+    return {f"{stem}{title(c)}": np.array([r.get(c, 0.0) if r else nan for r in named]) for c in recording.classes}

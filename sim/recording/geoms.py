@@ -21,7 +21,7 @@ def shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> dict[str, rr.AsComponents]:
-    """Chosen geoms (ngeom,) as they stand at zero joint positions: one archetype per kind, one per mesh."""
+    """Chosen geoms (ngeom,) as they stand at zero joint positions, by entity path: one per kind, one per mesh."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     drawn: dict[str, rr.AsComponents] = {}
@@ -34,7 +34,7 @@ def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> dict[str, rr.AsC
     if len(group := np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_CAPSULE))):
         drawn["capsules"] = _capsules(model, data, group)
     for geom in np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_MESH)):
-        drawn[f"mesh {geom}"] = _mesh(model, data, int(geom))
+        drawn[f"meshes/{_part(model, int(geom))}"] = _mesh(model, data, int(geom))
     return drawn
 
 
@@ -57,6 +57,12 @@ def _capsules(model: mujoco.MjModel, data: mujoco.MjData, group: Indices) -> rr.
     # Rerun's capsule begins at its lower cap's centre, MuJoCo's is centred.
     look["translations"] = look.pop("centers") - axis * size[:, 1:2]
     return rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], fill_mode="solid", **look)
+
+
+def _part(model: mujoco.MjModel, geom: int) -> str:
+    """A geom as part of an entity path: its number, which tells it from all others, and its name."""
+    part: str = rr.escape_entity_path_part(f"{geom} {model.geom(geom).name}".strip())
+    return part
 
 
 def _mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> rr.AsComponents:

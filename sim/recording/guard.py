@@ -11,16 +11,26 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
+from types import FrameType
 
-PATIENCE = 5.0  # what a command gets to end by itself [s]
+PATIENCE = 0.5  # what a command gets to end by itself [s]; a server has nothing to save
 
 
 def main(command: list[str]) -> int:
     """Run the command; its exit status."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who holds the other end of the pipe decides
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+
+    def stop(*_: int | FrameType | None) -> None:
+        end(process)
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who holds the other end of the pipe decides
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), stop)
     threading.Thread(target=_end_with_input, args=[process], daemon=True).start()
-    return process.wait()
+    status = process.wait()
+    end(process, signal.SIGKILL)  # whatever it has started and left behind
+    return status
 
 
 def end(process: subprocess.Popen[bytes], how: int = signal.SIGTERM) -> None:

@@ -15,7 +15,7 @@ BACKGROUND = (20, 22, 26)
 def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     """Three tabs: Drive, Why and, if there is a tree, Tree; `live` has the time cursor follow the data."""
     scene = subject.space.scene
-    tabs = [_drive(scene), _why(truth=subject.truth)]
+    tabs = [_drive(scene), _why(truth=subject.look.truth)]
     if subject.lifted:
         views = [_tree(scene, path, title, subject.turn) for _, path, title in subject.lifted]
         tabs.append(rrb.Horizontal(*views, name="Tree"))

@@ -38,14 +38,14 @@ class Pictures:
         tape = at_most(strokes.ahead(plan, self._subject.path_integral.problem), REFERENCE_POINTS)
         self._log("/world/tape", rr.LineStrips3D(lift(tape, 0.07)[None]))
         found: dict[str, strokes.Fan] = {}
-        if plan.estimate is not None and self._subject.samples != "none":
+        if plan.estimate is not None and self._subject.look.samples != "none":
             homology = self._subject.space.homology
             found = strokes.fans(
                 self._subject.path_integral,
                 plan.estimate,
                 {homology.key(r.winding): name for r, name in zip(plan.references, plan.ids, strict=True)},
                 points=self._room(plan),
-                everything=self._subject.samples == "all",
+                everything=self._subject.look.samples == "all",
             )
         for name in sorted(self._fans - found.keys()):
             self._log(_fan_path(name), rr.LineStrips3D(np.zeros((0, 2, 3), np.float32)))

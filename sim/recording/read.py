@@ -1,8 +1,9 @@
-"""Recordings read back: the rows that `steps.columns` wrote, whether the recording is whole or breaks off anywhere."""
+"""Recordings read back: the rows that `components.columns` wrote, whether it is whole or breaks off."""
 
 from __future__ import annotations
 
 import os
+import stat
 import subprocess
 import sys
 import tempfile
@@ -15,7 +16,9 @@ from typing import Any
 from rerun.chunk import RrdReader
 
 from pirrht.errors import OptionError
-from pirrht.files import MISSING, why_unreadable
+from pirrht.files import shown
+from sim.files import checked_name
+from sim.recording.columns import CLASSES
 
 STEPS, TIMING, SETTINGS = "/steps", "/timing/plan", "/__properties/run"
 
@@ -31,6 +34,11 @@ class Recording:
     plan_ms: dict[int, float]  # wall time of a step's plan [ms]
 
     @property
+    def classes(self) -> list[str]:
+        """Ids of the classes that were ever known, in order of their appearance."""
+        return list(dict.fromkeys(name for _, _, row in self.steps for name in row.get(CLASSES.component) or ()))
+
+    @property
     def whole(self) -> bool:
         """Whether the drive was recorded to its end."""
         return bool(self.steps[-1][2].get("outcome"))
@@ -42,9 +50,7 @@ def read(file: Path) -> Recording:
     Raises:
         OptionError: the file is not there, is no recording, or holds no drive or several.
     """
-    why = why_unreadable(file)
-    if why is not None:
-        raise OptionError(f"{file}: {'no such file' if why == MISSING else why}; name a recording, FILE.rrd")
+    _check_readable(file)
     settings: dict[str, Any] = {}
     written: dict[int, tuple[float, Cells]] = {}
     early: dict[int, tuple[float, Cells]] = {}
@@ -66,6 +72,17 @@ def read(file: Path) -> Recording:
     if not known:
         raise OptionError(f"{file}: holds no control steps; name a recording made by `pirrht run --record`")
     return Recording(settings=settings, steps=[(step, *known[step]) for step in sorted(known)], plan_ms=plan_ms)
+
+
+def _check_readable(file: Path) -> None:
+    found = checked_name(file, "recording")
+    if found is None:
+        raise OptionError(f"{shown(file)}: no such file; name a recording, FILE.rrd")
+    if not stat.S_ISREG(found.st_mode):
+        what = "a folder" if stat.S_ISDIR(found.st_mode) else "not a file"
+        raise OptionError(f"{shown(file)}: {what}; name a recording, FILE.rrd")
+    if not os.access(file, os.R_OK):
+        raise OptionError(f"{shown(file)} may not be read; mend its permissions")
 
 
 def _rows(table: Cells) -> Iterator[tuple[int, float, Cells]]:

@@ -7,6 +7,7 @@ import json
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import version
 
 import numpy as np
@@ -21,6 +22,7 @@ from sim.drawing.colors import DRIVEN
 from sim.drawing.strokes import lift, packed
 from sim.mjcf import Loaded
 from sim.recording import geoms
+from sim.recording.look import Look
 
 TREE_EDGES = 20000
 TREES = 2  # lifted trees shown, one per obstacle
@@ -34,18 +36,28 @@ OPTIMUM = (150, 235, 60)
 Log = Callable[[str, rr.AsComponents], None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Subject:
     """What a recording is about; fixed before the drive."""
 
     loaded: Loaded
-    space: FreeSpace
     tree: HomologyTree | None
     path_integral: PathIntegral
-    samples: str  # "all", "some" or "none"
+    look: Look
     settings: Mapping[str, object]
-    truth: bool = False  # whether its steps come with the optimal control
-    lift: tuple[int, ...] = ()  # obstacles, from 0, whose H lifts a tree
+
+    @property
+    def space(self) -> FreeSpace:
+        """Where the drive takes place."""
+        return self.path_integral.space
+
+    @cached_property
+    def lift(self) -> tuple[int, ...]:
+        """Obstacles, from 0, whose H lifts a tree."""
+        if self.look.lift is not None:
+            return tuple(dict.fromkeys(k - 1 for k in self.look.lift))
+        problem = self.path_integral.problem
+        return () if self.tree is None else telling(self.tree, problem.dynamics.state_of(problem.scene.start))
 
     @property
     def name(self) -> str:
@@ -56,7 +68,8 @@ class Subject:
     @property
     def application(self) -> str:
         """The same for recordings that are laid out alike."""
-        parts = ("pirrht", self.space.scene.name, *("truth" for _ in range(self.truth)), *(k + 1 for k in self.lift))
+        truth = ("truth",) if self.look.truth else ()
+        parts = ("pirrht", self.space.scene.name, *truth, *(k + 1 for k in self.lift))
         return " ".join(str(part) for part in parts)
 
     @property
@@ -94,7 +107,7 @@ def stage(subject: Subject, log: Log) -> None:
     ):
         for name, solid in geoms.solids(model, mask).items():
             log(f"{folder}/{name}", solid)
-    log("/world/robot", _arrows(truth=subject.truth))
+    log("/world/robot", _arrows(truth=subject.look.truth))
     log("/world/tape", rr.LineStrips3D.from_fields(colors=[CONTROL], radii=[0.01]))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
     log(
@@ -167,7 +180,7 @@ def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
 
 def _legend(subject: Subject) -> str:
     """What the colours and lines of the drive mean, and the settings, in Markdown."""
-    optimum = "\n\n**Green arrow**: the optimal control, solved for on a grid." if subject.truth else ""
+    optimum = "\n\n**Green arrow**: the optimal control, solved for on a grid." if subject.look.truth else ""
     rows = "\n".join(f"| {name} | {_text(value)} |" for name, value in properties(subject.settings).items())
     return f"""\
 **Thick lines**: the best path of each homology class, with its share of the weight.

@@ -1,22 +1,11 @@
-"""A control step in a recording, and the numbers that are kept of it at `/steps`.
-
-At its start: state [m, m, rad], control, clearance [m], vertices of the tree, value, value_error and control_error
-(one standard error), doubtful (1 where the plan rests on fewer than 10 effective samples), where a grid was solved
-exact_value and exact_control, and class by class in the same order classes (ids and "other"), weights, ess. Over it:
-duration [s], noise (sum of the Brownian increments) [sqrt(s)]. Up to its end: cost, length [m]. The last one has the
-state where the drive ended, and the outcome. `columns.py` has them as a table.
-"""
+"""A control step as a recording sees it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from math import inf
-from typing import Any
 
 import numpy as np
-import rerun as rr
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
@@ -98,44 +87,3 @@ class Row:
             news=news,
             growth=growth,
         )
-
-
-def columns(rows: Sequence[Row]) -> list[Any]:
-    """The table's columns for some steps; step and time are its index."""
-    truths = [r.truth for r in rows if r.truth is not None]
-    return [
-        *_values(state=[r.state for r in rows]),
-        *_values(control=[r.control for r in rows]),
-        *_values(noise=[r.noise.sum(axis=0) for r in rows]),
-        *_values(duration=[r.duration for r in rows]),
-        *_values(cost=[r.cost for r in rows]),
-        *_values(length=[r.length for r in rows]),
-        *_values(clearance=[r.clearance for r in rows]),
-        *_values(vertices=[r.vertices for r in rows]),
-        *_values(value=[r.value for r in rows]),
-        *_values(value_error=[r.value_error for r in rows]),
-        *_values(control_error=[r.control_error for r in rows]),
-        *_values(doubtful=[r.doubtful for r in rows]),
-        *_ragged("classes", [list(r.weights) for r in rows]),
-        *_ragged("weights", [list(r.weights.values()) for r in rows]),
-        *_ragged("ess", [list(r.sizes.values()) for r in rows]),
-        *(_values(exact_value=[t.value for t in truths]) if truths else ()),
-        *(_values(exact_control=[t.control for t in truths]) if truths else ()),
-        *_ragged("end", [r.states[-1].tolist() if r.outcome is not None and len(r.states) else [] for r in rows]),
-        *_ragged("outcome", [[] if r.outcome is None else [r.outcome.name.lower()] for r in rows]),
-    ]
-
-
-def _values(**named: Sequence[Any]) -> Iterable[Any]:
-    """One named component with equally many numbers per step."""
-    ((name, rows),) = named.items()
-    return _ragged(name, np.asarray(rows, dtype=float).reshape(len(rows), -1).tolist())
-
-
-def _ragged(name: str, rows: Sequence[list[Any]]) -> Iterable[Any]:
-    """One named component with any number of values per step."""
-    flat = list(chain.from_iterable(rows))
-    if not flat:
-        return ()
-    columns: Iterable[Any] = rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in rows])
-    return columns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,9 @@ class Stream:
 
     def __init__(self, application: str, recording_id: str, *, orderly: bool) -> None:
         self._orderly = orderly
-        self._stream = rr.RecordingStream(
-            application,
-            recording_id=recording_id,
-            send_properties=False,  # they would hold the wall time
-            batcher_config=rr.ChunkBatcherConfig.NEVER(),  # chunks end where we say, not where a clock does
-        )
+        # Ctrl-C strikes the main thread, and half a stream cannot be let go of without a complaint of Rerun's.
+        with ThreadPoolExecutor(1) as aside:
+            self._stream = aside.submit(_native, application, recording_id).result()
         self._stream.set_log_time_enabled(False)
 
     def save(self, file: Path, blueprint: rrb.Blueprint) -> None:
@@ -75,6 +73,15 @@ class Stream:
         # Chunks that wait together leave in any order; a flush in between, not waited for, keeps theirs.
         if self._orderly:
             self._stream.flush(timeout_sec=0)
+
+
+def _native(application: str, recording_id: str) -> rr.RecordingStream:
+    return rr.RecordingStream(
+        application,
+        recording_id=recording_id,
+        send_properties=False,  # they would hold the wall time
+        batcher_config=rr.ChunkBatcherConfig.NEVER(),  # chunks end where we say, not where a clock does
+    )
 
 
 def forget_lost_viewers() -> None:

@@ -13,15 +13,18 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
+
+import rerun_cli
 
 from pirrht.errors import OptionError
 from sim.recording import guard
 
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
 EXAMPLE = "rerun+http://127.0.0.1:9876/proxy"
-RERUN = (sys.executable, "-m", "rerun", "--bind", "127.0.0.1")
+RERUN = (sys.executable, "-m", "rerun_cli", "--bind", "127.0.0.1")
 DATA_PORT, WEB_PORT = 9876, 9090  # of --serve, if they are free
 PATIENCE = 20.0  # how long a viewer or a server may take to come up [s]
 
@@ -42,14 +45,66 @@ def probe(url: str, *, timeout: float = 1.0) -> None:
         ) from None
 
 
+def check_installed(option: str) -> None:
+    """Make sure that Rerun's viewer is there.
+
+    Raises:
+        OptionError: it is not; names the option that asks for it.
+    """
+    name = "rerun.exe" if os.name == "nt" else "rerun"
+    bundled = Path(rerun_cli.__file__).with_name(name)
+    found = Path(os.environ.get("RERUN_CLI_PATH", bundled))
+    if sys.platform != "darwin" and not os.access(found, os.X_OK):
+        raise OptionError(f"{option}: there is no viewer at {found}; install rerun-sdk anew, or use --record FILE.rrd")
+
+
+def check_display() -> None:
+    """Make sure that there is a display to show a viewer on, and that it answers.
+
+    Raises:
+        OptionError: there is none.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    named = {name: os.environ[name] for name in ("WAYLAND_DISPLAY", "DISPLAY") if os.environ.get(name)}
+    remedy = "use --record FILE.rrd and open it elsewhere"
+    if not named:
+        raise OptionError(f"--view needs a display, and there is none; {remedy}")
+    if not any(_answers(*_display(name, value)) for name, value in named.items()):
+        said = " ".join(f"{name}={value}" for name, value in named.items())
+        raise OptionError(f"--view needs a display, and {said} does not answer; {remedy}")
+
+
+def _display(name: str, value: str) -> tuple[socket.AddressFamily, list[Any]]:
+    """Family and possible addresses of a display's socket."""
+    if name == "WAYLAND_DISPLAY":
+        return socket.AF_UNIX, [os.path.join(os.environ.get("XDG_RUNTIME_DIR", "/run"), value)]
+    host, _, screen = value.rpartition(":")
+    number = screen.partition(".")[0]
+    if not number.isdigit():
+        return socket.AF_UNIX, []
+    if host in ("", "unix"):
+        path = f"/tmp/.X11-unix/X{number}"
+        return socket.AF_UNIX, [path, f"\0{path}"]  # the second one has no file
+    return socket.AF_INET, [(host, 6000 + int(number))]
+
+
+def _answers(family: socket.AddressFamily, addresses: Sequence[Any]) -> bool:
+    for address in addresses:
+        with socket.socket(family) as probe, suppress(OSError, OverflowError):
+            probe.settimeout(1.0)
+            probe.connect(address)
+            return True
+    return False
+
+
 def spawn() -> str:
     """Start a viewer of this machine's own on a free port of the loopback interface; its URL.
 
     Raises:
         OptionError: there is no display, or the viewer does not come up.
     """
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise OptionError("--view needs a display, and there is none; use --record FILE.rrd and open it elsewhere")
+    check_display()
     port = _free_port()
     options = ["--port", str(port), "--expect-data-soon"]
     viewer = _start([*RERUN, *options], stdin=subprocess.DEVNULL, start_new_session=True)
@@ -75,7 +130,9 @@ class Server:
         data = _free_port(DATA_PORT)
         web = _free_port(WEB_PORT)
         options = ["--serve-web", "--port", str(data), "--web-viewer-port", str(web), "--server-memory-limit", "1GB"]
-        process = _start([sys.executable, "-m", "sim.recording.guard", *RERUN, *options], stdin=subprocess.PIPE)
+        # In a session of its own the guard outlives what ends a whole group or terminal, and can clear up after it.
+        command = [sys.executable, "-m", "sim.recording.guard", *RERUN, *options]
+        process = _start(command, stdin=subprocess.PIPE, start_new_session=True)
         _await(process, [data, web], "--serve: the server")
         page = f"http://127.0.0.1:{web}/?url={quote(_url(data), safe='')}"
         return cls(page=page, url=_url(data), process=process)

@@ -1,6 +1,6 @@
 """What a recording holds of a drive, batch by batch: numbers at every step, pictures where they are due.
 
-/steps        a row per control step, described in `steps.py`
+/steps        a row per control step, described in `columns.py`
 /world/robot  pose, and as an arrow where the control would take it, as a second one, where it is known, where the
               optimal control would; one row more for where the drive ended
 /world/path   position after every physics step
@@ -30,10 +30,11 @@ import rerun as rr
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import lift
+from sim.recording.components import columns
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
 from sim.recording.static import Subject, branches, properties, stage
-from sim.recording.step_row import Row, columns
+from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 
 BATCH_STEPS = 36  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
@@ -49,7 +50,7 @@ class Writer:
         self.stream, self._subject = stream, subject
         colors = ClassColors()
         self._pictures = Pictures(stream, subject, colors)
-        self._plots = Plots(stream, subject.path_integral.temperature, colors, truth=subject.truth)
+        self._plots = Plots(stream, subject.path_integral.temperature, colors, truth=subject.look.truth)
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
 

@@ -25,7 +25,7 @@ from pirrht.tree.homology_tree import HomologyTree
 from sim.drive.episode import Frame, Tally, run
 from sim.drive.executor import Executor
 from sim.mjcf import load
-from sim.recording.recorder import Recorder
+from sim.recording.recorder import Look, Recorder, Sinks
 
 PERIOD, MAX_TIME = 0.01, 0.5
 
@@ -46,10 +46,11 @@ class Drive:
         self.plant = Executor(self.loaded, problem, period=PERIOD)
         self.plant_rng = np.random.default_rng(seed)
 
-    def recorder(self, file: Path | None = None, **options) -> Recorder:
+    def recorder(self, file: Path | None = None, connect: str | None = None, **look) -> Recorder:
         settings = {"scene": "slit", "seed": 0, "noise": 0.3, "method": "pi-rrht"}
         integral = self.controller.path_integral
-        return Recorder(self.loaded, self.space, self.tree, integral, file=file, settings=settings, **options)
+        sinks = Sinks(file=file, connect=connect)
+        return Recorder(self.loaded, self.tree, integral, sinks, Look(**look), settings=settings)
 
     def frames(self, max_time: float = MAX_TIME) -> Iterator[Frame]:
         return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time)

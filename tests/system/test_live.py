@@ -96,11 +96,13 @@ def test_what_is_served_listens_on_the_loopback_interface_alone_and_ends_with_th
     assert all(gone(port) for port in ports)
 
 
-def test_a_server_does_not_outlive_a_killed_run():
-    process = drive("--serve", "--max-time", "20")
+@pytest.mark.parametrize("blow", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+@pytest.mark.parametrize("all_at_once", [False, True])  # as a closing terminal and `timeout` do
+def test_a_server_does_not_outlive_its_run_whatever_ends_that(blow, all_at_once):
+    process = drive("--serve", "--max-time", "20", start_new_session=True)
     address = served(process)
-    process.kill()
-    process.wait()
+    os.killpg(process.pid, blow) if all_at_once else process.send_signal(blow)
+    process.communicate(timeout=30)
     for port in (int(address[1]), int(address[2])):
         wait_for(lambda port=port: gone(port), 15.0)
 
@@ -150,7 +152,7 @@ def test_usage_statistics_of_everything_started_are_off(monkeypatch):
         viewer.subprocess, "Popen", lambda command, **options: started.append((command, options["env"]))
     )
     monkeypatch.setattr(viewer, "_await", lambda *_: None)
-    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(viewer, "check_display", lambda: None)
     viewer.spawn()
     viewer.Server.start()
     assert len(started) == 2

@@ -12,7 +12,7 @@ from drives import Drive
 from sim.cli import main
 from sim.drive.truth import Truth
 from sim.recording import export, read
-from sim.recording.columns import COLUMNS, described
+from sim.recording.columns import COLUMNS, Column, described, explained
 
 FAKE = Truth(value=9.0, control=np.array([0.5, -0.5]))
 
@@ -163,3 +163,57 @@ def test_what_was_there_stays_until_the_table_is_complete(folder, capsys, monkey
     assert "No space left" in capsys.readouterr().err
     assert (folder / "a.npz").read_bytes() == b"precious"
     assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("ids", "titles"),
+    [
+        (["0,0,0,0,1,0,0,0,0,0,0,1", "0,0,0,-1,0,0,0,0,0,0,0,0", "other"], ["+5 +12", "-4", "other"]),
+        (["0,1", "-1,0"], ["0,1", "-1,0"]),
+    ],
+)
+def test_columns_of_classes_bear_the_titles_of_tables_and_keep_the_whole_id_beside(tmp_path, ids, titles):
+    cells = {"classes": ids, "weights": [0.5, 0.3, 0.2][: len(ids)], "ess": [5.0, 3.0, 2.0][: len(ids)]}
+    known = read.Recording(settings={}, steps=[(0, 0.0, {**cells, "state": [1.0, 2.0]})], plan_ms={})
+    table = export.table(known)
+    assert [name for name in table if name.startswith(("weight:", "ess:"))] == [
+        f"{kind}:{title}" for kind in ("weight", "ess") for title in titles
+    ]
+    for name in ("a.parquet", "a.npz"):
+        export.write(tmp_path / name, table, known)
+    schema, about = pq.read_schema(tmp_path / "a.parquet"), json.loads(str(np.load(tmp_path / "a.npz")["about"]))
+    for title, whole in zip(titles, ids, strict=True):
+        assert schema.field(f"weight:{title}").metadata[b"class"].decode() == whole
+        assert about["columns"][f"ess:{title}"]["class"] == whole
+
+
+def test_one_more_row_in_the_table_of_columns_is_one_more_column_everywhere(tmp_path, monkeypatch, capsys):
+    more = Column("steps_taken", "1", "physics steps within the control step", lambda r: [len(r.states)], kind=int)
+    for module in ("columns", "export"):
+        monkeypatch.setattr(f"sim.recording.{module}.COLUMNS", (*COLUMNS, more))
+    drive, file = Drive(), tmp_path / "a.rrd"
+    with drive.recorder(file) as recorder:
+        frames = list(drive.frames(0.05))
+        for frame in frames:
+            recorder.log(frame)
+    table = export.table(read.read(file))
+    assert table["steps_taken"].tolist() == [len(frame.advance.states) for frame in frames]
+    assert described("steps_taken").text in explained()
+
+
+def test_a_column_that_no_step_has_is_left_out_only_if_drives_may_do_without_it():
+    table = export.table(read.Recording(settings={}, steps=[(0, 0.0, {"state": [1.0, 2.0, 0.5, 7.0]})], plan_ms={}))
+    assert table["state_4"] == 7.0
+    assert np.isnan(table["end_state_4"])
+    assert "exact_value" not in table
+    assert table["outcome"].tolist() == [""]
+    assert all(described(name).text for name in table)
+
+
+@pytest.mark.parametrize("name", ["x" * 300, b"b\xff".decode("utf-8", "surrogateescape")])
+def test_names_that_no_system_takes_cost_one_line(folder, capsys, name):
+    for typed in (["whole.rrd", "-o", f"{name}.npz"], [f"{name}.rrd", "-o", "a.npz"]):
+        assert main(["export", *typed]) == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert "name too long" in said or "not UTF-8" in said

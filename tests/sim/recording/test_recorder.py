@@ -9,8 +9,10 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+import rerun as rr
 from drives import MAX_TIME, Drive, columns, record, rerun
 from repository import environment
 from rerun.chunk import RrdReader
@@ -21,8 +23,8 @@ from sim.cli import warm
 from sim.drawing import strokes
 from sim.drawing.colors import PALETTE, ClassColors, title
 from sim.drive.episode import run
-from sim.recording import read, viewer
-from sim.recording.recorder import ROOM
+from sim.recording import geoms, read, viewer
+from sim.recording.sink import ROOM
 from sim.recording.static import telling
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
@@ -186,7 +188,7 @@ def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
     frame = next(drive.frames())
     monkeypatch.setattr(viewer, "probe", lambda url: None)
     monkeypatch.setattr(Stream, "connect", lambda self, url, blueprint: release.wait())
-    monkeypatch.setattr("sim.recording.recorder.GRACE", 0.1)
+    monkeypatch.setattr("sim.recording.sink.GRACE", 0.1)
     recorder = drive.recorder(tmp_path / "both.rrd", connect=viewer.EXAMPLE)
     for _ in range(ROOM + 100):  # what waited for the viewer would wait for ever
         recorder.log(frame)
@@ -197,7 +199,7 @@ def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
 
 def test_output_that_cannot_be_written_is_named_before_the_run(tmp_path):
     drive = Drive()
-    for file, reason in ((tmp_path / "no" / "a.rrd", "does not exist"), (tmp_path, "cannot be written")):
+    for file, reason in ((tmp_path / "no" / "a.rrd", "does not exist"), (tmp_path, "is a folder")):
         with pytest.raises(OptionError, match=reason) as caught:
             drive.recorder(file)
         assert str(file) in str(caught.value)
@@ -295,3 +297,26 @@ def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_on
 def test_compiled_kernels_are_found_where_the_first_command_looks_for_them(recorded):
     assert cached(warm.sampler("single_integrator"))
     assert cached(warm.PLANNER)
+
+
+MESHES = """<mujoco>
+  <asset><mesh name="m" vertex="0 0 0  .3 0 0  0 .3 0  0 0 .6"/></asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="3 3 .1"/>
+    <geom name='my box/1 "x"' type="mesh" mesh="m" pos="0 0 .1"/>
+    <geom name='my box\\/1 "x"' type="mesh" mesh="m" pos="0 1 .1"/>
+    <geom name="3" type="mesh" mesh="m" pos="1 1 .1"/>
+    <geom type="mesh" mesh="m" pos="0 -1.5 .1"/>
+  </worldbody>
+</mujoco>"""
+
+
+def test_meshes_have_entity_paths_of_their_own_whatever_their_names(capfd):
+    model = mujoco.MjModel.from_xml_string(MESHES)
+    drawn = geoms.solids(model, geoms.shown(model))
+    assert len(drawn) == 4
+    stream = rr.RecordingStream("meshes")
+    for path, solid in drawn.items():
+        assert len(path.replace("\\\\", "").replace("\\/", "").split("/")) == 2  # `meshes` and one part, escaped
+        stream.log(f"/world/{path}", solid)
+    assert "WARN" not in capfd.readouterr().err
