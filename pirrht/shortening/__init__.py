@@ -5,6 +5,6 @@ obstacles allow. For Dubins curves `dubins_shortcut` replaces stretches by the b
 `dubins_bends` moves the joints where the chain bends, `dubins_legs` is what both are made of.
 
 No path gets longer, every new piece is certified by the clearance field, and its turns around the markers are those of
-what it replaces. Any other steering method gets the cheapest chain of its own connections (`chain`). It imports steering
-and what lies below.
+what it replaces. Any other steering method gets the cheapest chain of its own connections (`chain`). It imports
+steering and what lies below.
 """
