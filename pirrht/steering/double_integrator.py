@@ -13,7 +13,6 @@ from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_cubics import CUBICS, CubicRecord, Cubics
-from pirrht.steering.motion import Motion
 from pirrht.steering.steering import Compiled, Steering
 from pirrht.steering.two_point import accelerations, optimum
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -91,7 +90,7 @@ class MassSteering(Steering):
 
     n = 4
     symmetric = False
-    motion: Motion = CUBICS
+    motion = CUBICS
 
     def __post_init__(self) -> None:
         for name in ("q", "r", "top"):
@@ -134,9 +133,7 @@ class MassSteering(Steering):
         """The cheapest motions from tails (k, 4) to heads (k, 4)."""
         tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
         found = _connect(tails, heads, self.compiled.numbers)
-        return Cubics(
-            path=found.path, duration=found.duration, cost=found.cost, rates=found.rates, tails=tails, heads=heads
-        )
+        return Cubics(**found._asdict(), tails=tails)
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """A state (4,): uniform in the workspace, in direction and in speed up to `top`."""

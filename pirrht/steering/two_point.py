@@ -6,8 +6,8 @@ acceleration linear in time. With D = p1 - p0 its cost is J(T) = q T + A / T^3 +
     fixed v1  A = 6 r |D|^2      B = -6 r D.(v0 + v1)   C = 2 r (|v0|^2 + v0.v1 + |v1|^2)
     free v1   A = (3/2) r |D|^2  B = -3 r D.v0          C = (3/2) r |v0|^2
 
-A minimum is where q T^4 - C T^2 - 2 B T - 3 A goes from negative to positive, which it may do twice: the first of two is
-rarely the better one, and taking it blindly can cost many times the optimum. A free v1 is written as not a number.
+A minimum is where q T^4 - C T^2 - 2 B T - 3 A goes from negative to positive, which it may do twice: either of two may
+be the better one, and the wrong one can cost many times the optimum. A free v1 is written as not a number.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def best_duration(q, A, B, C):  # type: ignore[no-untyped-def]
 
 @kernel
 def optimum(tail, head, q, r):  # type: ignore[no-untyped-def]
-    """Duration [s] and cost of the optimum between states (4,), given as tuples of numbers; infinite from a free end."""
+    """Duration [s] and cost of the optimum between states (4,), as tuples of numbers; infinite from a free velocity."""
     if math.isnan(tail[2]):
         return np.inf, np.inf
     dx, dy, ux, uy = head[0] - tail[0], head[1] - tail[1], tail[2], tail[3]

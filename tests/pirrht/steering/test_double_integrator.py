@@ -7,12 +7,10 @@ import math
 import numpy as np
 import pytest
 from discs import scattered
-from windings_by_angle import winding_by_angle
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.certify import BLOCKED, FREE
 from pirrht.problem import Problem
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.edges import EdgeChecker
@@ -31,6 +29,13 @@ def coefficients(tail: Array, head: Array, r: float) -> tuple[float, float, floa
         return 1.5 * r * gap @ gap, -3.0 * r * gap @ before, 1.5 * r * before @ before
     shared = before @ before + before @ after + after @ after
     return 6.0 * r * gap @ gap, -6.0 * r * gap @ (before + after), 2.0 * r * shared
+
+
+def turned(points: Array, markers: Array) -> Array:
+    """Angle (M,) [turns] that a fine polyline (k, 2) turns through as seen from markers (M, 2)."""
+    gap = points[:, None] - markers
+    angle = np.unwrap(np.arctan2(gap[..., 1], gap[..., 0]), axis=0)
+    return np.asarray((angle[-1] - angle[0]) / (2.0 * np.pi))
 
 
 @pytest.mark.parametrize("free", [False, True])
@@ -71,7 +76,7 @@ def test_motions_end_where_they_should_and_cost_the_integral_of_their_accelerati
         force = np.gradient(states[:, 2:], s, axis=0, edge_order=2)
         rate = 1.0 + np.sum(force**2, axis=1)
         assert motions.cost[i] == pytest.approx(np.trapezoid(rate, s), rel=1e-5)
-        assert motions.length()[i] == pytest.approx(np.hypot(*np.diff(states[:, :2], axis=0).T).sum(), rel=1e-4)
+        assert motions.length()[i] == pytest.approx(np.hypot(*np.diff(states[:, :2], axis=0).T).sum(), rel=3e-3)
 
 
 def test_a_free_velocity_at_the_end_costs_no_more_than_any_fixed_one():
@@ -93,26 +98,27 @@ def test_the_nearest_are_those_of_least_cost(forward: bool):
 
 
 def test_free_motions_keep_clear_and_turn_as_their_points_do():
-    """Random motions among solids: FREE ones never touch, BLOCKED ones do, and turns are those of a dense polyline."""
+    """Random motions among solids: FREE ones never touch, others do, and turns are those of a dense polyline."""
     rng, space = np.random.default_rng(3), FreeSpace.of(scattered(1))
     low, high = space.scene.lower, space.scene.upper
     tails, heads = (np.hstack([rng.uniform(low, high, (400, 2)), rng.normal(size=(400, 2))]) for _ in range(2))
     motions = MASS.connect(tails, heads)
     edges = EdgeChecker(space=space, motion=MASS.motion).inspect(motions, np.zeros(400, bool))
     goal = space.scene.goal
-    seen = {FREE: 0, BLOCKED: 0}
+    seen = {True: 0, False: 0}
     for i in range(400):
         points = motions.states_at(i, np.linspace(0.0, motions.duration[i], 3000))[:, :2]
         clear = space.collision.clearance(points).min()
         apart = np.hypot(*(points - goal.center).T).min() - goal.radius
-        seen[int(edges.status[i])] += 1
-        if edges.status[i] == BLOCKED:
+        seen[bool(edges.free[i])] += 1
+        if not edges.free[i]:
             assert min(clear, apart) < 1e-2
             continue
         assert clear > 0.0
         assert apart > 0.0
-        whole = winding_by_angle(space, points)
-        assert np.array_equal(edges.turns.dense(i, space.homology.M), whole)
+        first, last = (space.homology.straight(p[None])[0] for p in (points[0], points[-1]))
+        whole = turned(points, space.homology.markers) + last - first
+        assert edges.turns.dense(i, space.homology.M) == pytest.approx(whole, abs=1e-6)
     assert min(seen.values()) > 30
 
 
