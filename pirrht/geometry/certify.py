@@ -26,7 +26,7 @@ def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _refused(field, x, y):  # type: ignore[no-untyped-def]
+def refused(field, x, y):  # type: ignore[no-untyped-def]
     """BLOCKED or UNSURE, for a point that is not certified to be free."""
     return BLOCKED if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y) else UNSURE
 
@@ -43,7 +43,7 @@ def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
         x, y = ax + s * ux, ay + s * uy
         c = clearance(field, x, y)
         if c < LEAST_STEP:
-            return _refused(field, x, y)
+            return refused(field, x, y)
         if s >= length:
             return FREE
         s = min(s + c, length)
@@ -52,7 +52,7 @@ def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @kernel
 def certify_point(field, x, y):  # type: ignore[no-untyped-def]
     """FREE, BLOCKED or UNSURE for one position (x, y) [m]."""
-    return FREE if clearance(field, x, y) > 0.0 else _refused(field, x, y)
+    return FREE if clearance(field, x, y) > 0.0 else refused(field, x, y)
 
 
 @kernel
@@ -69,7 +69,7 @@ def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-d
             px, py = point_along(x, y, theta, ux, uy, kappa, s)
             c = clearance(field, px, py)
             if c < LEAST_STEP:
-                if _refused(field, px, py) == BLOCKED:
+                if refused(field, px, py) == BLOCKED:
                     return BLOCKED
                 verdict = UNSURE
                 c = 0.5 * field.spacing

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
-from pirrht.geometry.arcs import Curves
 from pirrht.problem import Problem
 
 SPACING = 0.05  # distance of points on drawn arcs [m]
@@ -21,7 +21,7 @@ class Trajectory:
 
     controls: Array  # (l, m) control of each piece
     durations: Array  # (l,) [s]
-    path: Curves  # rows are consecutive curves
+    path: Any  # consecutive motions (`Motions`): along arcs, `Curves`
     cost: float  # steering cost [cost]
     length: float  # [m]
 

@@ -1,0 +1,156 @@
+"""A mass that is pushed: the exact optimum between two states, velocities included, with free duration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
+from pirrht.errors import OptionError
+from pirrht.geometry.scene import Scene
+from pirrht.problem import Problem
+from pirrht.steering.along_cubics import CUBICS, CubicRecord, Cubics
+from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.two_point import accelerations, optimum
+from pirrht.systems.double_integrator import DoubleIntegrator
+
+ALONG = (0.5, 1.0)  # shares of the top speed with which states in passages drive
+
+
+@kernel
+def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
+    """One motion each; the numbers are q and r."""
+    k, q, r = tails.shape[0], numbers[0], numbers[1]
+    path, duration, cost, rates = np.empty((k, 8)), np.empty(k), np.empty(k), np.empty((k, 2))
+    for i in range(k):
+        tail = (tails[i, 0], tails[i, 1], tails[i, 2], tails[i, 3])
+        head = (heads[i, 0], heads[i, 1], heads[i, 2], heads[i, 3])
+        duration[i], cost[i] = optimum(tail, head, q, r)
+        c = accelerations(tail, head, duration[i])
+        for d in range(4):
+            path[i, d], path[i, 4 + d] = tail[d], c[d]
+        rates[i, 0], rates[i, 1] = q, r
+    return CubicRecord(path, duration, cost, heads, rates)
+
+
+@kernel
+def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
+    """Fill `chosen` with the states of least cost, cheapest first; of equal ones the earlier comes first.
+
+    A change of velocity alone costs sqrt(2 q r) |dv| at least: what that rules out is not asked.
+    """
+    count, found, q, r = chosen.shape[0], 0, numbers[0], numbers[1]
+    here, turn = (x[0], x[1], x[2], x[3]), math.sqrt(2.0 * q * r)
+    for i in range(states.shape[0]):
+        limit = least[count - 1] if found == count else np.inf
+        dv = math.hypot(states[i, 2] - x[2], states[i, 3] - x[3])
+        if turn * dv > limit:
+            continue
+        there = (states[i, 0], states[i, 1], states[i, 2], states[i, 3])
+        _, d = optimum(here, there, q, r) if forward else optimum(there, here, q, r)
+        if found < count:
+            found += 1
+        elif d >= limit:
+            continue
+        at = found - 1
+        while at > 0 and least[at - 1] > d:
+            least[at], chosen[at] = least[at - 1], chosen[at - 1]
+            at -= 1
+        least[at], chosen[at] = d, i
+
+
+@kernel
+def _costs(tails, heads, q, r, out):  # type: ignore[no-untyped-def]
+    for i in range(out.shape[0]):
+        tail = (tails[i, 0], tails[i, 1], tails[i, 2], tails[i, 3])
+        _, out[i] = optimum(tail, (heads[i, 0], heads[i, 1], heads[i, 2], heads[i, 3]), q, r)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MassSteering(Steering):
+    """The double integrator's optimum for the integral of q + (r/2) |a|^2 (Webb and van den Berg 2013).
+
+    The root is the goal point with a free velocity, which is written as not a number.
+
+    Args:
+        q: cost rate [cost/s].
+        r: weight of the acceleration [cost s^3/m^2].
+        top: speeds up to this are drawn [m/s].
+
+    Raises:
+        OptionError: one of them is not a positive number.
+    """
+
+    q: float = 1.0
+    r: float = 2.0
+    top: float = 2.0
+
+    n = 4
+    symmetric = False
+    motion = CUBICS
+
+    def __post_init__(self) -> None:
+        for name in ("q", "r", "top"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+
+    @classmethod
+    def of(cls, problem: Problem) -> MassSteering:
+        """The optimum of a problem of a `DoubleIntegrator` with q constant and R a multiple of the identity.
+
+        Speeds are drawn up to that at which the best motion from rest across the workspace arrives.
+
+        Raises:
+            OptionError: the dynamics or R is another.
+        """
+        d = problem.dynamics
+        if not isinstance(d, DoubleIntegrator):
+            raise OptionError(f"cubic motions steer a DoubleIntegrator, not {type(d).__name__}; bring a Steering")
+        R = problem.control_cost(np.zeros(4))
+        if not np.allclose(R, R[0, 0] * np.eye(2)):
+            raise OptionError("cubic motions are optimal only for R a multiple of the identity; bring a Steering")
+        q, r = problem.least_rate, float(R[0, 0])
+        across = float(np.hypot(*(problem.scene.upper - problem.scene.lower)))
+        return cls(q=q, r=r, top=1.5 * across / (4.5 * r * across**2 / q) ** 0.25)
+
+    @property
+    def compiled(self) -> Compiled:
+        """The optimum as kernels; their numbers are q and r."""
+        return Compiled(_nearest, _connect, (self.q, self.r))
+
+    def distance(self, tails: Array, heads: Array) -> Array:
+        """Least cost from tails to heads, (..., 4) x 2 -> (...,) [cost]. Not symmetric."""
+        tails, heads = np.broadcast_arrays(tails, heads)
+        out = np.empty(tails.shape[:-1])
+        _costs(_rows(tails), _rows(heads), self.q, self.r, out.reshape(-1))
+        return out
+
+    def connect(self, tails: Array, heads: Array) -> Cubics:
+        """The cheapest motions from tails (k, 4) to heads (k, 4)."""
+        tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
+        found = _connect(tails, heads, self.compiled.numbers)
+        return Cubics(**found._asdict(), tails=tails)
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """A state (4,): uniform in the workspace, in direction and in speed up to `top`."""
+        x, y = rng.uniform(scene.lower, scene.upper)
+        angle, speed = rng.uniform(-np.pi, np.pi), self.top * rng.random()
+        return np.array([x, y, speed * np.cos(angle), speed * np.sin(angle)])
+
+    def states_along(self, way: Array, scene: Scene) -> Array:
+        """Every point (k, 3) driven through both ways, slower and faster, (4 k, 4)."""
+        turned = np.column_stack([np.cos(way[:, 2]), np.sin(way[:, 2])])
+        rows = [np.hstack([way[:, :2], sign * share * self.top * turned]) for share in ALONG for sign in (1.0, -1.0)]
+        return np.stack(rows, axis=1).reshape(-1, 4)
+
+    def roots(self, goal: Array) -> Array:
+        """The goal point (2,) [m] at any velocity, (1, 4)."""
+        return np.array([[*goal, np.nan, np.nan]])
+
+
+def _rows(states: Array) -> Array:
+    return np.ascontiguousarray(states, dtype=float).reshape(-1, 4)
