@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.errors import SceneError
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import BAND, LEVEL_BITS, LEVELS, NOTHING, REACH, SHARP, Arrays, Field
 from pirrht.geometry.flat import CURVED, FLAT
 from pirrht.geometry.walls import Found
 
 WIDTHS = (8, 16, 32)  # cells on a side of a block; wider ones make the table smaller and waste more points
-TABLE = 8_000_000  # places of the largest table
+TABLE = 32_000_000  # places of the largest table, 4 bytes each
 MOST = 24_000_000  # points of all blocks: 12 bytes, and about a quarter of a microsecond each
 NEAR = 4_000_000  # cells of the coarsest blocks: the search for passages takes four places for each
 MOST_ASKED = 400_000  # points at which solids are asked about one at a time, some 20 microseconds each
+ROOMY = 8.0  # widths of a cell: with more clearance interpolation errs by less than a hundredth, flat or not
 AT_ONCE = 4096  # blocks
 TOP = LEVELS - 1
 
@@ -113,8 +113,8 @@ class _Builder(NamedTuple):
         far = REACH + self.collision.footprint.radius
         first = np.clip(np.floor((low - far) / width), 0, near.shape).astype(int)
         last = np.clip(np.floor((high + far) / width) + 1, 0, near.shape).astype(int)
-        for (i, j), (k, l) in zip(first.tolist(), last.tolist(), strict=True):
-            near[i:k, j:l] = True
+        for (i, j), (i_end, j_end) in zip(first.tolist(), last.tolist(), strict=True):
+            near[i:i_end, j:j_end] = True
         origins: Origins = np.argwhere(near) * (self.cells << TOP)
         return origins
 
@@ -138,11 +138,16 @@ class _Builder(NamedTuple):
         points = self.collision.world.lower + (origins[:, None, None] + (steps << level)) * self.h
         shape, reach = points.shape[:3], REACH + r
         walls = self.collision.nearest_walls(points.reshape(-1, 2), self.members, reach)
-        found = Found(*(part.reshape(*shape, *part.shape[1:]) for part in walls))
+        found = Found(
+            walls.first.reshape(shape),
+            walls.second.reshape(shape),
+            walls.which.reshape(shape),
+            walls.away.reshape(points.shape),
+        )
         _go_on_inside(found, width)
         kind = np.zeros((len(origins), self.cells, self.cells), dtype=np.int8)
         if level:  # on the finest level what flat faces spare is not worth the question
-            kind = self.collision.flat_cells(points, found, self.members, reach)
+            kind = self.collision.flat_cells(points, found, self.members, min(reach, r + ROOMY * width))
         nearest, second, finer = np.empty(shape), np.empty(shape), np.zeros((len(origins), 2, 2), dtype=np.bool_)
         _finish(found, kind, width, r, level == 0, nearest, second, finer)
         self._enter(level, origins)
@@ -178,7 +183,8 @@ def _finish(found, kind, width, radius, finest, nearest, second, finer):  # type
     """Turn the distances of blocks into clearances that are never too high, and mark quarters that are too coarse.
 
     Args: nearest walls as (k, S, S), kinds of cells (k, S - 1, S - 1), spacing [m], the robot's radius [m], whether
-        there is no finer level; out: clearances from both walls (k, S, S) [m], and quarters in which finer blocks are wanted (k, 2, 2).
+        there is no finer level; out: clearances from both walls (k, S, S) [m], and in which quarters finer blocks are
+        wanted (k, 2, 2).
     """
     k, S = nearest.shape[:2]
     margin = np.empty((S, S))
@@ -246,14 +252,3 @@ def _coarse(near, far, which, kind, i, j, width, radius):  # type: ignore[no-unt
     a, b, c, d = far[i, j], far[i + 1, j], far[i, j + 1], far[i + 1, j + 1]
     lowest, highest = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
     return highest - lowest > 1.5 * width and lowest < SHARP * radius
-
-
-def refusal(collision: Collision, share: float) -> SceneError:
-    """The error of a workspace of which a share of its sides [1] would do."""
-    span, r = collision.world.upper - collision.world.lower, collision.footprint.radius
-    least = r / max(share, 1e-12)
-    return SceneError(
-        f"the workspace of {span[0]:g} m x {span[1]:g} m is too large for a robot of radius {r:g} m among these "
-        f"{len(collision.world.obstacles)} obstacles; up to about {share * span[0]:.3g} m x {share * span[1]:.3g} m "
-        f"can be examined, or all of it for a radius of about {least:.2g} m"
-    )

@@ -74,7 +74,7 @@ class Collision:
         return nearest_walls(self._forms, self._confirmed, counted, self._answer, points, self.footprint.height, reach)
 
     def flat_cells(self, points: Array, found: Found, members: Sequence[int], reach: float) -> NDArray[np.int8]:
-        """In which cells of square blocks of points (k, S, S, 2) [m] distances are linear, as `flat.flat_cells` says."""
+        """In which cells of blocks of points (k, S, S, 2) [m] distances are linear, as `flat.flat_cells` says."""
         counted, height = np.array(members, dtype=np.int64), self.footprint.height
         return flat_cells(self._forms, self._confirmed, counted, points, found, height, reach)
 

@@ -46,7 +46,9 @@ class Grid(NamedTuple):
     nx: int
     ny: int
     stride: int  # points from one column to the next: ny, or those of a block's column
-    table: int  # address of int32 (rows, columns): number and level of the block that holds a place; 0 where there is none
+    table: (
+        int  # address of int32 (rows, columns): number and level of the block that holds a place; 0 where there is none
+    )
     columns: int  # of the table
     shift: int  # a place of the table is 2^shift cells wide
     nearest: int  # address of float32 per point: clearance to the nearest solid, never too high [m]
@@ -130,7 +132,7 @@ def finest_cell(field, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def cell_of(field, x, y):  # type: ignore[no-untyped-def]
-    """The cell of (x, y) [m]: index of its first point, where (x, y) lies in it, each from 0 to 1, and 1/width [1/m]."""
+    """The cell of (x, y) [m]: index of its first point, where in it (x, y) lies, 0 to 1 each, and 1/width [1/m]."""
     fx, fy, i, j = finest_cell(field, x, y)
     if field.table == 0:
         return i * np.int32(field.ny) + j, fx - np.float32(i), fy - np.float32(j), field.per

@@ -34,7 +34,8 @@ def flat_cells(
         points: of blocks, (k, S, S, 2) [m], all at one height [m].
         found: nearest walls as (k, S, S, ...), distances continued below 0 within solids.
         height: of all points [m].
-        reach: what `found` has been told up to [m].
+        reach: cells about as far from the nearest solid are CURVED, unasked; at most what `found` has been told up
+            to [m].
     """
     k, S = points.shape[:2]
     out = np.zeros((k, S - 1, S - 1), dtype=np.int8)
@@ -46,6 +47,7 @@ def flat_cells(
 
 @kernel
 def _judge(solids, closed, bins, points, found, width, height, reach, out):  # type: ignore[no-untyped-def]
+    near = solids.low, solids.high, bins.member  # taken out of the records once: that costs more than a cell
     corner = np.empty((4, 5))  # x, y, distance, and the vector from the nearest point [m]
     label = np.empty(4, dtype=np.int64)
     for b in range(out.shape[0]):
@@ -62,18 +64,19 @@ def _judge(solids, closed, bins, points, found, width, height, reach, out):  # t
                     p, q = i + c // 2, j + c % 2
                     corner[c, 0], corner[c, 1], corner[c, 2] = points[b, p, q, 0], points[b, p, q, 1], first[p, q]
                     corner[c, 3], corner[c, 4], label[c] = away[p, q, 0], away[p, q, 1], which[p, q]
-                out[b, i, j] = _kind(solids, closed, bins, corner, label, most, low <= 0.0, height)
+                out[b, i, j] = _kind(solids, closed, bins, near, corner, label, most, low <= 0.0, height)
 
 
-@kernel
-def _kind(solids, closed, bins, corner, label, most, entered, height):  # type: ignore[no-untyped-def]
+@inlined
+def _kind(solids, closed, bins, near, corner, label, most, entered, height):  # type: ignore[no-untyped-def]
     """That of one cell, whose solids are at most so far from its middle [m]; `entered` by one of them."""
     x, y = 0.5 * (corner[0, 0] + corner[3, 0]), 0.5 * (corner[0, 1] + corner[3, 1])
     begin, end = bin_at(bins, x, y)
+    left, right, member = near
     kind, count, nx, ny = FLAT, 0, 0.0, 0.0
     for k in range(begin, end):
-        m = bins.member[k]
-        if square_to(solids.low, solids.high, m, x, y) >= most * most:
+        m = member[k]
+        if square_to(left, right, m, x, y) >= most * most:
             continue
         if not closed[m]:
             return CURVED
@@ -94,7 +97,7 @@ def _same(nx, ny, ux, uy):  # type: ignore[no-untyped-def]
     return abs(nx * uy - ny * ux) < PARALLEL and nx * ux + ny * uy > 0.0
 
 
-@kernel
+@inlined
 def _face(solids, m, corner, label, height):  # type: ignore[no-untyped-def]
     """Whether the corners outside of solid m see one flat face of it, and the unit vector (x, y) away from that.
 

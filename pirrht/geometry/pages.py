@@ -18,7 +18,7 @@ from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell
 ROOM = 1.0  # a room is deeper than its door by this many spacings of the field, or it is grain
 SOLID = 0.5  # an obstacle is deeper than the gap by this share of the robot's radius; its inside by all of it
 BLOCKS = 2.0  # of the field's points that make a block, per radius: the thinnest obstacle still blocks one
-STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])
+STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])  # four meet at sides
 FINE = 2  # levels below this are looked at point by point: wider cells hold whole squares
 
 
@@ -27,6 +27,7 @@ class Pages(NamedTuple):
 
     first: IntArray  # (rows, columns) first square of each page, or the only one
     place: IntArray  # (k, 2) row and column of the k pages near solids
+    near: int  # k
     side: int  # squares along a side of a page
     empty: int  # index of the first empty page's square
     value: Array  # (n,) greatest clearance in each square [m]
@@ -41,10 +42,10 @@ def saddles_of_pages(field: Field, stride: int, radius: float) -> NDArray[np.int
     value, surroundings = pages.value, len(pages.value) - 1
     near = np.flatnonzero(value[: pages.empty] < REACH)
     level = np.rint((value[near] + radius) * (65535.0 / (REACH + radius))).astype(np.uint16)
-    rising = near[np.argsort(level, kind="stable")]  # a radix sort
+    rising = near[np.argsort(level, kind="stable")].astype(np.int32)  # a radix sort
     found = np.zeros(len(value), dtype=np.bool_)
-    root = np.full(len(value), -1, dtype=np.int64)
-    open_space = np.flatnonzero(value[:-1] >= REACH)
+    root = np.full(len(value), -1, dtype=np.int32)
+    open_space = np.flatnonzero(value[:-1] >= REACH).astype(np.int32)
     _sweep(pages, open_space, STEPS, np.inf, root, np.zeros_like(found))
     _sweep(pages, rising[::-1], STEPS, ROOM * field.spacing, root, found)
     root[:] = -1
@@ -69,7 +70,7 @@ def _pages_of(field: Field, stride: int, radius: float) -> Pages:
     value = np.full(empty + len(lonely) + 1, REACH)
     value[-1] = -radius
     _fill(field, place, side, stride, radius, value)
-    return Pages(first, np.vstack((place, lonely)), side, empty, value)
+    return Pages(first, np.vstack((place, lonely)), len(place), side, empty, value)
 
 
 @kernel
@@ -108,48 +109,52 @@ def _find(root, p):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _neighbour(pages, p, di, dj):  # type: ignore[no-untyped-def]
-    """The square one step (di, dj) from square p."""
+def _beside(pages, page, i, j, a, b):  # type: ignore[no-untyped-def]
+    """The square (a, b) of the page in row i and column j, or of the page beside it where those lie beyond its sides.
+
+    Empty pages only meet their like: -1 where one meets another.
+    """
     side, (rows, columns) = pages.side, pages.first.shape
-    if p >= pages.empty:
-        page, a, b = p - pages.empty + pages.empty // (side * side), 0, 0
-        i, j = pages.place[page, 0] + di, pages.place[page, 1] + dj
-    else:
-        page, square = p // (side * side), p % (side * side)
-        a, b = square // side + di, square % side + dj
-        if 0 <= a < side and 0 <= b < side:
-            return p + di * side + dj
-        i = pages.place[page, 0] + (-1 if a < 0 else (1 if a >= side else 0))
-        j = pages.place[page, 1] + (-1 if b < 0 else (1 if b >= side else 0))
+    i, j = i + (-1 if a < 0 else (1 if a >= side else 0)), j + (-1 if b < 0 else (1 if b >= side else 0))
     if not (0 <= i < rows and 0 <= j < columns):
         return len(pages.value) - 1
     q = pages.first[i, j]
     if q >= pages.empty:
         return q
-    return -1 if p >= pages.empty else q + (a % side) * side + b % side
+    return -1 if page >= pages.near else q + (a % side) * side + b % side
 
 
 @kernel
 def _sweep(pages, order, steps, least, root, found):  # type: ignore[no-untyped-def]
     """Add squares in an order and mark where two parts meet that are both deeper than `least` [m] there.
 
-    Empty pages only meet their like; what lies beside them is added later and meets them.
+    What lies beside an empty page is added later than that and meets it.
     """
-    value = pages.value
+    value, place, side, area = pages.value, pages.place, pages.side, pages.side * pages.side
     for k in range(order.shape[0]):
         p = order[k]
         root[p] = p
+        lonely = p >= pages.empty
+        page = pages.near + p - pages.empty if lonely else p // area
+        square = 0 if lonely else p % area
+        i, j, a, b = place[page, 0], place[page, 1], square // side, square % side
         for s in range(len(steps)):
-            q = _neighbour(pages, p, steps[s, 0], steps[s, 1])
+            di, dj = steps[s, 0], steps[s, 1]
+            if lonely:
+                di, dj = di * side, dj * side
+            if 0 <= a + di < side and 0 <= b + dj < side:
+                q = p + di * side + dj
+            else:
+                q = _beside(pages, page, i, j, a + di, b + dj)
             if q < 0 or root[q] < 0:
                 continue
-            a, b = _find(root, p), _find(root, q)
-            if a == b:
+            one, other = _find(root, p), _find(root, q)
+            if one == other:
                 continue
-            deep_a, deep_b = abs(value[a] - value[p]), abs(value[b] - value[p])
-            if min(deep_a, deep_b) > least:
+            deep, deeper = abs(value[one] - value[p]), abs(value[other] - value[p])
+            if min(deep, deeper) > least:
                 found[p] = True
-            if deep_a < deep_b:
-                root[a] = b
+            if deep < deeper:
+                root[one] = other
             else:
-                root[b] = a
+                root[other] = one

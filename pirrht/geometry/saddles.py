@@ -18,6 +18,7 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.field import REACH, Field, value_at
 from pirrht.geometry.pages import BLOCKS, ROOM, SOLID, saddles_of_pages
 
+
 class Blocks(NamedTuple):
     """Square blocks of grid points in rows that are closed all around, each with the clearance of its best point."""
 

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pirrht.geometry.blocks import TooLarge, build_blocks, refusal
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+from pirrht.geometry.blocks import TooLarge, build_blocks
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.dense import build_dense, dense_shape
 from pirrht.geometry.field import Field
@@ -22,13 +24,30 @@ def build_field(collision: Collision, members: Sequence[int]) -> Field:
     Raises:
         SceneError: the workspace is too large for that; says which size is not.
     """
-    world, h = collision.world, collision.footprint.radius / FINENESS
+    world, radius = collision.world, collision.footprint.radius
     span, farthest = world.upper - world.lower, float(np.abs([world.lower, world.upper]).max())
+    h = radius / FINENESS
+    if farthest > SINGLE * h:
+        raise SceneError(
+            f"{_too_large(span, radius)}: {_plain(farthest)} m from the origin positions are too coarse for it; up to "
+            f"{_plain(SINGLE * h)} m works, or a radius of {_plain(farthest * FINENESS / SINGLE)} m or more"
+        )
     if float(np.prod(np.array(dense_shape(span, h), dtype=float))) <= DENSE:
         return build_dense(collision, members, h)
-    if farthest > SINGLE * h:
-        raise refusal(collision, SINGLE * h / farthest)
     try:
         return build_blocks(collision, members, h)
     except TooLarge as error:
-        raise refusal(collision, error.share) from None
+        works = error.share * span
+        raise SceneError(
+            f"{_too_large(span, radius)} among these {len(members)} obstacles; up to about {_plain(works[0])} m x "
+            f"{_plain(works[1])} m works, or a radius of about {_plain(radius / error.share)} m or more"
+        ) from None
+
+
+def _too_large(span: Array, radius: float) -> str:
+    return f"the workspace of {span[0]:g} m x {span[1]:g} m is too large for a robot of radius {radius:g} m"
+
+
+def _plain(length: float) -> str:
+    """A length [m] in two digits or as many as it has before the point."""
+    return f"{length:.0f}" if length >= 10.0 else f"{length:.2g}"

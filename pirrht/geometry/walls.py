@@ -57,7 +57,7 @@ def square_to(low, high, m, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def _nearest_of(solids, bins, points, rows, height, found):  # type: ignore[no-untyped-def]
-    """Put the nearest of the solids in bins, which have closed forms, into `found` at rows (l,) of points (k, 2) [m]."""
+    """Put the nearest of the solids in bins, which have closed forms, into `found` at rows of points (k, 2) [m]."""
     low, high, member = solids.low, solids.high, bins.member
     first, _, which, away = found
     for i in rows:
@@ -139,17 +139,22 @@ def nearest_walls(
     return found
 
 
-def asked_points(
-    solids: Solids, closed: BoolArray, members: IntArray, points: Array, reach: float
-) -> int:
+def asked_points(solids: Solids, closed: BoolArray, members: IntArray, points: Array, reach: float) -> int:
     """How many of the points (k, 2) [m] lie where solids without a closed form have to be asked about."""
     others = members[~closed[members]]
     return int(_crowded(bins_of(solids, others, points, reach), points).sum()) if len(others) and len(points) else 0
 
 
 def _ask_others(
-    solids: Solids, others: IntArray, ask: Ask, points: Array, rows: IntArray, height: float, reach: float,
-    found: Found, bins: Bins,
+    solids: Solids,
+    others: IntArray,
+    ask: Ask,
+    points: Array,
+    rows: IntArray,
+    height: float,
+    reach: float,
+    found: Found,
+    bins: Bins,
 ) -> None:
     """Ask about solids (l,) at rows of the points, where the nearest of the plain ones in bins is known, and finish."""
     lifted = np.column_stack((points, np.full(len(points), height)))

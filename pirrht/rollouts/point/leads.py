@@ -10,7 +10,23 @@ from pirrht.compiled.jit import inlined
 from pirrht.geometry.field import bilinear_slope
 from pirrht.rollouts.first_exit import wall_slope, walls_of
 from pirrht.rollouts.point.exits import corners
-from pirrht.rollouts.point.stages import CORNER, LANES, PER, PUSH0, PUSH1, ROOT, STAGE, STEP, WALL, L, U, V, X, Y, row_of
+from pirrht.rollouts.point.stages import (
+    CORNER,
+    LANES,
+    PER,
+    PUSH0,
+    PUSH1,
+    ROOT,
+    STAGE,
+    STEP,
+    WALL,
+    L,
+    U,
+    V,
+    X,
+    Y,
+    row_of,
+)
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 
 
