@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -29,18 +30,19 @@ def build_field(collision: Collision, members: Sequence[int]) -> Field:
     h = radius / FINENESS
     if farthest > SINGLE * h:
         raise SceneError(
-            f"{_too_large(span, radius)}: {_plain(farthest)} m from the origin positions are too coarse for it; up to "
-            f"{_plain(SINGLE * h)} m works, or a radius of {_plain(farthest * FINENESS / SINGLE)} m or more"
+            f"{_too_large(span, radius)}: {farthest:g} m from the origin positions are too coarse for it; up to "
+            f"{_rounded(SINGLE * h, math.floor)} m works, or a radius of "
+            f"{_rounded(farthest * FINENESS / SINGLE, math.ceil)} m or more"
         )
     if float(np.prod(np.array(dense_shape(span, h), dtype=float))) <= DENSE:
         return build_dense(collision, members, h)
     try:
         return build_blocks(collision, members, h)
     except TooLarge as error:
-        works = error.share * span
+        x, y = (_rounded(error.share * side, math.floor) for side in span.tolist())
         raise SceneError(
-            f"{_too_large(span, radius)} among these {len(members)} obstacles; up to about {_plain(works[0])} m x "
-            f"{_plain(works[1])} m works, or a radius of about {_plain(radius / error.share)} m or more"
+            f"{_too_large(span, radius)} among these {len(members)} obstacles; up to about {x} m x {y} m works, or "
+            f"a radius of about {_rounded(radius / error.share, math.ceil)} m or more"
         ) from None
 
 
@@ -48,6 +50,7 @@ def _too_large(span: Array, radius: float) -> str:
     return f"the workspace of {span[0]:g} m x {span[1]:g} m is too large for a robot of radius {radius:g} m"
 
 
-def _plain(length: float) -> str:
-    """A length [m] in two digits or as many as it has before the point."""
-    return f"{length:.0f}" if length >= 10.0 else f"{length:.2g}"
+def _rounded(length: float, rounding: Callable[[float], float]) -> str:
+    """A length [m] in three digits."""
+    unit = 10.0 ** (math.floor(math.log10(length)) - 2)
+    return f"{rounding(length / unit) * unit:g}"
