@@ -25,7 +25,7 @@ WIDTHS = (8, 16, 32)  # cells on a side of a block; wider ones make the table sm
 TABLE = 32_000_000  # places of the largest table, 4 bytes each
 MOST = 24_000_000  # points of all blocks: 12 bytes, and about a quarter of a microsecond each
 NEAR = 4_000_000  # cells of the coarsest blocks: the search for passages takes four places for each
-MOST_ASKED = 400_000  # points at which solids are asked about one at a time, some 20 microseconds each
+MOST_ASKED = 1_000_000  # points at which solids are asked about one at a time, some 10 microseconds each
 ROOMY = 8.0  # widths of a cell: with more clearance interpolation errs by less than a hundredth, flat or not
 AT_ONCE = 4096  # blocks
 TOP = LEVELS - 1
@@ -119,7 +119,7 @@ class _Builder(NamedTuple):
         return origins
 
     def reserve(self, level: int, origins: Origins) -> None:
-        """Refuse blocks (k, 2) of a level that would be too many, or to ask too much."""
+        """Refuse blocks (k, 2) of a level that would be too many, or too much to ask; each level asks about twice that."""
         points = (self.size + len(origins)) * (self.cells + 1) ** 2
         if points > MOST:
             raise TooLarge(float(np.sqrt(MOST / points)))
@@ -127,7 +127,7 @@ class _Builder(NamedTuple):
             raise TooLarge(float(np.sqrt(NEAR / (len(origins) * self.cells**2))))
         middles = self.collision.world.lower + (origins + (self.cells << level) / 2) * self.h
         reach = REACH + self.collision.footprint.radius + self.cells * 2**level * self.h
-        asked = self.collision.asked_points(middles, self.members, reach) * (self.cells + 1) ** 2
+        asked = self.collision.asked_points(middles, self.members, reach) * (self.cells + 1) ** 2 << level
         if asked > MOST_ASKED:
             raise TooLarge(float(np.sqrt(MOST_ASKED / asked)))
 
@@ -138,20 +138,16 @@ class _Builder(NamedTuple):
         points = self.collision.world.lower + (origins[:, None, None] + (steps << level)) * self.h
         shape, reach = points.shape[:3], REACH + r
         walls = self.collision.nearest_walls(points.reshape(-1, 2), self.members, reach)
-        found = Found(
-            walls.first.reshape(shape),
-            walls.second.reshape(shape),
-            walls.which.reshape(shape),
-            walls.away.reshape(points.shape),
-        )
+        first, second = walls.first.reshape(shape), walls.second.reshape(shape)
+        found = Found(first, second, walls.which.reshape(shape), walls.away.reshape(points.shape))
         _go_on_inside(found, width)
         kind = np.zeros((len(origins), self.cells, self.cells), dtype=np.int8)
         if level:  # on the finest level what flat faces spare is not worth the question
             kind = self.collision.flat_cells(points, found, self.members, min(reach, r + ROOMY * width))
-        nearest, second, finer = np.empty(shape), np.empty(shape), np.zeros((len(origins), 2, 2), dtype=np.bool_)
-        _finish(found, kind, width, r, level == 0, nearest, second, finer)
+        nearest, farther, finer = np.empty(shape), np.empty(shape), np.zeros((len(origins), 2, 2), dtype=np.bool_)
+        _finish(found, kind, width, r, level == 0, nearest, farther, finer)
         self._enter(level, origins)
-        self.parts.append((nearest.astype(np.float32), second.astype(np.float32), found.which.astype(np.int32)))
+        self.parts.append((nearest.astype(np.float32), farther.astype(np.float32), found.which.astype(np.int32)))
         return self._children(level, origins, finer) if level else origins[:0]
 
     def _enter(self, level: int, origins: Origins) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from discs import block, disc
 from solved import around_post
-from tilted import cluttered
+from tilted import cluttered, solid
 from warehouses import warehouse
 
 from pirrht.arrays import Array
@@ -20,10 +20,12 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.blocks import build_blocks
 from pirrht.geometry.certify import FREE, certify_segment
+from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, clearance, interpolate, nearest_label, with_slope
 from pirrht.geometry.flat import CURVED
 from pirrht.geometry.passages import find_passages
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.scene import Footprint, Goal, Kind, Obstacle, Scene
+from pirrht.geometry.survey import build_field
 from pirrht.steering.straight_line import StraightLine
 from pirrht.tree.homology_tree import HomologyTree
 
@@ -130,6 +132,15 @@ def test_a_workspace_beyond_single_precision_is_refused_with_the_size_that_works
 def test_a_warehouse_beyond_memory_is_refused_with_a_size_and_a_radius():
     with pytest.raises(SceneError, match=r"among these \d+ obstacles; up to about \d+ m x \d+ m works, or a radius of"):
         FreeSpace.of(warehouse(300.0, radius=0.05))
+
+
+def test_too_many_solids_without_a_closed_form_are_refused_before_they_are_asked():
+    rng = np.random.default_rng(0)
+    solids = [solid(Kind.ELLIPSOID, f"e{k}", rng.uniform(5.0, 95.0, 2), rng) for k in range(400)]
+    collision = Collision(hall(100.0, 100.0, solids).world, Footprint(ROBOT, 0.1))
+    with pytest.raises(SceneError, match="among these 400 obstacles"):
+        build_field(collision, range(400))
+    assert collision.calls < 10_000
 
 
 def packed(field: Field, space: FreeSpace) -> Field:
