@@ -119,7 +119,7 @@ class _Builder(NamedTuple):
         return origins
 
     def reserve(self, level: int, origins: Origins) -> None:
-        """Refuse blocks (k, 2) of a level that would be too many, or too much to ask; each level asks about twice that."""
+        """Refuse blocks (k, 2) that are too many, or too much to ask; a finer level asks about twice as much."""
         points = (self.size + len(origins)) * (self.cells + 1) ** 2
         if points > MOST:
             raise TooLarge(float(np.sqrt(MOST / points)))

@@ -233,7 +233,7 @@ def test_a_gap_is_as_wide_a_passage_in_a_large_world_as_it_is(gap: float):
 
 
 def test_a_detour_in_a_large_world_is_as_short_as_it_can_be():
-    """With a spacing that grew with the workspace detours came out two percent long."""
+    """With a spacing that grew with the workspace this one came out 4e-4 too long."""
     half, far, r = 10.0, 40.0, ROBOT
     scene = hall(500.0, 500.0, [block("block", 250.0, 250.0, (half, half))])
     space = FreeSpace.of(replace(scene, start=np.array([250.0 - far, 250.0, 0.0]),
@@ -244,4 +244,4 @@ def test_a_detour_in_a_large_world_is_as_short_as_it_can_be():
     corner = np.hypot(far - half, half)
     turn = np.arctan2(half, far - half) + np.arcsin(r / corner)
     shortest = 2.0 * (np.sqrt(corner**2 - r**2) + r * turn + half) - 0.4
-    assert tree.references(space.scene.start[:2])[0].length < 1.001 * shortest
+    assert tree.references(space.scene.start[:2])[0].length < 1.0002 * shortest
