@@ -10,8 +10,9 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import Field, build_field
+from pirrht.geometry.field import Field
 from pirrht.geometry.scene import Goal, Scene
+from pirrht.geometry.survey import build_field
 from pirrht.topology.homology import Homology
 from pirrht.topology.obstacles import Component, components
 
@@ -34,7 +35,7 @@ class FreeSpace:
         """Examine a scene; the markers of its encircled obstacles, (M, 2) [m], become those of `homology`.
 
         Raises:
-            SceneError: the start or the goal point is in collision.
+            SceneError: the start or the goal point is in collision, or the workspace is too large for the robot.
         """
         collision = Collision(scene.world, scene.footprint)
         _check_task(scene, collision)
@@ -44,7 +45,7 @@ class FreeSpace:
         return cls(
             scene=scene,
             collision=collision,
-            field=build_field(collision, sorted(i for part in parts for i in part.members)),
+            field=_field(scene, collision, sorted(i for part in parts for i in part.members)),
             obstacles=encircled,
             homology=Homology(markers=markers, goal=scene.goal.center.astype(float)),
         )
@@ -69,6 +70,13 @@ class FreeSpace:
     def clearance(self, position: Array) -> float:
         """FCL's clearance of the robot's centre at one position (2,) [m]."""
         return float(self.collision.clearance(position[None, :2])[0])
+
+
+def _field(scene: Scene, collision: Collision, members: list[int]) -> Field:
+    try:
+        return build_field(collision, members)
+    except SceneError as error:
+        raise SceneError(f"{scene.name}: {error}") from None
 
 
 def _check_task(scene: Scene, collision: Collision) -> None:

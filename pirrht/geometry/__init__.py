@@ -5,8 +5,11 @@ shapes        distances from solids in closed form; fcl_shapes: solids as object
 collision     how far the obstacles are and whether a path is free: FCL's word, which is the last one
 walls         the two nearest walls: the nearest solid, and the nearest in another direction
 field         both distances on a grid with their error bound, for millions of questions at once
+survey        how a field is sampled: dense, on one grid in a small world; blocks, fine where needed in a large one
+flat          cells in which distances are linear, so that coarse blocks err by nothing
 certify       what the field certifies about points, segments and curves (`ObstacleFree` of Algorithms 2 and 3)
 saddles       where free space narrows before it widens again; passages: how wide it is there, and the way through
+pages         the same search where the field lies in blocks
 arcs          curves of arcs and straight pieces, and the angle of a chord, absmin of section IV-A
 arena         field and goal together: what a path asks about the world
 

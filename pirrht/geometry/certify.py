@@ -20,9 +20,8 @@ LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m]
 @kernel
 def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
     """Whether the Lipschitz upper bound from the nearest grid point is already negative."""
-    i, j = closest(field, x, y)
-    gap = math.sqrt((x - field.x0 - i * field.spacing) ** 2 + (y - field.y0 - j * field.spacing) ** 2)
-    return load_float32(field.nearest, i * field.ny + j) + gap + field.spacing < 0.0
+    at, dx, dy, width = closest(field, x, y)
+    return load_float32(field.nearest, at) + math.sqrt(dx**2 + dy**2) + width < 0.0
 
 
 @inlined

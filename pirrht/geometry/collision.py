@@ -13,12 +13,14 @@ from typing import Any
 
 import fcl
 import numpy as np
+from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.fcl_shapes import ball, capsule, shell_of, solid_of, tree_of
+from pirrht.geometry.flat import flat_cells
 from pirrht.geometry.scene import Footprint, Kind, World
 from pirrht.geometry.shapes import PROBE, Solids, distance_from
-from pirrht.geometry.walls import Answer, Found, nearest_walls
+from pirrht.geometry.walls import Answer, Found, asked_points, nearest_walls
 
 TOLERANCE = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]
 SHORTEST = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]
@@ -70,6 +72,15 @@ class Collision:
         """
         counted = np.array(members, dtype=np.int64)
         return nearest_walls(self._forms, self._confirmed, counted, self._answer, points, self.footprint.height, reach)
+
+    def flat_cells(self, points: Array, found: Found, members: Sequence[int], reach: float) -> NDArray[np.int8]:
+        """In which cells of blocks of points (k, S, S, 2) [m] distances are linear, as `flat.flat_cells` says."""
+        counted, height = np.array(members, dtype=np.int64), self.footprint.height
+        return flat_cells(self._forms, self._confirmed, counted, points, found, height, reach)
+
+    def asked_points(self, points: Array, members: Sequence[int], reach: float) -> int:
+        """How many of the points (k, 2) [m] may be within reach [m] of solids that FCL has to be asked about."""
+        return asked_points(self._forms, self._confirmed, np.array(members, dtype=np.int64), points, reach)
 
     @cached_property
     def _confirmed(self) -> BoolArray:

@@ -1,15 +1,17 @@
-"""The clearance field: FCL sampled once on a grid, so that a million queries cost milliseconds.
+"""The clearance field: distances sampled once on a grid, so that a million queries cost milliseconds.
 
 The distance to a convex solid is convex with second derivatives of at most 1/distance, so bilinear interpolation
 of the distance to the nearest of several solids is too high by at most h^2 / (4 d). That bound is subtracted: the
 field never claims more clearance than there is. The border of the workspace is exact and kept out of the grid.
 
 The second wall is the nearest solid in another direction; where another solid takes over, its clearance may jump.
+
+In a small world (`dense`) the grid's points lie in columns, in a large one (`blocks`) in square blocks of several
+spacings, and a table says which block holds a cell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +21,6 @@ from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_float32, load_int32
 from pirrht.compiled.float32 import ONE
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import World
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
@@ -27,13 +28,16 @@ BAND = 2.0  # a cell is refined where its clearance is less than this many of it
 REACH = 1.0  # the field tells no clearance above this [m]; exits and bridges are decided far below it
 SHARP = 4.0  # where walls change that are less than this many robot radii away, the change is refined
 NOTHING = 1e6  # clearance where there are no obstacles at all [m]
+LEVEL_BITS = 2  # of a table's entry: the lowest bits are a block's level, the others its number
 
-Mask = NDArray[np.bool_]  # (nx, ny)
-Values = tuple[Array, Array, NDArray[np.int64]]  # nearest, second and label at the points of a grid, (nx, ny)
+Arrays = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # nearest, second, label
 
 
 class Grid(NamedTuple):
-    """Clearance of the robot's centre on a grid of nx * ny points, as numbers that kernels can take cheaply."""
+    """Clearance of the robot's centre on a grid of nx * ny points, as numbers that kernels can take cheaply.
+
+    Where the points lie in blocks, one of level l has spacing 2^l h, and so many points in each of its columns.
+    """
 
     x0: float  # position of grid point (0, 0) [m]
     y0: float  # [m]
@@ -41,9 +45,15 @@ class Grid(NamedTuple):
     per: float  # 1/h [1/m]
     nx: int
     ny: int
-    nearest: int  # address of float32 (nx, ny): clearance to the nearest solid, never too high [m]
-    second: int  # address of float32 (nx, ny): clearance to the nearest that stands in another direction [m]
-    label: int  # address of int32 (nx, ny): index of the nearest solid
+    stride: int  # points from one column to the next: ny, or those of a block's column
+    table: (
+        int  # address of int32 (rows, columns): number and level of the block that holds a place; 0 where there is none
+    )
+    columns: int  # of the table
+    shift: int  # a place of the table is 2^shift cells wide
+    nearest: int  # address of float32 per point: clearance to the nearest solid, never too high [m]
+    second: int  # address of float32 per point: clearance to the nearest that stands in another direction [m]
+    label: int  # address of int32 per point: index of the nearest solid
     left: float  # border of the workspace [m]
     low: float  # [m]
     right: float  # [m]
@@ -53,21 +63,40 @@ class Grid(NamedTuple):
 class Field(Grid):
     """The same together with the arrays that the addresses point to."""
 
-    arrays: tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # nearest, second, label
+    arrays: Arrays  # of all points, (nx, ny) or (blocks, stride, stride)
+    blocks: NDArray[np.int32] | None = None  # the table, (rows, columns)
 
     @classmethod
     def of(cls, world: World, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
         """Take hold of values (nx, ny), clearances [m] and labels, that start at the workspace's least corner."""
-        arrays = (
-            np.ascontiguousarray(nearest, dtype=np.float32),
-            np.ascontiguousarray(second, dtype=np.float32),
-            np.ascontiguousarray(label, dtype=np.int32),
-        )
+        shape = (*nearest.shape, nearest.shape[1], 0, 0, 0)
+        return cls._holding(world, spacing, shape, _packed(nearest, second, label))
+
+    @classmethod
+    def in_blocks(cls, world: World, spacing: float, table: NDArray[np.int32], arrays: Arrays) -> Field:
+        """The same of blocks (k, stride, stride) and a table (rows, columns) of numbers and levels."""
+        cells = arrays[0].shape[1] - 1
+        nx, ny = (cells * n + 1 for n in table.shape)
+        shape = (nx, ny, cells + 1, table.ctypes.data, table.shape[1], cells.bit_length() - 1)
+        field = cls._holding(world, spacing, shape, arrays)
+        field.blocks = table
+        return field
+
+    @classmethod
+    def _holding(cls, world: World, spacing: float, shape: tuple[int, ...], arrays: Arrays) -> Field:
         corner, end = world.lower.astype(float), world.upper.astype(float)
         addresses = (array.ctypes.data for array in arrays)
-        field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *nearest.shape, *addresses, *corner, *end)
+        field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *shape, *addresses, *corner, *end)
         field.arrays = arrays
         return field
+
+
+def _packed(nearest: Array, second: Array, label: NDArray[np.int64]) -> Arrays:
+    return (
+        np.ascontiguousarray(nearest, dtype=np.float32),
+        np.ascontiguousarray(second, dtype=np.float32),
+        np.ascontiguousarray(label, dtype=np.int32),
+    )
 
 
 def set_back(field: Field, distance: float) -> Field:
@@ -82,114 +111,8 @@ def set_back(field: Field, distance: float) -> Field:
         right=field.right + distance,
         high=field.high + distance,
     )
-    moved.arrays = arrays
+    moved.arrays, moved.blocks = arrays, field.blocks
     return moved
-
-
-def build_field(collision: Collision, members: Sequence[int]) -> Field:
-    """Sample FCL's clearances [m] from the solids that count, coarser far from obstacles."""
-    world, r = collision.world, collision.footprint.radius
-    span = world.upper - world.lower
-    h = float(max(r / 8.0, span.max() / 4000.0))
-    coarse = h * 2 ** (LEVELS - 1)
-    shape = np.ceil(span / coarse).astype(int) + 1
-    level = _Level(collision, members)
-    every = np.ones(tuple(shape), dtype=bool)
-    nearest, second, label = level.at(coarse, every, ~every, None)
-    width = coarse
-    for _ in range(LEVELS - 1):
-        least, most = _least(nearest), -_least(-nearest)
-        margin = width**2 / (4.0 * np.maximum(least + r - np.sqrt(2.0) * width, 0.5 * r))
-        shallow, near = most > -1.5 * width, SHARP * r
-        refine = _within(shallow & (least < BAND * width))
-        change = _within(_change(shallow & (least < near), second, label, width, near))
-        width /= 2.0
-        near_guess, second_guess = _upsample(nearest) - _fill(margin), _upsample(second)
-        label_guess = np.repeat(np.repeat(label, 2, axis=0), 2, axis=1)[: near_guess.shape[0], : near_guess.shape[1]]
-        guess = (near_guess, second_guess, label_guess.copy())
-        guess[0][::2, ::2] = nearest
-        nearest, second, label = level.at(width, refine, change, guess)
-    final = width**2 / (4.0 * np.maximum(nearest + r, r) - 4.0 * np.sqrt(2.0) * width)
-    return Field.of(world, float(width), nearest - final, second - final, label)
-
-
-class _Level:
-    """Asks FCL for the grid points of one level that masks select."""
-
-    def __init__(self, collision: Collision, members: Sequence[int]) -> None:
-        self.collision, self.members = collision, members
-
-    def at(self, width: float, refine: Mask, change: Mask, guess: Values | None) -> Values:
-        """Values at the points to refine, and the second wall and the label where these change; elsewhere the guess."""
-        if guess is None:
-            shape, far = refine.shape, REACH if self.members else NOTHING
-            reach, guess = REACH, (np.full(shape, far), np.full(shape, far), np.full(shape, -1, dtype=np.int64))
-        else:
-            reach = min(REACH, 2.0 * (BAND + 1.5) * width)  # no nearest solid of a refined cell is farther
-        if self.members:
-            near = max(reach, min(REACH, SHARP * self.collision.footprint.radius + 3.0 * width))
-            self.ask(width, refine & ~change, refine, reach, guess)
-            self.ask(width, change, refine, near, guess)
-        return guess
-
-    def ask(self, width: float, mask: Mask, refine: Mask, reach: float, values: Values) -> None:
-        """Put what is found within reach [m] into the values, in place."""
-        (nearest, second, label), at, r = values, np.nonzero(mask), self.collision.footprint.radius
-        points = self.collision.world.lower + np.column_stack(at) * width
-        one, two, which, _ = self.collision.nearest_walls(points, self.members, reach + r)
-        nearest[at] = np.where(refine[at], one - r, nearest[at])  # a guess is what it has to be: never too high
-        label[at] = which
-        second[at] = np.where(two < reach + r, two - r, np.maximum(second[at], reach))
-
-
-def _least(values: Array) -> Array:
-    """Least corner of each cell."""
-    least: Array = np.minimum(
-        np.minimum(values[:-1, :-1], values[1:, :-1]), np.minimum(values[:-1, 1:], values[1:, 1:])
-    )
-    return least
-
-
-def _change(cells: Mask, second: Array, label: NDArray[np.int64], width: float, near: float) -> Mask:
-    """In which of these cells another solid takes over as one of two near walls."""
-    i, j = np.nonzero(cells)
-    corners = (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)
-    values, labels = np.array([second[at] for at in corners]), np.array([label[at] for at in corners])
-    changes = np.zeros_like(cells)
-    changes[i, j] = (np.ptp(values, axis=0) > 1.5 * width) & (values.min(axis=0) < near)
-    changes[i, j] |= np.ptp(labels, axis=0) > 0
-    return changes
-
-
-def _within(cell: Mask) -> Mask:
-    """Points of the next finer grid that lie in cells, less those of this one."""
-    fine = np.zeros(tuple(2 * s + 1 for s in cell.shape), dtype=bool)
-    block = np.repeat(np.repeat(cell, 2, axis=0), 2, axis=1)
-    for i in (0, 1):
-        for j in (0, 1):
-            fine[i : i + block.shape[0], j : j + block.shape[1]] |= block
-    fine[::2, ::2] = False
-    return fine
-
-
-def _upsample(values: Array) -> Array:
-    fine = np.empty(tuple(2 * s - 1 for s in values.shape))
-    fine[::2, ::2] = values
-    fine[1::2, ::2] = 0.5 * (values[:-1] + values[1:])
-    fine[::2, 1::2] = 0.5 * (values[:, :-1] + values[:, 1:])
-    fine[1::2, 1::2] = 0.25 * (values[:-1, :-1] + values[1:, :-1] + values[:-1, 1:] + values[1:, 1:])
-    return fine
-
-
-def _fill(margin: Array) -> Array:
-    """Spread a bound per cell to the points of the next finer grid (the largest of the cells around)."""
-    fine = np.zeros(tuple(2 * s + 1 for s in margin.shape))
-    block = np.repeat(np.repeat(margin, 2, axis=0), 2, axis=1)
-    for i in (0, 1):
-        for j in (0, 1):
-            view = fine[i : i + block.shape[0], j : j + block.shape[1]]
-            np.maximum(view, block, out=view)
-    return fine
 
 
 @inlined
@@ -199,12 +122,35 @@ def border(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def cell_of(field, x, y):  # type: ignore[no-untyped-def]
-    """Index i ny + j of the cell's first grid point, and where (x, y) [m] lies in the cell, each from 0 to 1."""
+def finest_cell(field, x, y):  # type: ignore[no-untyped-def]
+    """(x, y) [m] in spacings from the grid's first point, and the cell (i, j) of the finest grid."""
     fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
     i = min(max(np.int32(fx), np.int32(0)), np.int32(field.nx - 2))
     j = min(max(np.int32(fy), np.int32(0)), np.int32(field.ny - 2))
-    return i * np.int32(field.ny) + j, fx - np.float32(i), fy - np.float32(j)
+    return fx, fy, i, j
+
+
+@inlined
+def cell_of(field, x, y):  # type: ignore[no-untyped-def]
+    """The cell of (x, y) [m]: index of its first point, where in it (x, y) lies, 0 to 1 each, and 1/width [1/m]."""
+    fx, fy, i, j = finest_cell(field, x, y)
+    if field.table == 0:
+        return i * np.int32(field.ny) + j, fx - np.float32(i), fy - np.float32(j), field.per
+    return cell_in_block(field, fx, fy, i, j)
+
+
+@inlined
+def cell_in_block(field, fx, fy, i, j):  # type: ignore[no-untyped-def]
+    """The same where points lie in blocks, of the finest cell (i, j), (fx, fy) spacings from the grid's first point."""
+    entry = load_int32(field.table, (i >> field.shift) * field.columns + (j >> field.shift))
+    level = entry & ((1 << LEVEL_BITS) - 1)
+    span = field.shift + level
+    bi, bj = (i >> span) << span, (j >> span) << span
+    ci, cj = (i - bi) >> level, (j - bj) >> level
+    share = ONE / np.float32(1 << level)
+    at = ((entry >> LEVEL_BITS) * field.stride + ci) * field.stride + cj
+    u, v = (fx - np.float32(bi)) * share - np.float32(ci), (fy - np.float32(bj)) * share - np.float32(cj)
+    return at, u, v, field.per * share
 
 
 @inlined
@@ -223,38 +169,50 @@ def bilinear_slope(a, b, c, d, u, v, per):  # type: ignore[no-untyped-def]
 
 @inlined
 def _corners(field, grid, x, y):  # type: ignore[no-untyped-def]
-    at, u, v = cell_of(field, x, y)
+    at, u, v, per = cell_of(field, x, y)
     a, b = load_float32(grid, at), load_float32(grid, at + 1)
-    return a, b, load_float32(grid, at + field.ny), load_float32(grid, at + field.ny + 1), u, v
+    return a, b, load_float32(grid, at + field.stride), load_float32(grid, at + field.stride + 1), u, v, per
 
 
 @inlined
 def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
     """Bilinear value [m] at (x, y) [m] in the workspace of the grid at an address, field.nearest or field.second."""
-    a, b, c, d, u, v = _corners(field, grid, x, y)
+    a, b, c, d, u, v, _ = _corners(field, grid, x, y)
     return bilinear(a, b, c, d, u, v)
 
 
 @inlined
 def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
     """The same and its gradient (d/dx, d/dy) [m/m]."""
-    a, b, c, d, u, v = _corners(field, grid, x, y)
-    return bilinear_slope(a, b, c, d, u, v, field.per)
+    a, b, c, d, u, v, per = _corners(field, grid, x, y)
+    return bilinear_slope(a, b, c, d, u, v, per)
+
+
+@inlined
+def value_at(field, i, j):  # type: ignore[no-untyped-def]
+    """Clearance to the nearest solid [m] at a point (i, j) of the finest grid."""
+    if field.table == 0:
+        return load_float32(field.nearest, i * field.ny + j)
+    return interpolate(field, field.nearest, field.x0 + i * field.spacing, field.y0 + j * field.spacing)
 
 
 @inlined
 def closest(field, x, y):  # type: ignore[no-untyped-def]
-    """Indices (i, j) of the grid point closest to (x, y) [m]."""
-    i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
-    j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
-    return i, j
+    """Index of the point that is closest to (x, y) [m], (x, y) as seen from it [m], and the spacing there [m]."""
+    if field.table == 0:
+        i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
+        j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
+        dx, dy = x - field.x0 - i * field.spacing, y - field.y0 - j * field.spacing
+        return i * field.ny + j, dx, dy, field.spacing
+    at, u, v, per = cell_of(field, x, y)
+    i, j = (1 if u >= 0.5 else 0), (1 if v >= 0.5 else 0)
+    return at + i * field.stride + j, (u - i) / per, (v - j) / per, 1.0 / per
 
 
 @kernel
 def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
-    """Solid that is nearest at the grid point closest to (x, y) [m]; -1 where none is near."""
-    i, j = closest(field, x, y)
-    return load_int32(field.label, i * field.ny + j)
+    """Solid that is nearest at the grid's point closest to (x, y) [m]; -1 where none is near."""
+    return load_int32(field.label, closest(field, x, y)[0])
 
 
 @inlined

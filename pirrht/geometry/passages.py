@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray
-from pirrht.compiled.addresses import load_float32
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import REACH, Field, border, clearance
-from pirrht.geometry.saddles import blocks_of, saddles
+from pirrht.geometry.field import REACH, Field, border, clearance, value_at
+from pirrht.geometry.saddles import narrow_places
 
 ANGLES = 16  # directions that are tried first, over half a turn
 TURNS = 4  # searches for the direction, each four times as fine
@@ -83,18 +82,19 @@ def _side(tails: Array, heads: Array, points: Array) -> Array:
 def find_passages(field: Field, collision: Collision) -> Passages:
     """Every passage of a world that a robot can use, from its clearance field; FCL is asked where that is unsure."""
     radius = collision.footprint.radius
-    blocks = blocks_of(field, radius)
+    known: dict[tuple[int, int], list[Array]] = {}
     middles: list[Array] = []
     walks, work = [], np.empty((MOST, 3))
     middle = np.empty(4)  # x, y, heading, clearance
-    for block in saddles(blocks, field.spacing, radius).tolist():
-        row, column = divmod(block, blocks.columns)
-        _best_of_block(field, row - 1, column - 1, blocks.stride, middle)
-        if not _centre(field, radius, middle) or middle[3] > REACH or _known(middles, middle, radius):
+    stride, places = narrow_places(field, radius)
+    for row, column in places.tolist():
+        _best_of_block(field, row, column, stride, middle)
+        if not _centre(field, radius, middle) or middle[3] > REACH or _known(known, middle, radius):
             continue
         if middle[3] < field.spacing and not collision.free(middle[None, :2])[0]:
             continue
         middles.append(middle.copy())
+        known.setdefault(_square(middle, radius), []).append(middles[-1])
         walks.append(work[: _walk(field, radius, middle, work)].copy())
     found = np.array(middles).reshape(-1, 4)
     order = np.argsort(found[:, 3], kind="stable")
@@ -107,11 +107,19 @@ def find_passages(field: Field, collision: Collision) -> Passages:
     )
 
 
-def _known(middles: list[Array], middle: Array, radius: float) -> bool:
-    """Whether a passage through this chord has been found already."""
+def _square(middle: Array, radius: float) -> tuple[int, int]:
+    """Where a middle lies on a chessboard of squares as wide as the robot's radius [m]."""
+    return math.floor(middle[0] / radius), math.floor(middle[1] / radius)
+
+
+def _known(known: dict[tuple[int, int], list[Array]], middle: Array, radius: float) -> bool:
+    """Whether a passage through this chord has been found already; `known` are the middles in each square."""
+    i, j = _square(middle, radius)
     return any(
         math.hypot(*(middle[:2] - other[:2])) < radius and abs(math.sin(middle[2] - other[2])) < 0.7
-        for other in middles
+        for k in (i - 1, i, i + 1)
+        for m in (j - 1, j, j + 1)
+        for other in known.get((k, m), ())
     )
 
 
@@ -122,7 +130,7 @@ def _best_of_block(field, row, column, stride, middle):  # type: ignore[no-untyp
     for i in range(row * stride, min((row + 1) * stride, field.nx)):
         for j in range(column * stride, min((column + 1) * stride, field.ny)):
             x, y = field.x0 + i * field.spacing, field.y0 + j * field.spacing
-            c = min(border(field, x, y), load_float32(field.nearest, i * field.ny + j))
+            c = min(border(field, x, y), value_at(field, i, j))
             if c > best:
                 best = c
                 middle[0], middle[1], middle[3] = x, y, c

@@ -14,13 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.addresses import load_float32
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.field import REACH, Field
-
-ROOM = 1.0  # a room is deeper than its door by this many spacings of the field, or it is grain
-SOLID = 0.5  # an obstacle is deeper than the gap by this share of the robot's radius; its inside by all of it
-BLOCKS = 2.0  # of the field's points that make a block, per radius: the thinnest obstacle still blocks one
+from pirrht.geometry.field import REACH, Field, value_at
+from pirrht.geometry.pages import BLOCKS, ROOM, SOLID, saddles_of_pages
 
 
 class Blocks(NamedTuple):
@@ -29,6 +25,19 @@ class Blocks(NamedTuple):
     value: Array  # (rows columns,) [m]
     columns: int
     stride: int  # grid points on a side of a block
+
+
+def narrow_places(field: Field, radius: float) -> tuple[int, NDArray[np.int64]]:
+    """Where a robot of some radius [m] may just pass: (row, column) of squares (k, 2), narrowest first.
+
+    A square is so many grid points wide, which is returned first; its first point is that many times (row, column).
+    """
+    stride = max(1, int(radius / (BLOCKS * field.spacing)))
+    if field.blocks is not None:
+        return stride, saddles_of_pages(field, stride, radius)
+    blocks = blocks_of(field, radius)
+    at = saddles(blocks, field.spacing, radius)
+    return stride, np.column_stack((at // blocks.columns, at % blocks.columns)) - 1
 
 
 def blocks_of(field: Field, radius: float) -> Blocks:
@@ -66,7 +75,7 @@ def _fill(field, stride, columns, value):  # type: ignore[no-untyped-def]
         side = min(x - field.left, field.right - x)
         for j in range(field.ny):
             y = field.y0 + j * field.spacing
-            c = min(min(side, min(y - field.low, field.high - y)), load_float32(field.nearest, i * field.ny + j))
+            c = min(min(side, min(y - field.low, field.high - y)), value_at(field, i, j))
             at = row + j // stride
             if c > value[at]:
                 value[at] = c

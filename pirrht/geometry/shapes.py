@@ -132,3 +132,65 @@ def tiles(points: Array, width: float) -> Iterator[tuple[NDArray[np.int64], Arra
     starts = np.concatenate(([0], np.flatnonzero(np.diff(number[order])) + 1))
     least, most = (extreme.reduceat(points[order], starts, axis=0) for extreme in (np.minimum, np.maximum))
     yield from zip(np.split(order, starts[1:]), least, most, strict=True)
+
+
+class Bins(NamedTuple):
+    """Which solids are near, by square cells in rows along y."""
+
+    left: float  # corner of the first cell [m]
+    low: float  # [m]
+    width: float  # of a cell [m]
+    columns: int  # along x
+    rows: int  # along y
+    first: NDArray[np.int64]  # (columns rows + 1,) where the solids of each cell begin
+    member: NDArray[np.int64]  # (k,) solids, in the order of their indices within a cell
+
+
+MOST_BINS = 2048  # along a side
+
+
+def bins_of(solids: Solids, members: NDArray[np.int64], points: Array, reach: float) -> Bins:
+    """Those of the solids `members` (l,) that may be less than `reach` [m] from a place among points (k, 2) [m]."""
+    corner, end = (np.array([extreme(points[:, k]) for k in (0, 1)]) for extreme in (np.min, np.max))
+    width = max(reach, float((end - corner).max()) / MOST_BINS)
+    counts = ((end - corner) / width).astype(np.int64) + 1
+    wide = reach * (1.0 + 1e-9) + 1e-9
+    low = np.floor((solids.low[members] - wide - corner) / width)
+    high = np.floor((solids.high[members] + wide - corner) / width)
+    here = np.all((high >= 0) & (low < counts), axis=1)
+    low, high = np.clip(low[here], 0, counts - 1), np.clip(high[here], 0, counts - 1)
+    first = np.zeros(counts.prod() + 1, dtype=np.int64)
+    low, high = low.astype(np.int64), high.astype(np.int64)
+    _count(low, high, int(counts[1]), first)
+    np.cumsum(first, out=first)
+    member = np.empty(first[-1], dtype=np.int64)
+    _sort_in(low, high, members[here], int(counts[1]), first[:-1].copy(), member)
+    return Bins(float(corner[0]), float(corner[1]), width, int(counts[0]), int(counts[1]), first, member)
+
+
+@kernel
+def _count(low, high, rows, first):  # type: ignore[no-untyped-def]
+    """How many rectangles of cells cover each cell, written one place later."""
+    for m in range(len(low)):
+        for i in range(low[m, 0], high[m, 0] + 1):
+            for j in range(low[m, 1], high[m, 1] + 1):
+                first[i * rows + j + 1] += 1
+
+
+@kernel
+def _sort_in(low, high, members, rows, free, member):  # type: ignore[no-untyped-def]
+    """Write each solid into the cells that it covers, from the places that are `free` there on."""
+    for m in range(len(low)):
+        for i in range(low[m, 0], high[m, 0] + 1):
+            for j in range(low[m, 1], high[m, 1] + 1):
+                at = i * rows + j
+                member[free[at]] = members[m]
+                free[at] += 1
+
+
+@inlined
+def bin_at(bins, x, y):  # type: ignore[no-untyped-def]
+    """Where the solids near (x, y) [m] begin and end among `bins.member`."""
+    i = min(max(int((x - bins.left) / bins.width), 0), bins.columns - 1)
+    j = min(max(int((y - bins.low) / bins.width), 0), bins.rows - 1)
+    return bins.first[i * bins.rows + j], bins.first[i * bins.rows + j + 1]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.compiled.jit import inlined, jitable, kernel
-from pirrht.geometry.shapes import PROBE, Solids, distance_from, offset_from, tiles
+from pirrht.geometry.shapes import PROBE, Bins, Solids, bin_at, bins_of, distance_from, offset_from, tiles
 
 APART = 0.5  # cosine of the angle from which on two directions are those of two walls
 LEVEL = 0.15  # sine of the angle by which a solid has to rise from the plane of the nearer wall
@@ -49,22 +49,24 @@ def stands_apart(ex: float, ey: float, ax: float, ay: float) -> bool:
 
 
 @inlined
-def _square(low, high, m, x, y):  # type: ignore[no-untyped-def]
+def square_to(low, high, m, x, y):  # type: ignore[no-untyped-def]
     """Square of the distance from (x, y) to the rectangle around a solid [m^2]."""
     dx, dy = max(max(low[m, 0] - x, x - high[m, 0]), 0.0), max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
     return dx * dx + dy * dy
 
 
 @kernel
-def _nearest_of(solids, members, points, rows, height, found):  # type: ignore[no-untyped-def]
-    """Put the nearest of `members` (l,), which have closed forms, into `found` at the rows of points (k, 2) [m]."""
-    low, high = solids.low, solids.high
+def _nearest_of(solids, bins, points, rows, height, found):  # type: ignore[no-untyped-def]
+    """Put the nearest of the solids in bins, which have closed forms, into `found` at rows of points (k, 2) [m]."""
+    low, high, member = solids.low, solids.high, bins.member
     first, _, which, away = found
     for i in rows:
         x, y = points[i, 0], points[i, 1]
         best, at = first[i], which[i]
-        for m in members:
-            if _square(low, high, m, x, y) >= best * best:
+        begin, end = bin_at(bins, x, y)
+        for k in range(begin, end):
+            m = member[k]
+            if square_to(low, high, m, x, y) >= best * best:
                 continue
             d = distance_from(solids, m, x, y, height)
             d = 0.0 if d <= PROBE else d
@@ -76,15 +78,17 @@ def _nearest_of(solids, members, points, rows, height, found):  # type: ignore[n
 
 
 @kernel
-def _second_of(solids, members, points, rows, height, found):  # type: ignore[no-untyped-def]
-    """The same for the nearest of `members` that stands apart from the nearest of all solids, which is known."""
-    low, high = solids.low, solids.high
+def _second_of(solids, bins, points, rows, height, found):  # type: ignore[no-untyped-def]
+    """The same for the nearest that stands apart from the nearest of all solids, which is known."""
+    low, high, member = solids.low, solids.high, bins.member
     _, second, which, away = found
     for i in rows:
         x, y = points[i, 0], points[i, 1]
         best = second[i]
-        for m in members:
-            if _square(low, high, m, x, y) >= best * best or m == which[i]:
+        begin, end = bin_at(bins, x, y)
+        for k in range(begin, end):
+            m = member[k]
+            if square_to(low, high, m, x, y) >= best * best or m == which[i]:
                 continue
             d = distance_from(solids, m, x, y, height)
             if d <= PROBE:
@@ -97,10 +101,13 @@ def _second_of(solids, members, points, rows, height, found):  # type: ignore[no
 
 
 @kernel
-def _both_of(solids, members, points, rows, height, found):  # type: ignore[no-untyped-def]
-    """Both in one call, where there is nothing to ask."""
-    _nearest_of(solids, members, points, rows, height, found)
-    _second_of(solids, members, points, rows, height, found)
+def _crowded(bins, points):  # type: ignore[no-untyped-def]
+    """Which of the points (k, 2) [m] have solids in their bins, (k,)."""
+    out = np.zeros(len(points), dtype=np.bool_)
+    for i in range(len(points)):
+        begin, end = bin_at(bins, points[i, 0], points[i, 1])
+        out[i] = end > begin
+    return out
 
 
 def nearest_walls(
@@ -118,22 +125,46 @@ def nearest_walls(
         reach: no distance above this is told [m].
     """
     k = len(points)
-    lifted = np.column_stack((points, np.full(k, height)))
     found = Found(np.full(k, reach), np.full(k, reach), np.full(k, -1, dtype=np.int64), np.zeros((k, 2)))
-    for rows, low, high in tiles(points, reach):
-        gap = np.maximum(np.maximum(solids.low[members] - high, low - solids.high[members]), 0.0)
-        near = members[(gap * gap).sum(axis=1) < reach * reach]
-        plain, others = near[closed[near]], near[~closed[near]]
-        if not len(others):
-            if len(plain):
-                _both_of(solids, plain, points, rows, height, found)
-            continue
-        asked = _Asked(solids, others, ask, lifted, rows, reach)
-        _nearest_of(solids, plain, points, rows, height, found)
-        asked.nearest_of(found)
-        _second_of(solids, plain, points, rows, height, found)
-        asked.second_of(found)
+    if not k:
+        return found
+    plain, others = members[closed[members]], members[~closed[members]]
+    rows, bins = np.arange(k), bins_of(solids, plain, points, reach)
+    _nearest_of(solids, bins, points, rows, height, found)
+    if len(others):
+        doubtful = _crowded(bins_of(solids, others, points, reach), points)
+        _ask_others(solids, others, ask, points, np.flatnonzero(doubtful), height, reach, found, bins)
+        rows = np.flatnonzero(~doubtful)
+    _second_of(solids, bins, points, rows, height, found)
     return found
+
+
+def asked_points(solids: Solids, closed: BoolArray, members: IntArray, points: Array, reach: float) -> int:
+    """How many of the points (k, 2) [m] lie where solids without a closed form have to be asked about."""
+    others = members[~closed[members]]
+    return int(_crowded(bins_of(solids, others, points, reach), points).sum()) if len(others) and len(points) else 0
+
+
+def _ask_others(
+    solids: Solids,
+    others: IntArray,
+    ask: Ask,
+    points: Array,
+    rows: IntArray,
+    height: float,
+    reach: float,
+    found: Found,
+    bins: Bins,
+) -> None:
+    """Ask about solids (l,) at rows of the points, where the nearest of the plain ones in bins is known, and finish."""
+    lifted = np.column_stack((points, np.full(len(points), height)))
+    for tile, low, high in tiles(points[rows], reach):
+        gap = np.maximum(np.maximum(solids.low[others] - high, low - solids.high[others]), 0.0)
+        near = others[(gap * gap).sum(axis=1) < reach * reach]
+        asked = _Asked(solids, near, ask, lifted, rows[tile], reach)
+        asked.nearest_of(found)
+        _second_of(solids, bins, points, rows[tile], height, found)
+        asked.second_of(found)
 
 
 class _Asked:

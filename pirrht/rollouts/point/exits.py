@@ -12,7 +12,7 @@ from pirrht.compiled.float32 import ONE, TWO, ZERO, exponential
 from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import GOLDEN, bits_of, logarithm
 from pirrht.geometry.arena import Arena
-from pirrht.geometry.field import Grid, bilinear, border, cell_of
+from pirrht.geometry.field import Grid, bilinear, border, cell_in_block, finest_cell
 from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE
 from pirrht.rollouts.point.stages import (  # fmt: skip
     C0,
@@ -29,6 +29,7 @@ from pirrht.rollouts.point.stages import (  # fmt: skip
     LASTING,
     NX,
     NY,
+    PER,
     WALL,
     L,
     U,
@@ -50,7 +51,8 @@ def single(arena):  # type: ignore[no-untyped-def]
     field = arena.field
     frame = FRAME(
         np.float32(field.x0), np.float32(field.y0), np.float32(field.spacing), np.float32(field.per),
-        field.nx, field.ny, field.nearest, field.second, field.label,
+        field.nx, field.ny, field.stride, field.table, field.columns, field.shift,
+        field.nearest, field.second, field.label,
         np.float32(field.left), np.float32(field.low), np.float32(field.right), np.float32(field.high),
     )  # fmt: skip
     return PLACE(frame, (np.float32(arena.goal[0]), np.float32(arena.goal[1])), np.float32(arena.radius))
@@ -63,16 +65,23 @@ def corners(field, grid, f, short, row, n):  # type: ignore[no-untyped-def]
     for k in range(n):
         cell = np.int64(short[CELL + k])
         f[row + k], f[row + L + k] = load_float32(grid, cell), load_float32(grid, cell + 1)
-        cell += field.ny
+        cell += field.stride
         f[row + 2 * L + k], f[row + 3 * L + k] = load_float32(grid, cell), load_float32(grid, cell + 1)
 
 
 @inlined
 def locate(field, f, short, n):  # type: ignore[no-untyped-def]
-    """Cells that the steps lead to, and where in them."""
+    """Cells that the steps lead to, where in them, and one over their width."""
     n = min(n, LANES)
+    if field.table == 0:  # asked once, for loops without branches
+        for k in range(n):
+            fx, fy, i, j = finest_cell(field, f[NX + k], f[NY + k])
+            short[CELL + k] = np.int32(i * np.int32(field.ny) + j)
+            f[U + k], f[V + k], f[PER + k] = fx - np.float32(i), fy - np.float32(j), field.per
+        return
     for k in range(n):
-        cell, f[U + k], f[V + k] = cell_of(field, f[NX + k], f[NY + k])
+        fx, fy, i, j = finest_cell(field, f[NX + k], f[NY + k])
+        cell, f[U + k], f[V + k], f[PER + k] = cell_in_block(field, fx, fy, i, j)
         short[CELL + k] = np.int32(cell)
 
 

@@ -10,7 +10,23 @@ from pirrht.compiled.jit import inlined
 from pirrht.geometry.field import bilinear_slope
 from pirrht.rollouts.first_exit import wall_slope, walls_of
 from pirrht.rollouts.point.exits import corners
-from pirrht.rollouts.point.stages import CORNER, LANES, PUSH0, PUSH1, ROOT, STAGE, STEP, WALL, L, U, V, X, Y, row_of
+from pirrht.rollouts.point.stages import (
+    CORNER,
+    LANES,
+    PER,
+    PUSH0,
+    PUSH1,
+    ROOT,
+    STAGE,
+    STEP,
+    WALL,
+    L,
+    U,
+    V,
+    X,
+    Y,
+    row_of,
+)
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 
 
@@ -29,9 +45,9 @@ def wall_push(field, reach, beyond, b, B, f, short, n):  # type: ignore[no-untyp
     corners(field, field.second, f, short, CORNER + 4 * L, n)
     for k in range(n):
         at = CORNER + k
-        u, v = f[U + k], f[V + k]
-        nearest = bilinear_slope(f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], u, v, field.per)
-        second = bilinear_slope(f[at + 4 * L], f[at + 5 * L], f[at + 6 * L], f[at + 7 * L], u, v, field.per)
+        u, v, per = f[U + k], f[V + k], f[PER + k]
+        nearest = bilinear_slope(f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], u, v, per)
+        second = bilinear_slope(f[at + 4 * L], f[at + 5 * L], f[at + 6 * L], f[at + 7 * L], u, v, per)
         c, nx, ny, d, mx, my = walls_of(field, f[X + k], f[Y + k], nearest, second)
         widest = half * f[ROOT + k]
         c, d = max(c + beyond, widest), max(d + beyond, widest)
