@@ -33,13 +33,18 @@ class Stop:
 
     def __init__(self) -> None:
         self.asked = 0
+        self.number = signal.SIGINT  # the last signal that asked
         self.inline = False  # whether the work is done in this thread, which only an exception can stop
 
-    def ask(self, times: int = 1) -> None:
+    def ask(self, times: int = 1, number: signal.Signals = signal.SIGINT) -> None:
         """Take note of a wish to stop."""
-        self.asked += times
+        self.asked, self.number = self.asked + times, number
         if self.inline and self.asked > 1:
             raise KeyboardInterrupt
+
+
+def _asking(stop: Stop, wishes: dict[signal.Signals, int]) -> Callable[[int, Any], None]:
+    return lambda n, _: stop.ask(wishes[signal.Signals(n)], signal.Signals(n))
 
 
 @contextmanager
@@ -50,7 +55,7 @@ def interruptible() -> Iterator[Stop]:
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
-    before = {number: signal.signal(number, lambda n, _: stop.ask(wishes[signal.Signals(n)])) for number in wishes}
+    before = {number: signal.signal(number, _asking(stop, wishes)) for number in wishes}
     try:
         yield stop
     finally:

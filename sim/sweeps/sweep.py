@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -90,6 +91,7 @@ def sweep(
         if dataset is not None:
             kept = f"{len(done)} of {counted(len(asked), 'run')} kept in {dataset.folder}"
             print(f"{kept}; the same command goes on", file=sys.stderr)
+        signal.raise_signal(stop.number)  # whoever heeds signals says how this ends
         raise KeyboardInterrupt
     return [done[key_of(runs.failure(job, ""))] for job in jobs]
 

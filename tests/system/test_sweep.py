@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import signal
 import subprocess
 import sys
 import time
@@ -28,12 +29,12 @@ QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "2
 STOPPED = """
 import os, signal, sys
 from sim.cli import parser
-from sim.sweeps import dataset
-def once(file, table, write=dataset._write):
-    dataset._write = write
-    write(file, table)
+from sim.sweeps import dataset, parts
+def once(folder, write, add=parts.add):
+    parts.add = add
+    add(folder, write)
     {signals}
-dataset.CHUNK_RUNS, dataset.CHUNK_SECONDS, dataset._write = 20, float("inf"), once
+dataset.CHUNK_RUNS, dataset.CHUNK_SECONDS, parts.add = 20, float("inf"), once
 sys.exit(parser.main(sys.argv[1:]))
 """  # a sweep that is told to stop as soon as its first 20 runs are written
 AS_A_TERMINAL = STOPPED.format(signals="os.killpg(0, signal.SIGINT)  # to all processes")
@@ -130,7 +131,7 @@ def test_ctrl_c_twice_and_sigterm_end_it_at_once_and_keep_what_was_finished(sign
     sent = "; ".join(f"os.kill(os.getpid(), signal.{name})" for name in signals)
     with started(*words, program=("-c", STOPPED.format(signals=sent))) as process:
         _, told = process.communicate(timeout=120)
-    assert process.returncode == 130
+    assert process.returncode == 128 + signal.Signals[signals[0]]
     assert "Traceback" not in told
     assert 20 <= len(rows(tmp_path / "sweep")) <= 22
 

@@ -316,7 +316,7 @@ def test_what_could_be_waited_for_without_end_is_not_opened(tmp_path: Path):
             read_map(written(tmp_path, drawn("#."), image=name))
         for suffix in (".yaml", ".world"):
             source = (tmp_path / name).rename(tmp_path / f"{name}{suffix}")
-            with pytest.raises(SceneError, match=f"{name}{suffix}: cannot be read"):
+            with pytest.raises(SceneError, match=f"{name}{suffix}: it is a {name}, so it cannot be read"):
                 import_world(source, tmp_path / "a.xml", start=[0, 0], goal=[1, 1, 0.1])
             source.rename(tmp_path / name)
 
