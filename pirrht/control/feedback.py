@@ -154,7 +154,7 @@ class ClassPool:
             lead, control = leads.get(name), estimate.class_controls[name]
             new = ClassLaw(
                 log_psi=estimate.log_psi + float(np.log(weight)),
-                rest=control if lead is None else control - lead(x, 0.0),
+                rest=control if lead is None else control - lead.held(x),
                 lead=lead,
             )
             found[name] = new if name not in found else _pooled(found[name], new)

@@ -32,7 +32,7 @@ from pirrht.guidance.ways import NODES, way_of
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
-from pirrht.rollouts.records import Kernels, Leads, Origin, Setup, empty_paths
+from pirrht.rollouts.records import LAW, Kernels, Leads, Origin, Setup, empty_paths
 from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
 
@@ -65,7 +65,7 @@ class PathIntegral:
         self.kernels: Kernels = kernels_for(problem)
         self.setup = _setup(problem, space, sampling.exit == "bridge")
         steered = sampling.guide == "feedback" and Guidance.suits(problem)
-        self.guidance = Guidance(problem, self.setup) if steered else None
+        self.guidance = Guidance(problem, self.setup, sways=sampling.fitted) if steered else None
         self.replay = Replay(self.kernels, self.setup)
         constant = problem.dynamics.constant and not callable(problem.R)
         start = problem.dynamics.state_of(problem.scene.start)
@@ -249,7 +249,7 @@ class PathIntegral:
             weighed=bridge and self.problem.phi > end,
             window=window(scales.noise, self.setup.arena, x, times, longest) if climbs else 1,
             mirrored=self.sampling.draws == "antithetic",
-            law=np.zeros((H, T, 9)),
+            law=np.zeros((H, T, LAW)),
             led=np.zeros(H, np.int64),
         )
         for h, proposal in enumerate(batch.proposals):

@@ -25,7 +25,8 @@ class Sampling:
     """
 
     dt: float = 0.1  # rollout step [s]
-    # With exit along the step, steps of dt are "fitted" to the place, split near walls and goal, or "uniform" (paper).
+    # With exit along the step, steps of dt are "fitted" to the place, split near walls and goal (a Unicycle's are whole
+    # ones, within which it turns as in continuous time), or "uniform" (paper).
     steps: str = "fitted"
     first: float | None = None  # with exit along the step, the first dt is cut into steps of this length [s]
     samples: int = 200  # N, around each reference
@@ -69,7 +70,7 @@ class Sampling:
 
     @property
     def fitted(self) -> bool:
-        """Whether steps are split near walls and goal; those that exits are judged at the end of never are."""
+        """Whether steps are split near walls and goal, or a car turns within them; not with exits at their ends."""
         return self.exit == "bridge" and self.steps == "fitted"
 
     @property

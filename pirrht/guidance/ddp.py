@@ -3,6 +3,10 @@
 Differential dynamic programming (Mayne, Int. J. Control 1966) on the very steps that the rollouts take: theta' =
 theta + g u dt, and the position moves by V dt along the heading in between. The running cost is q + R u^2 / 2 and a
 price on clearances that noise would use up. The quadratic model of the cost-to-go yields u = u_ref + K (x - x_ref).
+
+Where a car sways, its control is u + 2 sqrt(3) r (t / dt - 1/2) at t within a step. That costs R (u^2 + r^2) / 2 per
+second and turns the way by -g r dt / sqrt(12) more. The best r, the sway, is linear in the state and u. A step is then
+the arc beside its chord, which is shorter by a share of (g u dt)^2 / 24.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from pirrht.rollouts.first_exit import COLLISION, sweep_exit
 from pirrht.rollouts.homing import STEEP, homing, wrapped
 from pirrht.topology.cuts import key_of_segment
 
+ACROSS = 1.0 / math.sqrt(3.0)  # share of half a step's turn by which as much sway turns the way
 LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
 HALVINGS = 6
 
@@ -36,6 +41,7 @@ class Car(NamedTuple):
     price: float  # cost rate of the barrier at a clearance of 1 m [cost/s]
     spacing: float  # at most, of the points of a step whose clearance is priced [m]
     tolerance: float  # an expected gain below this ends the iterations [cost]
+    sways: bool  # whether the control may rise or fall within a step
 
 
 class Course(NamedTuple):
@@ -46,11 +52,19 @@ class Course(NamedTuple):
     gains: Array  # (T, 3) K of u = control + K (x - states) [1/m], [1/m], [1/rad]
     spread: Array  # (T,) standard deviation left to the noise by what comes later, as a share of the passive one
     change: Array  # (T,) the best change of each control
+    sway: Array  # (T,) r, by which the control rises over each step, over sqrt(12)
+    sway_gains: Array  # (T, 4) of r = sway + sway_gains (x - states, u - control) [1/m], [1/m], [1/rad], [1]
+    sway_spread: Array  # (T,) what `spread` is, for the noise of r
+    sway_change: Array  # (T,) the best change of each sway
 
 
 def empty_course(T: int) -> Course:
     """A course of T steps from zeros, states (T+1, 3) [m], [rad] included; its noise is the passive one."""
-    return Course(np.zeros((T + 1, 3)), np.zeros(T), np.zeros((T, 3)), np.ones(T), np.zeros(T))
+    none = np.zeros(T)
+    return Course(
+        states=np.zeros((T + 1, 3)), control=none.copy(), gains=np.zeros((T, 3)), spread=np.ones(T), change=none.copy(),
+        sway=none.copy(), sway_gains=np.zeros((T, 4)), sway_spread=np.ones(T), sway_change=none.copy(),
+    )  # fmt: skip
 
 
 @inlined
@@ -98,16 +112,27 @@ def _price(field, margin, least, x, y):  # type: ignore[no-untyped-def]
     return value, px, py, xx, xy, yy
 
 
+@inlined
+def _way(car, theta, u, r, dt):  # type: ignore[no-untyped-def]
+    """Velocity (x, y) [m/s] along the chord of a step, and half the angle by which its arc turns [rad]."""
+    half = 0.5 * car.gain * u * dt
+    if not car.sways:
+        return car.speed * math.cos(theta + half), car.speed * math.sin(theta + half), 0.0
+    middle, speed = theta + half - 0.5 * car.gain * r * dt * ACROSS, car.speed * (1.0 - half * half / 6.0)
+    return speed * math.cos(middle), speed * math.sin(middle), half
+
+
 @kernel
 def forward_pass(setup, car, times, course, length, step, tried):  # type: ignore[no-untyped-def]
     """Drive from the start under u = control + step * change + K (x - states); past `length` towards the goal centre.
 
-    States (T+1, 3) [m], [rad] and controls (T,) go to `tried`, whose first state is the start; `times` (T+1,) [s].
+    States (T+1, 3) [m], [rad], controls and sways (T,) go to `tried`, whose first state is the start; `times` (T+1,)
+    [s].
     Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced [cost].
     """
     (gx, gy), radius, field = setup.arena.goal, setup.arena.radius, setup.arena.field
-    nominal, control, gains, _, change = course
-    states, applied, _, _, _ = tried
+    nominal, control, gains, _, change, sway, sway_gains, _, sway_change = course
+    states, applied, swayed = tried.states, tried.control, tried.sway
     x, y, theta = states[0, 0], states[0, 1], states[0, 2]
     cost, priced = 0.0, 0.0
     for i in range(times.shape[0] - 1):
@@ -115,24 +140,30 @@ def forward_pass(setup, car, times, course, length, step, tried):  # type: ignor
         s = entry_of_piece(x, y, theta, 0.0, car.speed * dt, gx, gy, radius)
         if s < np.inf:
             share = car.rate * s / car.speed
-            applied[i] = 0.0
+            applied[i], swayed[i] = 0.0, 0.0
             return i, cost + share, priced + share
+        r = 0.0
         if i < length:
+            ex, ey, et = x - nominal[i, 0], y - nominal[i, 1], wrapped(theta - nominal[i, 2])
             u = control[i] + step * change[i]
-            u += gains[i, 0] * (x - nominal[i, 0]) + gains[i, 1] * (y - nominal[i, 1])
-            u += gains[i, 2] * wrapped(theta - nominal[i, 2])
+            u += gains[i, 0] * ex + gains[i, 1] * ey
+            u += gains[i, 2] * et
+            r = sway[i] + step * sway_change[i] + sway_gains[i, 3] * (u - control[i])
+            r = max(-STEEP, min(STEEP, r + sway_gains[i, 0] * ex + sway_gains[i, 1] * ey + sway_gains[i, 2] * et))
         else:
             u = homing(x, y, theta, gx, gy, radius, car.gain) / car.gain
         u = max(-STEEP, min(STEEP, u))
-        applied[i] = u
-        running = (car.rate + 0.5 * car.effort * u * u) * dt
+        applied[i], swayed[i] = u, r
+        running = (car.rate + 0.5 * car.effort * u * u + 0.5 * car.effort * r * r) * dt
         cost, priced = cost + running, priced + running
-        middle = theta + 0.5 * car.gain * u * dt
-        dx, dy = car.speed * math.cos(middle), car.speed * math.sin(middle)
+        dx, dy, half = _way(car, theta, u, r, dt)
         points = _points(car, dt)
         for k in range(1, points + 1):
             t = dt * k / points
-            value, _, _, _, _, _ = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
+            aside = half * t * (1.0 - t / dt)
+            value, _, _, _, _, _ = _price(
+                field, car.margin, car.least, x + t * dx + aside * dy, y + t * dy - aside * dx
+            )
             priced += car.price * value * dt / points
         x, y, theta = x + dx * dt, y + dy * dt, theta + car.gain * u * dt
         states[i + 1, 0], states[i + 1, 1], states[i + 1, 2] = x, y, theta
@@ -169,11 +200,11 @@ def _arrival(setup, car, x, y, theta):  # type: ignore[no-untyped-def]
 def backward_pass(setup, car, times, course, length, damping):  # type: ignore[no-untyped-def]
     """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost].
 
-    Written are the first `length` rows of change (T,), gains (T, 3) and spread (T,); `times` (T+1,) are ends of steps
-    [s], `damping` is what is added to the control's curvature, as a share of R dt.
+    Written are the first `length` rows of change (T,), gains (T, 3), spread (T,) and the like of the sway; `times`
+    (T+1,) are ends of steps [s], `damping` is what is added to the controls' curvature, as a share of R dt.
     """
     field = setup.arena.field
-    states, control, gains, spread, change = course
+    states, control, gains, spread, change, sway, sway_gains, sway_spread, sway_change = course
     v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
         setup, car, states[length, 0], states[length, 1], states[length, 2]
     )
@@ -181,8 +212,8 @@ def backward_pass(setup, car, times, course, length, damping):  # type: ignore[n
     for i in range(length - 1, -1, -1):
         dt = times[i + 1] - times[i]
         h = 0.5 * car.gain * dt
-        x, y, middle = states[i, 0], states[i, 1], states[i, 2] + h * control[i]
-        dx, dy = car.speed * math.cos(middle), car.speed * math.sin(middle)
+        x, y = states[i, 0], states[i, 1]
+        dx, dy, half = _way(car, states[i, 2], control[i], sway[i], dt)
         a, b = -dy * dt, dx * dt  # how the next position moves with the heading in between
         # First the cost-to-go as a function of x, y, the heading t in between and the next heading v2 belongs to.
         g0, g1, gt = v0, v1, a * v0 + b * v1
@@ -190,13 +221,18 @@ def backward_pass(setup, car, times, course, length, damping):  # type: ignore[n
         m0t, m1t = a * s00 + b * s01, a * s01 + b * s11
         mtt = a * m0t + b * m1t - (v0 * dx + v1 * dy) * dt
         cross = a * s02 + b * s12
-        points = _points(car, dt)
+        points, bowing = _points(car, dt), 0.0
         for k in range(1, points + 1):
             t = dt * k / points
-            value, px, py, xx, xy, yy = _price(field, car.margin, car.least, x + t * dx, y + t * dy)
+            bulge = t * (1.0 - t / dt)
+            aside = half * bulge
+            value, px, py, xx, xy, yy = _price(
+                field, car.margin, car.least, x + t * dx + aside * dy, y + t * dy - aside * dx
+            )
             if value > 0.0:
                 w = car.price * dt / points
-                jx, jy = -t * dy, t * dx
+                bowing += w * h * bulge * (px * dy - py * dx)
+                jx, jy = aside * dx - t * dy, t * dx + aside * dy
                 g0, g1, gt = g0 + w * px, g1 + w * py, gt + w * (px * jx + py * jy)
                 m00, m01, m11 = m00 + w * xx, m01 + w * xy, m11 + w * yy
                 m0t, m1t = m0t + w * (xx * jx + xy * jy), m1t + w * (xy * jx + yy * jy)
@@ -208,7 +244,26 @@ def backward_pass(setup, car, times, course, length, damping):  # type: ignore[n
         c2 = h * (mtt + 3.0 * cross + 2.0 * s22)
         slope = car.effort * control[i] * dt + h * (gt + 2.0 * v2)
         bow = car.effort * dt * (1.0 + damping) + h * h * (mtt + 4.0 * cross + 4.0 * s22)
-        bow = max(bow, LEAST_CURVATURE * car.effort * dt)
+        least = LEAST_CURVATURE * car.effort * dt
+        if car.sways:
+            shorter = -h * h / 3.0 * (v0 * dx + v1 * dy) * dt
+            slope, bow = slope + bowing + shorter * control[i], bow + shorter
+            # And as a function of r, which turns t alone: the best r for every x, y, theta and u is put in its place.
+            lever = -h * ACROSS
+            e0, e1, e2 = lever * m0t, lever * m1t, lever * (mtt + cross)
+            rise, both = car.effort * sway[i] * dt + lever * gt, lever * h * (mtt + 2.0 * cross)
+            stiff = max(car.effort * dt * (1.0 + damping) + lever * lever * mtt, least)
+            sway_change[i], sway_spread[i] = -rise / stiff, math.sqrt(min(1.0, car.effort * dt / stiff))
+            l0, l1, l2, lu = -e0 / stiff, -e1 / stiff, -e2 / stiff, -both / stiff
+            sway_gains[i, 0], sway_gains[i, 1], sway_gains[i, 2], sway_gains[i, 3] = l0, l1, l2, lu
+            expected -= 0.5 * rise * sway_change[i]
+            q0, q1, q2 = q0 + sway_change[i] * e0, q1 + sway_change[i] * e1, q2 + sway_change[i] * e2
+            m00, m01, m02, m11, m12, m22 = (
+                m00 + e0 * l0, m01 + e0 * l1, m02 + e0 * l2, m11 + e1 * l1, m12 + e1 * l2, m22 + e2 * l2,
+            )  # fmt: skip
+            c0, c1, c2 = c0 + lu * e0, c1 + lu * e1, c2 + lu * e2
+            slope, bow = slope + both * sway_change[i], bow + both * lu
+        bow = max(bow, least)
         step = -slope / bow
         k0, k1, k2 = -c0 / bow, -c1 / bow, -c2 / bow
         change[i], gains[i, 0], gains[i, 1], gains[i, 2] = step, k0, k1, k2
@@ -231,10 +286,11 @@ def class_of(setup, states, length):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def is_free(setup, states, length):  # type: ignore[no-untyped-def]
-    """Whether the first `length` steps of states (T+1, 3) [m], as straight lines, touch nothing."""
+def is_free(setup, car, states, length):  # type: ignore[no-untyped-def]
+    """Whether the first `length` steps of states (T+1, 3) [m], [rad], lines or arcs, touch nothing."""
     for i in range(length):
-        outcome, _ = sweep_exit(setup.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
+        turn = states[i + 1, 2] - states[i, 2] if car.sways else 0.0
+        outcome, _ = sweep_exit(setup.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1], turn)
         if outcome == COLLISION:
             return False
     return True
@@ -257,21 +313,31 @@ def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no
     Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced [cost],
         backward passes, whether it is of its class and touches nothing.
     """
-    states, control = course.states, course.control
+    states, control, sway = course.states, course.control, course.sway
     T = control.shape[0]
-    other, tried = np.zeros((T + 1, 3)), np.zeros(T)
-    trial = COURSE(other, tried, course.gains, course.spread, course.change)
+    other, tried, swayed = np.zeros((T + 1, 3)), np.zeros(T), np.zeros(T)
+    trial = COURSE(
+        other,
+        tried,
+        course.gains,
+        course.spread,
+        course.change,
+        swayed,
+        course.sway_gains,
+        course.sway_spread,
+        course.sway_change,
+    )
     for j in range(3):
         other[0, j] = states[0, j]
     steps, cost, priced = forward_pass(setup, car, times, course, length, 0.0, trial)
     if steps < 0:
         return -1, np.inf, np.inf, 0, False
     for i in range(T):
-        control[i] = tried[i]
+        control[i], sway[i] = tried[i], swayed[i]
         for j in range(3):
             states[i + 1, j] = other[i + 1, j]
     right = class_of(setup, states, steps) == key
-    sound = right and is_free(setup, states, steps)
+    sound = right and is_free(setup, car, states, steps)
     damping, done, again = 0.0, 0, False
     for _ in range(rounds):
         done += 1
@@ -283,14 +349,14 @@ def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no
             n, c, p = forward_pass(setup, car, times, course, steps, step, trial)
             if n >= 0 and p < priced - 0.1 * step * expected:
                 same = class_of(setup, other, n) == key
-                clear = same and is_free(setup, other, n)
+                clear = same and is_free(setup, car, other, n)
                 if clear or (not sound and (same or not right)):
                     better, right, sound, steps, cost, priced = True, same, clear, n, c, p
                     break
             step *= 0.5
         if better:
             for i in range(T):
-                control[i] = tried[i]
+                control[i], sway[i] = tried[i], swayed[i]
                 for j in range(3):
                     states[i + 1, j] = other[i + 1, j]
             damping = 0.0 if damping < 0.01 else damping / 8.0

@@ -41,6 +41,10 @@ class Lead(ABC):
     def __call__(self, x: Array, s: float) -> Array:
         """Control (m,) at state x (n,), s [s] after the plan."""
 
+    def held(self, x: Array) -> Array:
+        """Its mean (m,) over the first step of a path from x (n,), if that stayed on the reference."""
+        return self(x, 0.0)
+
     @abstractmethod
     def pack(self, leads: Leads, h: int) -> None:
         """Write row h of the tables (H, ...); they are zero before."""
@@ -120,16 +124,25 @@ class Along(Lead):
         i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.control) - 1)
         share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
         off = self.dynamics.difference(x - (1.0 - share) * guide.states[i], share * guide.states[i + 1])
-        return np.array([guide.control[i] + guide.gains[i] @ off])
+        more = guide.gains[i] @ off
+        sway = guide.sway[i] + guide.sway_gains[i, :3] @ off + guide.sway_gains[i, 3] * more
+        return np.array([guide.control[i] + more + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway])
+
+    def held(self, x: Array) -> Array:
+        """Control (1,) of the guide over its first step from x (3,), without what it rises or falls."""
+        guide = self.guide
+        return np.array([guide.control[0] + guide.gains[0] @ self.dynamics.difference(x, guide.states[0])])
 
     def pack(self, leads: Leads, h: int) -> None:
-        """The law in noise units, to `Leads.law` (H, T, 9), and the number of steps that it covers."""
+        """The law in noise units, to `Leads.law` (H, T, LAW), and the number of steps that it covers."""
         guide, law = self.guide, leads.law[h]
         leads.led[h] = guide.length
         law[:, 0], law[:, 1:4], law[:, 4:7] = guide.control, guide.gains, guide.states[:-1]
-        law[:, 7], law[:, 8] = guide.spread, np.log(guide.spread)
+        law[:, 7], law[:, 8] = guide.spread, np.log(guide.spread) + np.log(guide.sway_spread)
+        law[:, 9], law[:, 10:13] = guide.sway, guide.sway_gains[:, :3] + guide.sway_gains[:, 3:] * guide.gains
+        law[:, 13], law[:, 14] = guide.sway_gains[:, 3], guide.sway_spread
         B, G = self.dynamics.B_c(guide.states[0]), self.dynamics.G_c(guide.states[0])
-        law[:, :4] *= float(np.linalg.solve(B, G)[0, 0])
+        law[:, [0, 1, 2, 3, 9, 10, 11, 12]] *= float(np.linalg.solve(B, G)[0, 0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -51,6 +51,9 @@ class Guide:
     control: Array  # (T,) u, a turn rate in units of 1/rho
     gains: Array  # (T, 3) K of u = control + K (x - states) [1/m], [1/m], [1/rad]
     spread: Array  # (T,) standard deviation of the samples' noise as a share of the passive one
+    sway: Array  # (T,) r, by which u rises over each step, over sqrt(12); zero where u is held
+    sway_gains: Array  # (T, 4) of r = sway + sway_gains (x - states, u - control) [1/m], [1/m], [1/rad], [1]
+    sway_spread: Array  # (T,) what `spread` is, for the noise of r
     length: int  # steps until the one that enters the goal
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
     priced: float  # the same with clearance priced: it differs from the value by about the same in every class [cost]
@@ -84,11 +87,15 @@ class Guide:
 
 
 class Guidance:
-    """Makes guides for the references of one problem."""
+    """Makes guides for the references of one problem.
 
-    def __init__(self, problem: Problem, setup: Setup) -> None:
+    Args:
+        sways: whether u may rise or fall within a step, which then is an arc, or is held.
+    """
+
+    def __init__(self, problem: Problem, setup: Setup, *, sways: bool) -> None:
         assert self.suits(problem)
-        self.problem, self.setup = problem, setup
+        self.problem, self.setup, self.sways = problem, setup, sways
         self.cars = {warmth: self._car(warmth) for warmth, _ in COLD}
         self.car = self.cars[1.0]
 
@@ -108,6 +115,7 @@ class Guidance:
             price=BARRIER * temperature * (d.b * d.V) ** (2.0 / 3.0),
             spacing=math.sqrt(8.0 * wall_radius(self.problem) * SAG * layer),
             tolerance=TOLERANCE * temperature,
+            sways=self.sways,
         )
 
     @staticmethod
@@ -181,10 +189,12 @@ class Guidance:
             car = self.cars[warmth]
             length, cost, priced, _, sound = optimise(self.setup, car, times, key, rounds, course, length)
         course.gains[max(length, 0) :] = 0.0
+        course.sway[max(length, 0) :], course.sway_gains[max(length, 0) :] = 0.0, 0.0
         if length < 0 or not np.abs(course.gains).max() < WILD:
             return None
         return Guide(
             times=times, states=course.states, control=course.control, gains=course.gains, spread=course.spread,
+            sway=course.sway, sway_gains=course.sway_gains, sway_spread=course.sway_spread,
             length=length, cost=cost, priced=priced, valid=bool(sound),
         )  # fmt: skip
 
@@ -220,5 +230,8 @@ def _shifted(last: Guide, times: Array, elapsed: float) -> tuple[Course, int]:
     states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
     at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.control) - 1)
     length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
-    rest = empty_course(T)._replace(states=states, control=last.control[at], gains=last.gains[at])
+    sway = last.sway[at] * np.diff(times) / np.diff(last.times)[at]
+    rest = empty_course(T)._replace(
+        states=states, control=last.control[at], gains=last.gains[at], sway=sway, sway_gains=last.sway_gains[at]
+    )
     return rest, min(length, T)

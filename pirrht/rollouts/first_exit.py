@@ -282,9 +282,10 @@ def endpoint_exit(arena, nx, ny):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def sweep_exit(arena, x, y, nx, ny):  # type: ignore[no-untyped-def]
+def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
     """How a step from (x, y) to (nx, ny) [m] without position noise ends: it is marched by certified clearances.
 
+    A step that turns by so much in all [rad] is an arc beside its chord; into the goal it counts as straight.
     Returns: INSIDE or the Outcome, share of the step until the exit.
     """
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
@@ -294,12 +295,14 @@ def sweep_exit(arena, x, y, nx, ny):  # type: ignore[no-untyped-def]
     ux, uy = (nx - x) / length, (ny - y) / length
     until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, gx, gy, arena.radius)
     stop = min(length, until)
+    bow, pace = 0.5 * turn / length, 1.0 / math.sqrt(1.0 + 0.25 * turn * turn)
     s = 0.0
     while True:
-        c = clearance(field, x + s * ux, y + s * uy)
+        aside = bow * s * (length - s)
+        c = clearance(field, x + s * ux + aside * uy, y + s * uy - aside * ux)
         if c <= 0.0:
             return COLLISION, s / length
         if s >= stop:
             break
-        s = min(stop, s + max(c, 0.1 * field.spacing))
+        s = min(stop, s + max(c, 0.1 * field.spacing) * pace)
     return (GOAL, until / length) if until < np.inf else (INSIDE, 1.0)

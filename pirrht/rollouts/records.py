@@ -13,6 +13,8 @@ from pirrht.geometry.arena import Arena
 from pirrht.rollouts.ways import Ways
 from pirrht.topology.cuts import Cuts
 
+LAW = 15  # numbers of a car's law
+
 
 class Setup(NamedTuple):
     """What a rollout needs to know of scene and problem."""
@@ -42,7 +44,8 @@ class Leads(NamedTuple):
     weighed: bool  # samples are weighed by the probability that they meet no wall within a step, not ended by it
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
-    law: Array  # (H, T, 9) of a car: a, its slopes in x, y, theta, the state they are for, spread and its log
+    law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
+    # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread
     led: NDArray[np.int64]  # (H,) number of steps that the law covers, then towards the goal; 0: follow the tape
 
 

@@ -2,6 +2,10 @@
 
 A step is Euler-Maruyama's; where no noise acts on the position, the drift is that of the middle of the step's noise, so
 that a car moves along the heading it has half-way, as the robot does.
+
+That chain steers a car by one control per step, and what it cannot do makes v too high. With fitted steps, the heading
+at the end of a step and its mean over the step are therefore drawn together, as those of a Brownian motion are: the
+mean is off the middle by -B sway / sqrt(12), `sway` being noise of the same variance that is led likewise.
 """
 
 from __future__ import annotations
@@ -34,7 +38,10 @@ from pirrht.rollouts.first_exit import (
 from pirrht.rollouts.homing import STEEP, homing, wrapped
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.dynamics import no_drift
+from pirrht.systems.unicycle import unicycle_drift
 from pirrht.topology.cuts import key_of_step
+
+SWAY = 1.0 / math.sqrt(12.0)
 
 
 class Kept(NamedTuple):
@@ -98,6 +105,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     noise_at: Any = diffusion_block if varying else drift
     fixed = n - m
     car = n == 3 and m == 1 and not varying  # dx, dy along the heading, which is steered
+    turning = drift is unicycle_drift and m == 1
     isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @kernel
@@ -112,11 +120,12 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
 
     @kernel
     def scratch_of(leads):  # type: ignore[no-untyped-def]
-        """Scratch of `one_path`: x, moved, f, y, G, D, B, a, pushed, stage, column, carried."""
+        """Scratch of `one_path`: x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried."""
         H = leads.control.shape[0]
         x, moved, f, y = np.empty(n), np.empty(n), np.empty(n), np.empty(m)
         G, D, B, a = np.zeros((m, m)), np.empty((m, m)), np.empty((m, m)), np.empty((H, m))
-        return x, moved, f, y, G, D, B, a, np.empty(m), np.empty(H, np.int64), np.empty((m, 1)), np.empty((m, 1))
+        aside = np.zeros(H)
+        return x, moved, f, y, G, D, B, a, aside, np.empty(m), np.empty(H, np.int64), np.empty((m, 1)), np.empty((m, 1))
 
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
@@ -135,9 +144,10 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         place, slope = leads.ways.place.ctypes.data, leads.ways.slope.ctypes.data
         reach, least, weighed = leads.reach, leads.least, leads.weighed
         law, led = leads.law, leads.led
+        swaying = turning and least < np.inf
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, setup.inverse
-        x, moved, f, y, G, D, B, a, pushed, stage, column, carried = scratch
+        x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried = scratch
         D[:, :], B[:, :], f[:], pushed[:], stage[:] = setup.gain, setup.diffusion, 0.0, 0.0, 0
         x[:], moved[:] = origin.x, origin.x
         xx, xy, yy = covariance(B)
@@ -201,8 +211,11 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     elif car and led[g] > i:
                         ex, ey = x[0] - law[g, i, 4], x[1] - law[g, i, 5]
                         drive = law[g, i, 0] + law[g, i, 1] * ex + law[g, i, 2] * ey
-                        drive += law[g, i, 3] * wrapped(x[2] - law[g, i, 6])
+                        et = wrapped(x[2] - law[g, i, 6])
+                        drive += law[g, i, 3] * et
                         a[g, 0] = max(-steep, min(steep, drive))
+                        drive = law[g, i, 9] + law[g, i, 10] * ex + law[g, i, 11] * ey + law[g, i, 12] * et
+                        aside[g] = max(-steep, min(steep, drive))
                     elif car and led[g] > 0:
                         if homeward == np.inf:
                             bound = D[0, 0] * B[0, 0]
@@ -241,7 +254,11 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     y[j] = z * root + a[h, j] * dt
                 # Where no noise acts on the position, it moves along the heading of the middle of the step, as the
                 # robot does; but a step that enters the goal straight ahead ends before its noise matters.
-                arrived, ahead = False, 1.0
+                arrived, ahead, turn, sway = False, 1.0, 0.0, 0.0
+                if swaying:
+                    sway = sign * other * root
+                    if car and led[h] > i:
+                        sway = law[h, i, 14] * sway + aside[h] * dt + law[h, i, 13] * (y[0] - a[h, 0] * dt)
                 if not noisy_position and setup.bridge:
                     far = math.sqrt((x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2) - radius
                     if far < math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt:
@@ -257,7 +274,13 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                         for j in range(m):
                             for k in range(m):
                                 moved[fixed + j] += 0.5 * B[j, k] * y[k]
+                        if swaying:
+                            moved[2] -= B[0, 0] * sway * SWAY
                         drift(moved, p, f)
+                        if swaying:  # the chord of an arc is shorter than the arc
+                            turn = B[0, 0] * y[0]
+                            for j in range(2):
+                                f[j] *= 1.0 - (turn * turn + B[0, 0] * B[0, 0] * dt) / 24.0
                 for j in range(n):
                     moved[j] = x[j] + f[j] * dt
                 for j in range(m):
@@ -289,13 +312,15 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 elif arrived:
                     exit, share = REACHED, ahead
                 else:
-                    exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1])
+                    exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1], turn)
                 if weigh:
                     for g in range(H):
                         if car and led[g] > i:
                             if until > 0.0:
                                 off = (y[0] - a[g, 0] * dt) / law[g, i, 7]
                                 ratio[g] += 0.5 * (y[0] * y[0] - off * off) / dt - law[g, i, 8]
+                                off = sway - aside[g] * dt - law[g, i, 13] * (y[0] - a[g, 0] * dt)
+                                ratio[g] += 0.5 * (sway * sway - (off / law[g, i, 14]) ** 2) / dt
                         else:
                             for j in range(m):
                                 ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)

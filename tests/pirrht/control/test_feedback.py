@@ -7,6 +7,7 @@ import pytest
 
 from pirrht.control.feedback import STALE, ClassPool
 from pirrht.exact.desirability import Desirability
+from pirrht.guidance.leads import Tape
 from pirrht.problem import Problem
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
@@ -113,8 +114,9 @@ def test_a_class_that_no_sample_is_of_any_more_is_forgotten(problem):
 
 def test_a_new_reference_does_not_change_what_is_known_of_its_class(problem):
     pool = ClassPool(problem)
-    first = pool.law(estimate([0, 0], one=(0.0, [1.0, 0.5])), {"one": lambda x, s: np.array([1.0, 0.0])}, nothing, 0.0)
+    before, after = (Tape(np.array([0.0, 1.0]), np.array([u])) for u in ([1.0, 0.0], [0.0, 1.0]))
+    first = pool.law(estimate([0, 0], one=(0.0, [1.0, 0.5])), {"one": before}, nothing, 0.0)
     faint = estimate([0, 0], one=(-50.0, [0.0, 0.0]))
-    second = pool.law(faint, {"one": lambda x, s: np.array([0.0, 1.0])}, nothing, 0.0)
+    second = pool.law(faint, {"one": after}, nothing, 0.0)
     share = 1.0 / (1.0 + np.exp(2.0))  # earlier plans are bounded to e^2 times the last
     np.testing.assert_allclose(second(np.zeros(2), 0.0), (1.0 - share) * first(np.zeros(2), 0.0), rtol=1e-9)

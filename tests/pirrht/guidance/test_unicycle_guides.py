@@ -17,6 +17,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.guidance.leads import Along
 from pirrht.guidance.tracking import FEW, Guide
 from pirrht.problem import Problem
 from pirrht.steering.dubins import Dubins
@@ -59,7 +60,7 @@ def setting(
     integral = PathIntegral(problem, space, Sampling(**options))
     x = problem.scene.start
     times = integral.grid(max(running_cost(problem, x, t) for t, _ in references))
-    guidance = PathIntegral(problem, space, Sampling()).guidance
+    guidance = PathIntegral(problem, space, Sampling(steps=options.get("steps", "fitted"))).guidance
     assert guidance is not None
     guides = [guidance.improve(x, times, space.homology.key(w), t) for t, w in references]
     assert all(guide is not None for guide in guides)
@@ -99,7 +100,7 @@ def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_cl
 
 
 def test_a_guide_is_a_minimum_of_what_it_minimises():
-    integral, _, guides = setting()
+    integral, _, guides = setting(steps="uniform")
     guide = guides[0]
     rng = np.random.default_rng(0)
 
@@ -153,13 +154,14 @@ def test_feedback_holds_noisy_paths_together():
     assert spread["feedback"] < 0.4 * spread["open-loop"]
 
 
-def test_likelihood_ratios_of_feedback_guides_average_to_one():
+@pytest.mark.parametrize("steps", ["fitted", "uniform"])
+def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
     """E_Q[dQ_g / dQ] = 1 for each law Q and passive paths, wherever the ratio has a variance that samples can see.
 
     The noise of a guide is narrower than the passive one, so dP/dQ itself has tails; that of a weak law has not.
     """
     problem, space, references = case(False, 0.3, 2.0)
-    integral = PathIntegral(problem, space, Sampling())
+    integral = PathIntegral(problem, space, Sampling(steps=steps))
     times = np.arange(9) * 0.1  # the goal is out of reach: nothing ends a path early
     guidance = integral.guidance
     assert guidance is not None
@@ -170,9 +172,14 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one():
     guide = guidance.improve(x, far, space.homology.key(references[0][1]), curve)
     assert guide is not None
     cut = replace(guide, times=times, states=guide.states[:9], control=guide.control[:8], gains=guide.gains[:8],
-                  spread=guide.spread[:8], length=8)  # fmt: skip
-    wide = replace(cut, control=0.4 * cut.control, gains=0.3 * cut.gains, spread=np.full(8, 0.97))
-    other = replace(cut, control=cut.control + 0.2, spread=np.minimum(1.0, 1.1 * cut.spread))
+                  spread=guide.spread[:8], sway=guide.sway[:8], sway_gains=guide.sway_gains[:8],
+                  sway_spread=guide.sway_spread[:8], length=8)  # fmt: skip
+    sways = steps == "fitted"
+    assert np.any(cut.sway != 0.0) == np.any(cut.sway_gains != 0.0) == np.any(cut.sway_spread < 1.0) == sways
+    wide = replace(cut, control=0.4 * cut.control, gains=0.3 * cut.gains, spread=np.full(8, 0.97),
+                   sway=3.0 * cut.sway, sway_spread=np.full(8, 0.97 if sways else 1.0))  # fmt: skip
+    other = replace(cut, control=cut.control + 0.2, spread=np.minimum(1.0, 1.1 * cut.spread),
+                    sway=cut.sway + 0.2 * sways, sway_gains=1.2 * cut.sway_gains)  # fmt: skip
     laws = {"passive": None, "cut": cut, "wide": wide, "other": other}
     names = list(laws)
     assert np.any(cut.gains != 0.0)
@@ -291,6 +298,21 @@ def test_a_guide_that_is_free_stays_so_whatever_the_walls_cost():
             assert following.valid
             assert following.cost < guide.cost
             last = following
+
+
+def test_the_law_of_a_guide_has_over_its_first_step_the_mean_that_samples_are_compared_with():
+    integral, _, guides = setting()
+    guide, x = guides[0], guides[0].states[0] + np.array([0.001, -0.002, 0.01])
+    lead = Along(guide, integral.problem.dynamics)
+    shares = np.linspace(0.005, 0.995, 100)
+    off = x - guide.states[0]
+    states = guide.states[0] + shares[:, None] * (guide.states[1] - guide.states[0]) + off
+    mean = np.mean([lead(state, 0.1 * share) for state, share in zip(states, shares, strict=True)], axis=0)
+    np.testing.assert_allclose(mean, lead.held(x), rtol=1e-9)
+    assert abs(lead(x, 0.0) - lead.held(x)) > 0.02  # it rises or falls within the step
+    assert Along(setting(steps="uniform")[2][0], integral.problem.dynamics)(x, 0.0) == pytest.approx(
+        Along(setting(steps="uniform")[2][0], integral.problem.dynamics).held(x)
+    )
 
 
 def test_hopeless_classes_get_few_samples():
