@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -48,13 +47,6 @@ class Parser(argparse.ArgumentParser):
         if message == "argument --seeds: expected one argument":  # it is what a leading minus sign leads to
             message += " A:B, and seeds are not negative"
         raise OptionError(f"{message}; see `{self.prog} --help`")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; 0 is success, 1 a drive that failed, 2 bad input, 130 an interruption."""
-    import sim.cli
-
-    return sim.cli.main(argv)
 
 
 def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
@@ -143,6 +135,3 @@ def _worded(value: Any) -> str:
 
 
 __all__ = ["GONE", "Parser", "main", "parser", "read"]
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from repository import ROOT, environment
 
-from sim.cli import parser
+from sim import cli
 
 README = (ROOT / "README.md").read_text()
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.S)
@@ -41,14 +41,14 @@ def test_a_system_of_ones_own_reaches_the_goal(tmp_path):
 def test_a_scene_of_ones_own_has_a_class_for_each_way_around(tmp_path, capsys):
     scene = tmp_path / "gate.xml"
     scene.write_text(SCENES["gate"])
-    assert parser.main(["plan", str(scene), "--vertices", "300"]) == 0
+    assert cli.main(["plan", str(scene), "--vertices", "300"]) == 0
     assert len(re.findall(r"^-?\d+,-?\d+ ", capsys.readouterr().out, re.M)) >= 2
 
 
 @pytest.mark.parametrize("command", ["scenes", "plan", "run", "estimate", "sweep", "import"])
 def test_every_command_explains_itself(command, capsys):
     with pytest.raises(SystemExit) as end:
-        parser.main([command, "--help"])
+        cli.main([command, "--help"])
     assert end.value.code == 0
     assert command in capsys.readouterr().out
 

@@ -28,14 +28,14 @@ from sim.sweeps.dataset import Dataset
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
 STOPPED = """
 import os, signal, sys
-from sim.cli import parser
+from sim import cli
 from sim.sweeps import dataset, parts
 def once(folder, write, add=parts.add):
     parts.add = add
     add(folder, write)
     {signals}
 dataset.CHUNK_RUNS, dataset.CHUNK_SECONDS, parts.add = 20, float("inf"), once
-sys.exit(parser.main(sys.argv[1:]))
+sys.exit(cli.main(sys.argv[1:]))
 """  # a sweep that is told to stop as soon as its first 20 runs are written
 AS_A_TERMINAL = STOPPED.format(signals="os.killpg(0, signal.SIGINT)  # to all processes")
 

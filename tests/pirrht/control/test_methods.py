@@ -17,7 +17,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.tree.homology_tree import HomologyTree
-from sim.cli import parser
+from sim import cli
 from sim.drive import episode
 from sim.scenario import Scenario
 
@@ -131,7 +131,7 @@ def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit: Scenario, 
 @pytest.mark.parametrize("command", ["run", "estimate", "sweep"])
 def test_every_method_is_explained_on_the_command_line(command: str, capsys):
     with pytest.raises(SystemExit):
-        parser.main([command, "--help"])
+        cli.main([command, "--help"])
     text = capsys.readouterr().out
     for name, what in METHODS.items():
         assert any(line.split()[0] == name and what in line for line in text.splitlines() if line.strip())

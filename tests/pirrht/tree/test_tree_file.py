@@ -21,7 +21,7 @@ from pirrht.tree import archive
 from pirrht.tree import file as tree_file
 from pirrht.tree.graph import Graph
 from pirrht.tree.homology_tree import HomologyTree
-from sim.cli import parser
+from sim import cli
 from sim.scenario import Scenario, prepare
 
 COUNTED = ("straight", "tail", "head", "first_out", "first_in", "next_out", "next_in", "edge_cost", "edge_key")
@@ -342,7 +342,7 @@ def test_what_has_no_end_or_no_name_is_refused_at_once(tmp_path: Path, capsys, k
         file.mkdir()
     elif kind == "device":
         file.symlink_to("/dev/zero")
-    assert parser.main(["run", "slit", "--tree", str(file)]) == 2
+    assert cli.main(["run", "slit", "--tree", str(file)]) == 2
     error = capsys.readouterr().err
     assert error.startswith("pirrht: ")
     assert error.count("\n") == 1
@@ -378,19 +378,17 @@ def test_objects_are_not_unpickled(slit: Scenario, saved: bytes):
 def test_a_run_with_a_saved_tree_is_the_run_that_grows_it(tmp_path: Path, capsys):
     tree, one, other = tmp_path / "tree.npz", tmp_path / "1.json", tmp_path / "2.json"
     common = ["--seed", "3", "--samples", "20"]
-    assert parser.main(["plan", "slit", *common, "--vertices", "150", "-o", str(tree)]) == 0
+    assert cli.main(["plan", "slit", *common, "--vertices", "150", "-o", str(tree)]) == 0
     assert f"tree: {tree}" in capsys.readouterr().out
     drive = ["run", "slit", *common, "--max-time", "0.05", "--grow", "2", "--json"]
-    assert parser.main([*drive, str(one), "--vertices", "150"]) == 1
-    assert parser.main([*drive, str(other), "--tree", str(tree)]) == 1
+    assert cli.main([*drive, str(one), "--vertices", "150"]) == 1
+    assert cli.main([*drive, str(other), "--tree", str(tree)]) == 1
     first, second = (json.loads(file.read_text()) for file in (one, other))
     for record in (first, second):
         del record["step_ms"], record["deadline_misses"]
     assert first == second
-    assert parser.main(["estimate", "slit", "--at", "1", "2.5", "--tree", str(tree)]) == 0
-    assert (
-        parser.main(["sweep", "slit", "--seeds", "0:2", "--max-time", "0.02", "--jobs", "1", "--tree", str(tree)]) == 0
-    )
+    assert cli.main(["estimate", "slit", "--at", "1", "2.5", "--tree", str(tree)]) == 0
+    assert cli.main(["sweep", "slit", "--seeds", "0:2", "--max-time", "0.02", "--jobs", "1", "--tree", str(tree)]) == 0
 
 
 @pytest.mark.parametrize(
@@ -406,7 +404,7 @@ def test_a_tree_that_does_not_fit_ends_with_one_line(saved, tmp_path: Path, caps
     file = tmp_path / "tree.npz"
     if content is not None:
         file.write_bytes(saved if content == "saved" else content)
-    assert parser.main(["run", "slit", "--tree", str(file), *arguments]) == 2
+    assert cli.main(["run", "slit", "--tree", str(file), *arguments]) == 2
     error = capsys.readouterr().err.strip()
     assert what in error
     assert len(error.splitlines()) == 1

@@ -16,7 +16,7 @@ Image = pytest.importorskip("PIL.Image")
 
 from pirrht.errors import OptionError, SceneError  # noqa: E402
 from pirrht.geometry.scene import Kind  # noqa: E402
-from sim.cli import parser  # noqa: E402
+from sim import cli  # noqa: E402
 from sim.importing.rectangles import cover, union  # noqa: E402
 from sim.importing.ros_map import read_map  # noqa: E402
 from sim.importing.scene_file import import_world  # noqa: E402
@@ -185,7 +185,7 @@ def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys, see
     picture = rooms(seed)
     path, scene = written(tmp_path, picture), tmp_path / "house.xml"
     task = ["--start", "2.0", "2.0", "--goal", "6.0", "6.0", "0.3"]
-    assert parser.main(["import", str(path), "-o", str(scene), *task]) == 0
+    assert cli.main(["import", str(path), "-o", str(scene), *task]) == 0
     loaded = load(scene)
     assert f"{len(loaded.scene.obstacles)} of them obstacles" in capsys.readouterr().out
     assert len(loaded.scene.obstacles) <= 12
@@ -197,7 +197,7 @@ def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys, see
         covered |= np.all(np.abs(off) < obstacle.size[:2], axis=-1)
     np.testing.assert_array_equal(covered, np.flipud(picture) != WHITE)
     np.testing.assert_allclose([*loaded.scene.lower, *loaded.scene.upper], [0, 0, 8, 8])
-    assert parser.main(["plan", str(scene), "--robot", "puck", "--radius", "0.15", "--vertices", "400"]) == 0
+    assert cli.main(["plan", str(scene), "--robot", "puck", "--radius", "0.15", "--vertices", "400"]) == 0
     assert "400 vertices" in capsys.readouterr().out
 
 
@@ -267,7 +267,7 @@ def test_unknown_is_a_word_for_maps_only(tmp_path: Path):
 def test_a_map_that_cannot_be_read_is_refused_by_file_and_key(tmp_path: Path, capsys, keys, what: str):
     path = written(tmp_path, drawn("#."), **keys)
     target = tmp_path / "scene.xml"
-    assert parser.main(["import", str(path), "-o", str(target), "--start", "0", "0", "--goal", "1", "1", "0.1"]) == 2
+    assert cli.main(["import", str(path), "-o", str(target), "--start", "0", "0", "--goal", "1", "1", "0.1"]) == 2
     error = capsys.readouterr().err.strip()
     assert what in error
     assert str(path) in error
