@@ -134,4 +134,4 @@ def _worded(value: Any) -> str:
     return str(value)
 
 
-__all__ = ["GONE", "Parser", "main", "parser", "read"]
+__all__ = ["GONE", "Parser", "parser", "read"]
