@@ -70,7 +70,10 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray[Any,
         if version not in ((1, 0), (2, 0)):
             raise ValueError(f"{member.filename} has a header of version {version}")
         header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, fortran, dtype = header(part)  # type: ignore[no-untyped-call]
+        try:
+            shape, fortran, dtype = header(part)  # type: ignore[no-untyped-call]
+        except Exception as error:  # NumPy reads it as Python source, and says whatever the tokenizer says
+            raise ValueError(f"{member.filename} has a header that cannot be read") from error
         if dtype.kind not in KINDS or any(length < 0 for length in shape):
             raise ValueError(f"{member.filename} holds {dtype}")
         size = math.prod(shape) * dtype.itemsize

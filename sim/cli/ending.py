@@ -22,6 +22,7 @@ from pirrht.errors import PirrhtError
 BAD_INPUT, BY_SIGNAL = 2, 128  # exit statuses; a signal's number is added to the second
 AGAIN = 0.1  # after which an interruption that some callback swallowed is delivered once more [s]
 WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
+_swallowed: list[int] = []  # signals that callbacks of this command have kept to themselves
 
 
 class Stopped(SystemExit):
@@ -93,6 +94,11 @@ def _status(command: Callable[[], int]) -> int:
         return BAD_INPUT
     except OSError as error:
         return _refused(error)
+    except Exception:
+        if not _swallowed:
+            raise
+        tell(WORDS[signal.Signals(_swallowed[0]).name])  # what a callback was kept from doing is missed now
+        return BY_SIGNAL + _swallowed[0]
 
 
 def _flushed(command: Callable[[], int]) -> int:
@@ -202,8 +208,10 @@ def _swallowed_again() -> Iterator[None]:
             before(unraisable)
             return
         number = stop.number if isinstance(stop, Stopped) else signal.SIGINT
+        _swallowed.append(number)
         start_new_thread(_deliver, (number,))
 
+    _swallowed.clear()
     sys.unraisablehook = hook
     try:
         yield

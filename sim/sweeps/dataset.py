@@ -17,6 +17,7 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
+from pirrht.files import MISSING, why_unreadable
 from sim.sweeps import manifests, parts
 from sim.sweeps.columns import key_of, record_of, row_of
 from sim.sweeps.manifests import wished
@@ -64,6 +65,9 @@ class Dataset:
             raise OptionError(f"{self.folder} is a file; give the folder of `pirrht sweep -o`")
         file = self.folder / "manifest.json"
         try:
+            why = why_unreadable(file)
+            if why not in (None, MISSING):
+                raise OptionError(f"{file}: {why}; remove it and start the sweep again")
             found = json.loads(file.read_text())
         except FileNotFoundError:
             raise OptionError(
