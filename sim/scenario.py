@@ -241,7 +241,7 @@ def prepare(
     said = given or {}
     overlay = kind.preset(preset)
     kind.refuse(said)
-    settings = settle(kind.settings, loaded.scene.defaults, overlay, said)
+    settings = settle(kind.settings, kind.heard(loaded.scene.defaults, loaded.meant), overlay, said)
     problem = kind.problem(loaded.scene, settings)
     space = FreeSpace.of(loaded.scene)
     scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)

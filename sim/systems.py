@@ -28,6 +28,7 @@ from sim.options.table import BY_SETTING, SPECIAL
 from sim.settings import PRESETS, Settings
 
 POSE = ("x", "y", "heading")  # states that are the place of a robot; the others move with it
+VELOCITIES = ("vx", "vy")  # those that are its speeds along x and y [m/s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,10 +49,15 @@ class System:
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
     paper_samples: int = 200  # N under `--preset paper`
     heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
+    own: tuple[str, ...] = ()  # fields of `Settings` that scenes meant for other systems do not set
     robots: str = ""  # what the help calls its robots; empty: it says nothing of them
 
     def __post_init__(self) -> None:
-        for name, known, what in (("defaults", BY_SETTING, "setting"), ("heeds", SPECIAL, "setting to heed")):
+        for name, known, what in (
+            ("defaults", BY_SETTING, "setting"),
+            ("own", BY_SETTING, "setting"),
+            ("heeds", SPECIAL, "setting to heed"),
+        ):
             strange = [entry for entry in getattr(self, name) if entry not in known]
             if strange:
                 raise OptionError(
@@ -70,6 +76,15 @@ class System:
     def joints(self) -> tuple[str, ...]:
         """States that are the place of a robot, which its joints must be."""
         return tuple(name for name in self.states if name in POSE)
+
+    def heard(self, scene: Mapping[str, float], meant: str) -> dict[str, float]:
+        """What a scene says of options, by name of the option, less what it says for the system that it is meant for.
+
+        Args:
+            meant: name of that system.
+        """
+        deaf = self.own if meant != self.name else ()
+        return {name: value for name, value in scene.items() if name.replace("-", "_") not in deaf}
 
     def preset(self, name: str | None) -> dict[str, Any]:
         """The settings of a preset; none without a name.
@@ -175,6 +190,12 @@ def _car(settings: Settings) -> Any:
     return Unicycle(V=settings.speed, rho=settings.rho, b=settings.noise)
 
 
+def _mass(settings: Settings) -> Any:
+    from pirrht.systems.double_integrator import DoubleIntegrator
+
+    return DoubleIntegrator(b=settings.noise)
+
+
 def _straight(problem: Any) -> Any:
     from pirrht.steering.straight_line import StraightLine
 
@@ -185,6 +206,12 @@ def _dubins(problem: Any) -> Any:
     from pirrht.steering.dubins import Dubins
 
     return Dubins.of(problem)
+
+
+def _pushed(problem: Any) -> Any:
+    from pirrht.steering.double_integrator import MassSteering
+
+    return MassSteering.of(problem)
 
 
 BUILT_IN: tuple[str, ...] = ()
@@ -216,6 +243,17 @@ for _system in (
         paper_samples=300,
         heeds=("noise", "speed", "rho"),
         robots="car",
+    ),
+    System(
+        name="double_integrator",
+        dynamics=_mass,
+        steering=_pushed,
+        R=2.0 * np.eye(2),
+        states=("x", "y", "vx", "vy"),
+        defaults={"vertices": 2000, "samples": 300, "period": 0.05},
+        paper_samples=300,
+        own=("noise", "vertices", "samples", "dt", "period"),  # its noise has a unit, and its paths a pace, of their own
+        robots="hover",
     ),
 ):
     register(_system)
