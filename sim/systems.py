@@ -252,7 +252,13 @@ for _system in (
         states=("x", "y", "vx", "vy"),
         defaults={"vertices": 2000, "samples": 300, "period": 0.05},
         paper_samples=300,
-        own=("noise", "vertices", "samples", "dt", "period"),  # its noise has a unit, and its paths a pace, of their own
+        own=(
+            "noise",
+            "vertices",
+            "samples",
+            "dt",
+            "period",
+        ),  # its noise has a unit, and its paths a pace, of their own
         robots="hover",
     ),
 ):

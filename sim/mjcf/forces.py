@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -22,21 +23,29 @@ def check_actuators(model: mujoco.MjModel, system: System, path: Path) -> None:
     Raises:
         SceneError: names file, actuator and what to write.
     """
+    if wrong := _wrong_actuator(model, system.states, system.name):
+        raise SceneError(f"{path}: {wrong}")
+
+
+def _wrong_actuator(model: mujoco.MjModel, states: Sequence[str], system: str) -> str:
+    """What is wrong with actuators; empty if nothing is."""
     motors = [_is_motor(model, i) for i in range(model.nu)]
-    if set(system.states) & set(VELOCITIES):
-        if not all(motors):
-            name = model.actuator(motors.index(False)).name
-            raise SceneError(
-                f'{path}: actuator "{name}" is no motor, and velocity is a state of {system.name}, which forces change; '
-                f'write <motor name="{name}" joint="..."/>, or name dynamics that are commanded velocities'
-            )
-    elif motors and all(motors) and set(system.states) <= set(POSE):
-        name = model.actuator(0).name
-        raise SceneError(
-            f'{path}: actuator "{name}" is a motor, and {system.name} is commanded velocities, not forces; '
-            f'write <velocity name="{name}" joint="..." kv="..."/>, or name dynamics whose states are velocities too, '
-            'as "double_integrator"'
+    if set(states) & set(VELOCITIES):
+        if all(motors):
+            return ""
+        name = model.actuator(motors.index(False)).name
+        return (
+            f'actuator "{name}" is no motor, and velocity is a state of {system}, which forces change; write '
+            f'<motor name="{name.rpartition("/")[2]}" joint="..."/>, or choose dynamics that are commanded velocities'
         )
+    if not (motors and all(motors)) or set(states) - set(POSE):
+        return ""
+    name = model.actuator(0).name
+    return (
+        f'actuator "{name}" is a motor, and {system} is commanded velocities, not forces; write '
+        f'<velocity name="{name.rpartition("/")[2]}" joint="..." kv="..."/>, or choose dynamics whose states '
+        'are velocities too, like "double_integrator"'
+    )
 
 
 def _is_motor(model: mujoco.MjModel, actuator: int) -> bool:
@@ -49,21 +58,23 @@ def _is_motor(model: mujoco.MjModel, actuator: int) -> bool:
 
 
 def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command: Array) -> None:
-    """Refuse states that the robot of a joined model does not have, and accelerations that it does not make.
+    """Refuse states that the robot of a joined model does not have, and accelerations that it does not make so.
 
     Args:
         system: what errors call the dynamics.
         command: (nu, 2) M of ctrl = M @ twist.
 
     Raises:
-        OptionError: names states or accelerations, and what to mend.
+        OptionError: names states, actuators or accelerations, and what to mend.
     """
     missing = unread(model, dynamics.states)
     if missing:
         raise OptionError(
             f"in MuJoCo this robot has no {missing[0]}, which is a state of {system}; states that it can have are "
-            f'{", ".join((*POSE, *(() if rolls(model) else VELOCITIES)))}: drive it with --plant sde'
+            f"{', '.join((*POSE, *(() if rolls(model) else VELOCITIES)))}: drive it with --plant sde"
         )
+    if wrong := _wrong_actuator(model, dynamics.states, system):
+        raise OptionError(wrong)
     actuated = dynamics.states[dynamics.n - dynamics.m :]
     if not actuated or set(actuated) - set(VELOCITIES):
         return

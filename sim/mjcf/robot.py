@@ -63,12 +63,14 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     foot = next((g for g in body.geoms if g.name == "footprint"), None)
     if foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
         raise SceneError(f'{path}: body "robot" needs a sphere geom "footprint", as which it plans')
+    named_here = system is None
     system = _named_system(spec, path) if system is None else system
     if radius is not None:
         _resize(body, foot, radius)
     model = compile_spec(spec, path)
     (_check_wheels if rolls(model) else _check_joints)(model, system, path)
-    check_actuators(model, system, path)
+    if named_here:  # another system may do without MuJoCo; `check_motion` sees to it where it does not
+        check_actuators(model, system, path)
     _check_reach(model, path)
     centre = model.geom("footprint").pos
     return Robot(

@@ -59,7 +59,8 @@ PLAN = (
 
 ESTIMATE = (
     Option(
-        name="at", text="state: X Y, and the rest of it or none: TH of a car, VX VY of a hover", kind=float, count="+", metavar="X", commands=("estimate",), required=True,
+        name="at", text="state: X Y, X Y TH of a car, X Y VX VY of a hover; what is not said is 0", kind=float,
+        count="+", metavar="X", commands=("estimate",), required=True,
     ),
     Option(
         name="repeat", text="repeats with independent samples", kind=int, metavar="N", commands=("estimate",),

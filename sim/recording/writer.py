@@ -1,8 +1,8 @@
 """What a recording holds of a drive, batch by batch: numbers at every step, pictures where they are due.
 
 /steps        a row per control step, described in `columns.py`
-/world/robot  pose, and as an arrow where the control (and its velocity) would take it, as a second one, where it is known, where the
-              optimal control would; one row more for where the drive ended
+/world/robot  pose, and as an arrow where the control would take it, from the velocity that it has, as a second one,
+              where it is known, where the optimal control would; one row more for where the drive ended
 /world/path   position after every physics step
 /why/weight   lower and upper edges, in turn, of all other classes and of each of a few classes as they gain weight,
               on top of each other; `switch` below it where another class has come to weigh most

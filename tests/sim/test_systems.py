@@ -77,7 +77,9 @@ def test_a_system_is_chosen_by_module_and_name_with_its_own_defaults(folder):
 def test_a_robot_names_any_registered_system(folder):
     robot = folder / "machine.xml"
     robot.write_text(robot_mjcf(dynamics=ROBOT["dynamics"].replace("single_integrator", "raft")))
-    with pytest.raises(Exception, match='"raft"; write "single_integrator" or "unicycle", or choose a system'):
+    with pytest.raises(
+        Exception, match='"raft"; write "single_integrator" or "unicycle" or "double_integrator", or choose a system'
+    ):
         load("slit", robot=robot)
     register(raft())
     assert load("slit", robot=robot).dynamics_name == "raft"
@@ -146,11 +148,22 @@ def test_joints_are_those_of_a_systems_place(folder):
     assert load("slit", system=raft(states=("x", "y", "vx", "vy"))).states == ("x", "y", "vx", "vy")
 
 
+def test_a_scene_sets_what_a_system_has_of_its_own_only_if_it_is_meant_for_it(folder):
+    own = raft(own=("noise", "max_time"), defaults={"noise": 0.7, "max_time": 3.0, "samples": 5})
+    slit = load("slit")
+    assert (slit.meant, load("clutter").meant) == ("single_integrator", "unicycle")
+    assert own.heard(slit.scene.defaults, own.name) == slit.scene.defaults
+    settings = prepare("slit", system=own).settings
+    assert (settings.noise, settings.max_time, settings.samples) == (0.7, 3.0, 200)
+    assert prepare("slit", system=own, given={"noise": 0.3}).settings.noise == 0.3
+
+
 @pytest.mark.parametrize(
     ("changes", "what"),
     [
         ({"defaults": {"nois": 1}}, "'nois' is no setting; those are .*noise"),
         ({"defaults": {"noise": -1}}, "--noise is -1; it must be a positive number"),
+        ({"own": ("wind",)}, "'wind' is no setting; those are .*noise"),
         ({"heeds": ("wind",)}, "'wind' is no setting to heed; those are noise, rho, speed"),
         ({"states": ("y", "x")}, 'the first two must be "x" and "y"'),
     ],
