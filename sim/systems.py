@@ -47,6 +47,7 @@ class System:
     q_min: float | None = None
     states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
+    home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> `beyond` of `pirrht.control.mppi`; None: straight
     paper_samples: int = 200  # N under `--preset paper`
     heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
     own: tuple[str, ...] = ()  # fields of `Settings` that scenes meant for other systems do not set
@@ -135,6 +136,14 @@ class System:
         """
         return self._asked("steering", problem)
 
+    def way_home(self, problem: Any) -> Any:
+        """What the way from states (k, n) to the goal costs, as `pirrht.control.mppi` takes it; None: a straight one.
+
+        Raises:
+            OptionError: it cannot be told.
+        """
+        return None if self.home is None else self._asked("home", problem)
+
     def _asked(self, what: str, argument: Any) -> Any:
         try:
             return getattr(self, what)(argument)
@@ -214,6 +223,20 @@ def _pushed(problem: Any) -> Any:
     return MassSteering.of(problem)
 
 
+def _pushed_home(problem: Any) -> Any:
+    """The cost of the optimum without obstacles to the goal disc's nearest point, at any velocity there."""
+    steering, goal = _pushed(problem), problem.scene.goal
+
+    def beyond(states: Array) -> Array:
+        off = states[:, :2] - goal.center
+        away = np.hypot(*off.T)
+        rim = goal.center + off * np.minimum(1.0, goal.radius / np.maximum(away, 1e-12))[:, None]
+        costs = steering.distance(states, np.hstack([rim, np.full_like(rim, np.nan)]))
+        return np.where(away > goal.radius, costs, 0.0)
+
+    return beyond
+
+
 BUILT_IN: tuple[str, ...] = ()
 for _system in (
     System(
@@ -251,6 +274,7 @@ for _system in (
         R=2.0 * np.eye(2),
         states=("x", "y", "vx", "vy"),
         defaults={"vertices": 2000, "samples": 300, "period": 0.05},
+        home=_pushed_home,
         paper_samples=300,
         own=(
             "noise",
