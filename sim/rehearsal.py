@@ -16,7 +16,7 @@ VERTICES, SAMPLES = 30, 20
 _CUBE = Obstacle(
     name="cube", kind=Kind.BOX, size=np.full(3, 0.3), position=np.array([2.0, 2.6, 0.3]), rotation=np.eye(3)
 )
-_ROOM = Scene(
+ROOM = Scene(
     name="rehearsal",
     lower=np.zeros(2),
     upper=np.full(2, 4.0),
@@ -39,8 +39,8 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
         settings=replace(
             s, vertices=VERTICES, samples=min(s.samples, SAMPLES), tree=None, target_error=None, budget=None
         ),
-        problem=replace(scenario.problem, scene=_ROOM),
-        space=FreeSpace.of(_ROOM),
+        problem=replace(scenario.problem, scene=ROOM),
+        space=FreeSpace.of(ROOM),
     )
     with suppress(Exception):  # a robot that cannot turn in so small a room, say: what matters will come up again
         tree = None if s.method in TREELESS else small.grown_tree()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
 from itertools import count
 from typing import TypeVar
@@ -29,14 +29,29 @@ def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:
             found[i] = work(given[i])
 
     helpers = [_pool(threads - 1, os.getpid()).submit(pull) for _ in range(min(threads, len(given)) - 1)]
+    begun: list[Future[None]] = []
     try:
         pull()
     finally:
-        begun = [helper for helper in helpers if not helper.cancel()]
-        wait(begun)
+        begun = _ended(helpers)
     for helper in begun:
         helper.result()
     return [found[i] for i in range(len(given))]
+
+
+def _ended(helpers: Sequence[Future[None]]) -> list[Future[None]]:
+    """Call off what has not begun and wait for the rest, whatever interrupts meanwhile: it writes to arrays of ours."""
+    interruption: BaseException | None = None
+    while True:
+        try:
+            begun = [helper for helper in helpers if not helper.cancel()]
+            wait(begun)
+            break
+        except BaseException as error:
+            interruption = interruption or error
+    if interruption is not None:
+        raise interruption
+    return begun
 
 
 @cache

@@ -133,26 +133,15 @@ def compile_rest(dynamics_name: str, *, sampling: bool) -> None:
     from pirrht.control.controller import Controller
     from pirrht.estimation.sampling import Sampling
     from pirrht.freespace import FreeSpace
-    from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
     from sim.drive import episode
     from sim.drive.executor import Analytic
+    from sim.rehearsal import ROOM
 
-    size, place = np.array([0.3, 0.3, 0.3]), np.array([2.0, 3.2, 0.3])
-    block = Obstacle(name="block", kind=Kind.BOX, size=size, position=place, rotation=np.eye(3))
-    scene = Scene(
-        name="warm",
-        lower=np.zeros(2),
-        upper=np.full(2, 4.0),
-        obstacles=(block,),
-        goal=Goal(center=np.array([3.0, 2.0]), radius=0.3),
-        start=np.array([1.0, 2.0, 0.0]),
-        robot_radius=0.2,
-    )
-    system, space = named(dynamics_name), FreeSpace.of(scene)
+    system, space = named(dynamics_name), FreeSpace.of(ROOM)
     settings = system.settings
-    problem = system.problem(scene, settings)
+    problem = system.problem(ROOM, settings)
     tree = OneWay(space, system.steering(problem))
-    x = problem.dynamics.state_of(scene.start)
+    x = problem.dynamics.state_of(ROOM.start)
     tree.references(x)
     if not sampling:
         return

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from imported import imported
 
 import pirrht
 
@@ -57,18 +58,8 @@ def room_of(module: str) -> str:
     return module.partition(".")[0]
 
 
-@cache
 def imports(module: str) -> frozenset[str]:
-    """Everything that a module imports, wherever in the file, by full name."""
-    names = set()
-    for node in ast.walk(ast.parse(FILES[module].read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, "by full name"
-            assert node.module is not None
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return frozenset(names)
+    return imported(FILES[module])
 
 
 @cache

@@ -55,7 +55,7 @@ def test_every_scene_is_registered_and_passes_gymnasiums_own_checks(scene: str):
 
 
 def test_a_hover_is_observed_with_its_velocity_and_pushed_by_forces():
-    env = gym.Drive("slit", robot="hover", noise=1e-9, max_time=0.5)
+    env = gym.Drive("slit", robot="hover", noise=1e-6, max_time=0.5)
     assert (env.observation_space.shape, env.action_space.shape) == ((4,), (2,))
     states, *_ = driven(env, lambda x: np.array([2.0, 0.0]))
     np.testing.assert_allclose(states[-1], [1.0 + 0.25, 2.5, 1.0, 0.0], atol=2e-3)

@@ -22,7 +22,8 @@ COMMANDS = {  # none ends by itself within a minute
     "run": ["run", "slit", "--vertices", "100", "--samples", "20000"],
 }
 AFTER = """
-import os, sys, threading
+import os, signal, sys, threading
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
 import sim.cli
 how, after = int(sys.argv.pop(1)), float(sys.argv.pop(1))
 timer = threading.Timer(after, os.kill, [os.getpid(), how])
@@ -74,6 +75,7 @@ def test_a_signal_ends_a_command_with_its_status_and_one_line(command: str, afte
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt(), Stopped(signal.SIGTERM), Stopped(signal.SIGHUP)])
 def test_contexts_clean_up_while_a_signal_unwinds(stop, capsys):
+    ignored = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup
     left = []
 
     def command() -> int:
@@ -88,6 +90,7 @@ def test_contexts_clean_up_while_a_signal_unwinds(stop, capsys):
     assert left == ["cleaned up"]
     assert capsys.readouterr().err.count("\n") == 1
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
+    signal.signal(signal.SIGHUP, ignored)
 
 
 def test_an_interruption_that_a_finalizer_swallows_is_delivered_again(capsys):

@@ -103,7 +103,7 @@ def drive(
 ) -> tuple[list[Frame], FakeDriver, Tally]:
     clock = FakeClock()
     driver = FakeDriver(scenario, clock, seconds)
-    quiet = scenario.with_settings(noise=1e-9)
+    quiet = scenario.with_settings(noise=1e-6)
     plant = Analytic(quiet.problem, lambda points: np.ones(len(points)), period=PERIOD, physics_step=STEP)
     rng, tally = np.random.default_rng(0), Tally(PERIOD)
     frames = []

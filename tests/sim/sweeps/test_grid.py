@@ -11,7 +11,7 @@ from pirrht.errors import OptionError
 from sim.options.settings import SEED
 from sim.sweeps.grid import MOST_RUNS, Grid, noises_of, parse, seeds_of
 
-levels = st.lists(st.floats(1e-9, 1e3), min_size=1, max_size=6, unique=True)
+levels = st.lists(st.floats(1e-6, 1e3), min_size=1, max_size=6, unique=True)
 
 
 @given(start=st.integers(0, SEED - 1), more=st.integers(1, 10**9))
