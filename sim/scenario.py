@@ -118,7 +118,8 @@ class Scenario:
         s = self.settings
         sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent")
         problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
-        return Mppi(problem, self.space, sampling, horizon=s.horizon, rng=np.random.default_rng(self.seeds()[1]))
+        home, rng = self.system.way_home(problem), np.random.default_rng(self.seeds()[1])
+        return Mppi(problem, self.space, sampling, horizon=s.horizon, beyond=home, rng=rng)
 
     def _at_once(self) -> Sampling:
         """Sampling around one reference, or none, with at least as many samples as "pi-rrht" draws from the start."""
@@ -241,7 +242,7 @@ def prepare(
     said = given or {}
     overlay = kind.preset(preset)
     kind.refuse(said)
-    settings = settle(kind.settings, loaded.scene.defaults, overlay, said)
+    settings = settle(kind.settings, kind.heard(loaded.scene.defaults, loaded.meant), overlay, said)
     problem = kind.problem(loaded.scene, settings)
     space = FreeSpace.of(loaded.scene)
     scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)

@@ -28,6 +28,7 @@ from sim.options.table import BY_SETTING, SPECIAL
 from sim.settings import PRESETS, Settings
 
 POSE = ("x", "y", "heading")  # states that are the place of a robot; the others move with it
+VELOCITIES = ("vx", "vy")  # those that are its speeds along x and y [m/s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,12 +47,18 @@ class System:
     q_min: float | None = None
     states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
+    home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> `beyond` of `pirrht.control.mppi`; None: straight
     paper_samples: int = 200  # N under `--preset paper`
     heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
+    own: tuple[str, ...] = ()  # fields of `Settings` that scenes meant for other systems do not set
     robots: str = ""  # what the help calls its robots; empty: it says nothing of them
 
     def __post_init__(self) -> None:
-        for name, known, what in (("defaults", BY_SETTING, "setting"), ("heeds", SPECIAL, "setting to heed")):
+        for name, known, what in (
+            ("defaults", BY_SETTING, "setting"),
+            ("own", BY_SETTING, "setting"),
+            ("heeds", SPECIAL, "setting to heed"),
+        ):
             strange = [entry for entry in getattr(self, name) if entry not in known]
             if strange:
                 raise OptionError(
@@ -70,6 +77,15 @@ class System:
     def joints(self) -> tuple[str, ...]:
         """States that are the place of a robot, which its joints must be."""
         return tuple(name for name in self.states if name in POSE)
+
+    def heard(self, scene: Mapping[str, float], meant: str) -> dict[str, float]:
+        """What a scene says of options, by name of the option, less what it says for the system that it is meant for.
+
+        Args:
+            meant: name of that system.
+        """
+        deaf = self.own if meant != self.name else ()
+        return {name: value for name, value in scene.items() if name.replace("-", "_") not in deaf}
 
     def preset(self, name: str | None) -> dict[str, Any]:
         """The settings of a preset; none without a name.
@@ -119,6 +135,14 @@ class System:
             OptionError: there is none.
         """
         return self._asked("steering", problem)
+
+    def way_home(self, problem: Any) -> Any:
+        """What the way from states (k, n) to the goal costs, as `pirrht.control.mppi` takes it; None: a straight one.
+
+        Raises:
+            OptionError: it cannot be told.
+        """
+        return None if self.home is None else self._asked("home", problem)
 
     def _asked(self, what: str, argument: Any) -> Any:
         try:
@@ -175,6 +199,12 @@ def _car(settings: Settings) -> Any:
     return Unicycle(V=settings.speed, rho=settings.rho, b=settings.noise)
 
 
+def _mass(settings: Settings) -> Any:
+    from pirrht.systems.double_integrator import DoubleIntegrator
+
+    return DoubleIntegrator(b=settings.noise)
+
+
 def _straight(problem: Any) -> Any:
     from pirrht.steering.straight_line import StraightLine
 
@@ -185,6 +215,26 @@ def _dubins(problem: Any) -> Any:
     from pirrht.steering.dubins import Dubins
 
     return Dubins.of(problem)
+
+
+def _pushed(problem: Any) -> Any:
+    from pirrht.steering.double_integrator import MassSteering
+
+    return MassSteering.of(problem)
+
+
+def _pushed_home(problem: Any) -> Any:
+    """The cost of the optimum without obstacles to the goal disc's nearest point, at any velocity there."""
+    steering, goal = _pushed(problem), problem.scene.goal
+
+    def beyond(states: Array) -> Array:
+        off = states[:, :2] - goal.center
+        away = np.hypot(*off.T)
+        rim = goal.center + off * np.minimum(1.0, goal.radius / np.maximum(away, 1e-12))[:, None]
+        costs = steering.distance(states, np.hstack([rim, np.full_like(rim, np.nan)]))
+        return np.where(away > goal.radius, costs, 0.0)
+
+    return beyond
 
 
 BUILT_IN: tuple[str, ...] = ()
@@ -216,6 +266,24 @@ for _system in (
         paper_samples=300,
         heeds=("noise", "speed", "rho"),
         robots="car",
+    ),
+    System(
+        name="double_integrator",
+        dynamics=_mass,
+        steering=_pushed,
+        R=2.0 * np.eye(2),
+        states=("x", "y", "vx", "vy"),
+        defaults={"vertices": 2000, "samples": 300, "period": 0.05},
+        home=_pushed_home,
+        paper_samples=300,
+        own=(
+            "noise",
+            "vertices",
+            "samples",
+            "dt",
+            "period",
+        ),  # its noise has a unit, and its paths a pace, of their own
+        robots="hover",
     ),
 ):
     register(_system)

@@ -14,20 +14,20 @@ from pirrht.tree.archive import Arrays
 CLOSE = 1e-9  # rounding of costs and turns, of 1 and of themselves
 
 
-def check(arrays: Arrays, homology: Homology, n: int, classes: int) -> None:
+def check(arrays: Arrays, homology: Homology, left_open: NDArray[np.bool_], classes: int) -> None:
     """Refuse arrays that are no settled tree in this space.
 
     Args:
         arrays: those of a `Graph` less its queues, `states` (V, n) and `in_goal` (V,).
-        n: numbers of a state.
+        left_open: which numbers of a state roots may leave open, as not a number, (n,).
         classes: the most classes of a vertex, 0 for all.
 
     Raises:
         ValueError, KeyError: names the array, or says what does not fit together.
     """
-    _check_shapes(arrays, homology.M, n, classes)
+    _check_shapes(arrays, homology.M, len(left_open), classes)
     _check_ranges(arrays, homology.M)
-    _check_numbers(arrays)
+    _check_numbers(arrays, left_open)
     for first, following, end in (("first_out", "next_out", "tail"), ("first_in", "next_in", "head")):
         _check_lists(arrays[first], arrays[following], arrays[end])
     _check_classes(arrays, homology)
@@ -95,9 +95,10 @@ def _check_ranges(arrays: Arrays, M: int) -> None:
         raise ValueError("edge_first and its pairs do not fit together")
 
 
-def _check_numbers(arrays: Arrays) -> None:
-    for name in ("states", "straight", "edge_cost"):
-        if not np.all(np.isfinite(arrays[name])):
+def _check_numbers(arrays: Arrays, left_open: NDArray[np.bool_]) -> None:
+    states = np.where(np.isnan(arrays["states"]) & arrays["in_goal"][:, None] & left_open, 0.0, arrays["states"])
+    for name, numbers in (("states", states), *((name, arrays[name]) for name in ("straight", "edge_cost"))):
+        if not np.all(np.isfinite(numbers)):
             raise ValueError(f"{name} is not finite")
     if np.any(arrays["edge_cost"] < 0.0) or not np.all(arrays["cost"][_known(arrays)] >= 0.0):
         raise ValueError("a cost is negative")

@@ -30,6 +30,7 @@ from sim.options import table as options
 from sim.rehearsal import rehearse
 from sim.result import estimate_json, passages_json, plan_json, run_json, settings_json
 from sim.scenario import Scenario, prepare
+from sim.systems import POSE
 from sim.text import say, table, width
 
 
@@ -271,9 +272,13 @@ def _truth(scenario: Scenario, x: Array) -> Truth:
 
 
 def _state(at: list[float], scenario: Scenario) -> Array:
-    if len(at) not in (2, 3) or not np.all(np.isfinite(at)):
-        raise OptionError(f"--at has {len(at)} numbers; it must be X Y or X Y TH, all finite")
-    x = scenario.problem.dynamics.state_of(np.array([*at, 0.0]))
+    system = scenario.system
+    bare = set(system.states) <= set(POSE)  # then a heading is taken, and left where there is none
+    whole, place = (POSE, POSE) if bare else (system.states, system.joints)
+    if len(at) not in (2, len(place), len(whole)) or not np.all(np.isfinite(at)):
+        rest = " ".join("TH" if name == "heading" else name.upper() for name in whole[2:])
+        raise OptionError(f"--at has {len(at)} numbers; it must be X Y or X Y {rest}, all finite")
+    x = scenario.problem.dynamics.state_of(np.array([*at, 0.0])) if len(at) <= len(place) else np.array(at)
     where = f"--at {' '.join(f'{v:g}' for v in at)}"
     if scenario.space.clearance(x) <= 0.0:
         raise SceneError(f"{where}: this state is in collision or outside the workspace; choose another")

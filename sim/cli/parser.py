@@ -21,6 +21,12 @@ EXPLAINED = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in ME
 ORDER = (
     "Defaults are those of the robot's system; a scene's own (custom numerics pirrht_NAME) win over these,\n"
     "a preset over both, and the command line over all."
+    + "".join(
+        f"\n{', '.join(name.replace('_', '-') for name in system.own)} of a {system.robots} are its own "
+        "in scenes that are meant for other robots."
+        for system in map(named, names())
+        if system.own
+    )
 )
 TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):"
 

@@ -84,10 +84,14 @@ def sampler(dynamics_name: str) -> str:
 
 def shortening(dynamics_name: str) -> str:
     """The module of kernels that shortens a system's paths."""
+    from pirrht.rollouts.point.block import is_point
     from pirrht.systems.unicycle import Unicycle
 
     system = named(dynamics_name)
-    return "dubins_shortcut" if isinstance(system.dynamics(system.settings), Unicycle) else "shorten"
+    dynamics = system.dynamics(system.settings)
+    if isinstance(dynamics, Unicycle):
+        return "dubins_shortcut"
+    return "shorten" if is_point(dynamics) else PLANNER  # paths of others are shortened by what made them
 
 
 def start(dynamics_name: str, *, sampling: bool = True) -> subprocess.Popen[bytes] | None:

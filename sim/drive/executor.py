@@ -2,7 +2,9 @@
 
 Noise enters with the control. Every physics step of length h draws one increment dw ~ N(0, h I), whatever
 the method and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`. With deadbeat servos a
-step of MuJoCo is then the Euler-Maruyama step of the equation, and the displacement has covariance B B' t.
+step of MuJoCo is then the Euler-Maruyama step of the equation, and the displacement has covariance B B' t. Motors
+take accelerations instead: the velocity's step is then that of the equation, and the position moves on with the
+velocity of the step's end (semi-implicit Euler) where the equation alone takes that of its start.
 Wheels with slow servos follow it up to their lag; models/robots/diffdrive.xml says how far.
 A step of white noise may be longer than a wall is thick: the way between two steps is judged as well as their ends.
 """
@@ -26,6 +28,7 @@ from pirrht.systems.dynamics import Dynamics
 from sim.drive.room import Room
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
+from sim.mjcf.forces import check_motion
 
 FOOTPRINT = "robot/footprint"  # geom of every robot
 
@@ -58,7 +61,7 @@ class Plant(Protocol):
 
     @property
     def state(self) -> Array:
-        """x, y [m] and, if the dynamics have one, the unwrapped heading [rad]; (n,)."""
+        """x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities likewise [m/s]; (n,)."""
 
     def reset(self, state: Array) -> None:
         """Stand at the first n entries of `state`."""
@@ -83,9 +86,10 @@ class Executor:
                 f"{len(loaded.states)} states; "
                 f"{type(problem.dynamics).__name__} has {problem.dynamics.n}"
             )
+        check_motion(self._model, loaded.dynamics_name, problem.dynamics, loaded.command)
         self._loop = _Loop(problem, period, float(self._model.opt.timestep))
         self._data = mujoco.MjData(self._model)
-        self._ctrl, self._stance = self._data.ctrl, stance_of(self._model)
+        self._ctrl, self._stance = self._data.ctrl, stance_of(self._model, loaded.states)
         self._dynamics = problem.dynamics
         self._command, self._twist = loaded.command, problem.dynamics.twist
         self._rate = commanded_rate(problem.dynamics, self._loop.step)
@@ -108,7 +112,7 @@ class Executor:
 
     @property
     def state(self) -> Array:
-        """x, y [m] and, if the dynamics have one, the unwrapped heading [rad]; (n,)."""
+        """x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities likewise [m/s]; (n,)."""
         return self._state.copy()
 
     def reset(self, state: Array) -> None:

@@ -52,7 +52,7 @@ class Film:
         self._thick = max(1.0, size / 6.0)  # of lines
         self._eye.look_at(center, distance=1.32 * size, elevation=ELEVATION)
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
-        self._stance, self._colors = stance_of(loaded.model), ClassColors()
+        self._stance, self._colors = stance_of(loaded.model, loaded.states), ClassColors()
         self._states: list[Array] = []
         self._times: list[Array] = []
         self._plans: list[tuple[float, Plan]] = []

@@ -1,12 +1,14 @@
 """Where the state sits in MuJoCo's coordinates: in sliding joints, or in the pose of a body on wheels.
 
-A robot that slides has one joint per state. One that rolls has a free joint and wheels; its state is x, y and
+A robot that slides has one joint per state that is its place; states "vx" and "vy" are the speeds of its slides, with
+which it is placed as it stands. One that rolls has a free joint and wheels; its state is x, y and
 the unwrapped heading of its body, and it is placed at rest on its wheels, yet already at its speed: the
 stochastic equation knows no start from standstill.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import atan2, cos, remainder, sin, tau
 from typing import Protocol
 
@@ -14,6 +16,7 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
+from sim.systems import POSE, VELOCITIES
 
 GROUND = "ground"  # the plane a rolling robot brings along, in its worldbody
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
@@ -29,9 +32,20 @@ class Stance(Protocol):
         """The state now, (n,), given the one of the step before."""
 
 
-def stance_of(model: mujoco.MjModel) -> Stance:
-    """The stance of the robot in a joined model, whose keyframe 0 holds it at rest."""
-    return Rolling(model) if rolls(model) else Sliding()
+def stance_of(model: mujoco.MjModel, states: Sequence[str] = POSE) -> Stance:
+    """The stance of the robot in a joined model, whose keyframe 0 holds it at rest, for states of these names (n,)."""
+    return Rolling(model) if rolls(model) else Sliding(states)
+
+
+def unread(model: mujoco.MjModel, states: Sequence[str]) -> list[str]:
+    """Those of the states (n,) that a model's robot does not have."""
+    has = POSE if rolls(model) else (*POSE[: model.nq], *VELOCITIES)
+    return [name for name in states if name not in has]
+
+
+def standing(pose: Array, states: Sequence[str]) -> Array:
+    """The state (n,) at a pose x, y [m] and heading [rad] (3,); whatever else it has is zero."""
+    return np.array([pose[POSE.index(name)] if name in POSE else 0.0 for name in states])
 
 
 def rolls(model: mujoco.MjModel) -> bool:
@@ -40,15 +54,28 @@ def rolls(model: mujoco.MjModel) -> bool:
 
 
 class Sliding:
-    """Joint positions are the state."""
+    """Joint positions are the state, and joint speeds where it has velocities."""
+
+    def __init__(self, states: Sequence[str]) -> None:
+        pairs = list(enumerate(states))
+        self._places = [i for i, name in pairs if name in POSE]
+        self._speeds = [i for i, name in pairs if name in VELOCITIES]
+        self._dofs = [VELOCITIES.index(name) for _, name in pairs if name in VELOCITIES]
 
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
-        """Stand still; see `Stance.place`."""
-        data.qpos[:] = state[: data.qpos.size]
+        """Stand, at the state's velocities if it has some; see `Stance.place`."""
+        data.qpos[:] = state[self._places[: data.qpos.size]]
+        data.qvel[:] = 0
+        data.qvel[self._dofs] = state[self._speeds]
 
     def read(self, data: mujoco.MjData, before: Array) -> Array:
-        """The joint positions, (n,)."""
-        return data.qpos.copy()  # type: ignore[no-any-return]
+        """Joint positions and speeds as the state has them, (n,)."""
+        if not self._speeds:
+            return data.qpos.copy()  # type: ignore[no-any-return]
+        state = before.copy()
+        state[self._places] = data.qpos
+        state[self._speeds] = data.qvel[self._dofs]
+        return state
 
 
 class Rolling:

@@ -12,15 +12,18 @@ A scene file declares
 
 A robot file declares
   body `robot`      its root, at the origin, moved by a slide along x, a slide along y [and a hinge about z],
-                    so that the joint positions are the state; or by a free joint and wheels that stand on
+                    so that the joint positions are the state (and the speeds of the slides, if it has
+                    velocities); or by a free joint and wheels that stand on
                     the robot's own infinite plane `ground`, which they touch by contact pairs
   geom `footprint`  a sphere: radius and height with which the robot plans; if it collides, another radius
                     scales the robot as a whole, else whatever collides must lie inside it
-  actuators         velocity servos tuned for the file's own timestep and integrator
+  actuators         velocity servos tuned for the file's own timestep and integrator; `motor`s where velocities
+                    (vx, vy) are states of the system: a force must accelerate the robot as the command says
   custom            `<text name="pirrht_dynamics" data="single_integrator"/>`, "unicycle" or
                     whatever else is registered (`sim.systems`);
                     `<numeric name="pirrht_command" size="2*nu" data="..."/>`: row by row the (nu, 2) matrix
-                    M of ctrl = M @ twist with `Dynamics.twist`: (vx, vy), or (forward speed, turn rate)
+                    M of ctrl = M @ twist with `Dynamics.twist`: (vx, vy), (forward speed, turn rate),
+                    or accelerations along x and y
 
 The joined model takes timestep and looks from the scene; gravity, contact model, integrator, flags and medium
 (none) from the robot, whose servos are carried over to the timestep. The robot's elements get the prefix
@@ -39,11 +42,11 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import Goal, Scene
-from sim.mjcf.coordinates import stance_of
+from sim.mjcf.coordinates import stance_of, standing
 from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
 from sim.mjcf.numbers import moves, option_defaults
 from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace
-from sim.mjcf.robot import Robot, read_robot
+from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options.table import NUMERICS
 from sim.systems import System
 
@@ -70,6 +73,7 @@ class Loaded:
     states: tuple[str, ...]  # (n,) of that system
     command: Array  # (nu, 2) M of ctrl = M @ twist
     robot: str  # name of the robot
+    meant: str  # name of the system that the scene's numbers are meant for
     path: Path  # the scene's file
 
 
@@ -119,7 +123,7 @@ def load(
         defaults=defaults,
     )
     _leave_only(model, mask, robot_geoms)
-    _place(model, data, machine.rest, values.start)
+    _place(model, data, machine, values.start)
     _check_start(model, data, mask, path)
     return Loaded(
         scene=values,
@@ -130,6 +134,7 @@ def load(
         states=machine.system.states,
         command=machine.command,
         robot=machine.name,
+        meant=meant_system(meant),
         path=path,
     )
 
@@ -159,10 +164,11 @@ def _leave_only(model: mujoco.MjModel, obstacles: Mask, robot: Mask) -> None:
     model.geom_gap[:] = 0
 
 
-def _place(model: mujoco.MjModel, data: mujoco.MjData, rest: Array, start: Array) -> None:
+def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Array) -> None:
     """Make the keyframe the robot at rest at the start."""
-    model.key_qpos[0] = rest
-    stance_of(model).place(data, start, np.zeros(2), np.zeros(model.nu))
+    model.key_qpos[0] = robot.rest
+    states = robot.system.states
+    stance_of(model, states).place(data, standing(start, states), np.zeros(2), np.zeros(model.nu))
     model.key_qpos[0] = data.qpos
 
 

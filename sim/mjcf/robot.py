@@ -12,6 +12,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf.coordinates import GROUND, rolls, settled
+from sim.mjcf.forces import check_actuators
 from sim.mjcf.library import compile_spec, find, parse
 from sim.systems import System, named, names
 
@@ -37,7 +38,8 @@ class Robot:
     def tune(self, timestep: float) -> None:
         """Carry the servos over to another physics step [s].
 
-        kv * timestep is kept, so deadbeat stays so; wheels have slow servos, whose time constant is kept.
+        kv * timestep is kept, so deadbeat stays so; wheels have slow servos, whose time constant is kept. Motors stay
+        as they are: what the noise asks of them is told per step already.
         """
         ratio = 1.0 if self.rolling else self.spec.option.timestep / timestep
         for actuator in self.spec.actuators:
@@ -61,11 +63,14 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     foot = next((g for g in body.geoms if g.name == "footprint"), None)
     if foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
         raise SceneError(f'{path}: body "robot" needs a sphere geom "footprint", as which it plans')
+    named_here = system is None
     system = _named_system(spec, path) if system is None else system
     if radius is not None:
         _resize(body, foot, radius)
     model = compile_spec(spec, path)
     (_check_wheels if rolls(model) else _check_joints)(model, system, path)
+    if named_here:  # another system may do without MuJoCo; `check_motion` sees to it where it does not
+        check_actuators(model, system, path)
     _check_reach(model, path)
     centre = model.geom("footprint").pos
     return Robot(
@@ -107,6 +112,16 @@ def _resize(body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float) -> None:
         geom.size = np.asarray(geom.size) * ratio
         if foot.contype or foot.conaffinity:
             geom.pos = np.asarray(geom.pos) * ratio
+
+
+def meant_system(which: str) -> str:
+    """The system that a robot's file names.
+
+    Raises:
+        SceneError: it names none.
+    """
+    path = find("robot", which)
+    return _named_system(parse(path), path).name
 
 
 def _named_system(spec: mujoco.MjSpec, path: Path) -> System:

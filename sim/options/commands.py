@@ -38,7 +38,7 @@ TASK = (
         name="scenes", text="built-in names or MJCF files", metavar="SCENE", commands=("sweep",), positional=True,
         count="+",
     ),
-    _task("robot", "puck, unicycle, diffdrive or an MJCF file", metavar="NAME", unset="the scene's own"),
+    _task("robot", "puck, unicycle, diffdrive, hover or an MJCF file", metavar="NAME", unset="the scene's own"),
     _task(
         "system", "what moves, in place of what the robot's file names: a `sim.systems.System`, or a function that "
         "returns one, of a module in this folder or installed", metavar="MODULE:NAME", unset="the robot's own",
@@ -59,7 +59,8 @@ PLAN = (
 
 ESTIMATE = (
     Option(
-        name="at", text="state: X Y [TH]", kind=float, count="+", metavar="X", commands=("estimate",), required=True,
+        name="at", text="state: X Y, X Y TH of a car, X Y VX VY of a hover; what is not said is 0", kind=float,
+        count="+", metavar="X", commands=("estimate",), required=True,
     ),
     Option(
         name="repeat", text="repeats with independent samples", kind=int, metavar="N", commands=("estimate",),

@@ -7,8 +7,8 @@ A row of it is a column of the table that `pirrht export` makes: what a step has
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def _end(r: Row) -> Iterable[float]:
     return r.states[-1] if r.outcome is not None and len(r.states) else ()
 
 
+CONTROL = "m/s, m/s^2 or 1"
 COLUMNS = (
     Column("step", "1", "number of the control step, from 0", kind=int),
     Column("time", "s", "simulated time at its start"),
@@ -60,13 +61,29 @@ COLUMNS = (
     Column("x", "m", "position at its start", lambda r: r.state, "state", 0),
     Column("y", "m", "position at its start", lambda r: r.state, "state", 1),
     Column("heading", "rad", "heading of a car at its start, counter-clockwise from x", lambda r: r.state, "state", 2),
-    Column("state_K", "", "entry K of the state at its start, from 4", lambda r: r.state, "state", 3),
-    Column("control_K", "m/s or 1", "u at its start: velocity of a point, steering of a car", lambda r: r.control),
+    Column("vx", "m/s", "velocity along x of a mass at its start", lambda r: r.state, "state", 2),
+    Column("vy", "m/s", "velocity along y of a mass at its start", lambda r: r.state, "state", 3),
+    Column(
+        "state_K",
+        "",
+        "entry K of the state at its start, from 1, where it has no name here",
+        lambda r: r.state,
+        "state",
+        3,
+    ),
+    Column(
+        "control_K",
+        CONTROL,
+        "u at its start: velocity of a point, steering of a car, acceleration of a mass",
+        lambda r: r.control,
+    ),
     Column("noise_K", "sqrt(s)", "sum of the Brownian increments over the step", lambda r: r.noise.sum(axis=0)),
     Column("end_x", "m", "position at its end", _end, "end", 0),
     Column("end_y", "m", "position at its end", _end, "end", 1),
     Column("end_heading", "rad", "heading of a car at its end", _end, "end", 2),
-    Column("end_state_K", "", "entry K of the state at its end, from 4", _end, "end", 3),
+    Column("end_vx", "m/s", "velocity along x of a mass at its end", _end, "end", 2),
+    Column("end_vy", "m/s", "velocity along y of a mass at its end", _end, "end", 3),
+    Column("end_state_K", "", "entry K of the state at its end, from 1, where it has no name here", _end, "end", 3),
     Column(
         "cost", "cost", "integral of q + u'Ru/2 from the start of the drive to the end of the step", lambda r: [r.cost]
     ),
@@ -81,7 +98,7 @@ COLUMNS = (
     Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", lambda r: [r.value_error]),
     Column(
         "control_error_K",
-        "m/s or 1",
+        CONTROL,
         "standard error of u; 0 if exact, infinite if unknown",
         lambda r: r.control_error,
     ),
@@ -97,7 +114,7 @@ COLUMNS = (
     ),
     Column(
         "exact_control_K",
-        "m/s or 1",
+        CONTROL,
         "the optimal control u* (`run --truth`)",
         lambda r: [] if r.truth is None else r.truth.control,
         optional=True,
@@ -126,6 +143,22 @@ CLASSES = Column("classes", "", "ids of the classes that weights and sizes belon
 def components() -> dict[str, Column]:
     """What is written at `/steps`: of each component one of its columns."""
     return {c.component: c for c in (CLASSES, *COLUMNS) if c.values is not None}
+
+
+def of_states(columns: Sequence[Column], states: Sequence[str]) -> tuple[Column, ...]:
+    """Those columns that a system has whose states have these names (n,), each at its place in the state."""
+    named = {column.name for column in columns if column.component == "state"}
+    found: list[Column] = []
+    for column in columns:
+        if column.component not in ("state", "end"):
+            found.append(column)
+        elif column.many:
+            stem = column.name.removesuffix("K")
+            rest = [i for i, name in enumerate(states) if name not in named]
+            found += [replace(column, name=f"{stem}{i + 1}", at=i) for i in rest]
+        elif (name := column.name.removeprefix("end_")) in states:
+            found.append(replace(column, at=states.index(name)))
+    return tuple(found)
 
 
 def described(name: str) -> Column:

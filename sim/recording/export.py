@@ -16,8 +16,9 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import replaced, shown
 from sim.drawing.colors import title
-from sim.recording.columns import CLASSES, COLUMNS, Column, described
+from sim.recording.columns import CLASSES, COLUMNS, Column, described, of_states
 from sim.recording.read import Cells, Recording
+from sim.systems import POSE
 
 FORMATS = (".parquet", ".npz")
 
@@ -37,7 +38,7 @@ def check_format(file: Path) -> None:
 def table(recording: Recording) -> Table:
     """The columns of a recording by name, each with one entry per control step."""
     columns: Table = {}
-    for column in COLUMNS:
+    for column in of_states(COLUMNS, _states(recording)):
         columns |= _expanded(column, recording)
     return columns
 
@@ -93,6 +94,13 @@ def _expanded(column: Column, recording: Recording) -> Table:
     return {f"{stem}{first + k}": _filled(column, rows, column.at + k) for k in range(width)}
 
 
+def _states(recording: Recording) -> list[str]:
+    """Names of the states; recordings of points and cars do not tell them."""
+    known = recording.settings.get("states")
+    width = max(len(row.get("state") or []) for _, _, row in recording.steps)
+    return known.split() if known else [*POSE, *(f"state_{k + 1}" for k in range(3, width))][:width]
+
+
 def _index(name: str, recording: Recording) -> Array:
     """What a recording tells beside its components."""
     if name == "step":
@@ -113,7 +121,7 @@ def _cells(column: Column, recording: Recording) -> list[list[Any]]:
 
 def _always(column: Column) -> bool:
     """Whether the column is there even if no step has a value."""
-    return column.at == 0 and not column.optional
+    return (column.at == 0 or column.component in ("state", "end")) and not column.optional
 
 
 def _filled(column: Column, rows: list[list[Any]], at: int) -> Array:

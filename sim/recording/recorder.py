@@ -20,6 +20,7 @@ from sim.recording.sink import Sink
 from sim.recording.sinks import Sinks
 from sim.recording.static import TREE_EDGES, Subject
 from sim.recording.step_row import Edges, Row
+from sim.systems import POSE
 
 __all__ = ["Look", "Recorder", "Sinks"]
 
@@ -57,7 +58,9 @@ class Recorder:
     ) -> None:
         look.check(path_integral.space)
         sinks.check()
-        known = {**settings, "truth": True} if look.truth else settings
+        states = {"states": " ".join(loaded.states)}  # after which an exported table names its columns
+        named = settings if set(loaded.states) <= set(POSE) else {**settings, **states}
+        known = {**named, "truth": True} if look.truth else named
         subject = Subject(loaded=loaded, tree=tree, path_integral=path_integral, look=look, settings=known)
         self._lifted = [obstacle for obstacle, _, _ in subject.lifted]
         self._tree, self._size = tree, 0 if tree is None else tree.size

@@ -1,8 +1,8 @@
 """What a recording holds of a drive, batch by batch: numbers at every step, pictures where they are due.
 
 /steps        a row per control step, described in `columns.py`
-/world/robot  pose, and as an arrow where the control would take it, as a second one, where it is known, where the
-              optimal control would; one row more for where the drive ended
+/world/robot  pose, and as an arrow where the control would take it, from the velocity that it has, as a second one,
+              where it is known, where the optimal control would; one row more for where the drive ended
 /world/path   position after every physics step
 /why/weight   lower and upper edges, in turn, of all other classes and of each of a few classes as they gain weight,
               on top of each other; `switch` below it where another class has come to weigh most
@@ -104,7 +104,7 @@ class Writer:
 
     def _robot(self, rows: Sequence[Row]) -> None:
         states = np.array([r.state for r in rows])
-        pose = rr.Transform3D.columns(translation=_spatial(states), quaternion=_turned(states))
+        pose = rr.Transform3D.columns(translation=_spatial(states), quaternion=_turned(self._headings(states)))
         controls = [(r.state, u) for r in rows for u in (r.control, *([] if r.truth is None else [r.truth.control]))]
         vectors = np.array([self._ahead(x, u) for x, u in controls])
         arrows = rr.Arrows3D.columns(vectors=vectors).partition([len(vectors) // len(rows)] * len(rows))
@@ -114,7 +114,7 @@ class Writer:
         last = rows[-1]
         if last.outcome is not None and len(last.states):
             end = last.states[-1:]
-            pose = rr.Transform3D(translation=_spatial(end)[0], quaternion=_turned(end)[0])
+            pose = rr.Transform3D(translation=_spatial(end)[0], quaternion=_turned(self._headings(end))[0])
             self.stream.log("/world/robot", last.step + 1, last.time + last.duration, pose)
 
     def _ahead(self, x: Array, u: Array) -> Array:
@@ -124,8 +124,14 @@ class Writer:
         for _ in range(5):
             x = dynamics.step(x, u, still, AHEAD / 5)
         dx, dy = x[:2] - start[:2]
-        c, s = (np.cos(start[2]), np.sin(start[2])) if len(start) > 2 else (1.0, 0.0)
+        heading = float(self._headings(start[None])[0])
+        c, s = np.cos(heading), np.sin(heading)
         return np.array([c * dx + s * dy, c * dy - s * dx, 0.0])
+
+    def _headings(self, states: Array) -> Array:
+        """Headings in states (k, n), (k,) [rad]; 0 of a robot that has none."""
+        angles = self._subject.path_integral.problem.dynamics.angles
+        return states[:, angles[0]] if angles else np.zeros(len(states))
 
     def _columns(self, path: str, rows: Sequence[Row], columns: Iterable[Any]) -> None:
         self.stream.columns(path, [r.step for r in rows], [r.time for r in rows], columns)
@@ -135,8 +141,7 @@ def _spatial(states: Array) -> Array:
     return np.column_stack([states[:, :2], np.zeros(len(states))])
 
 
-def _turned(states: Array) -> Array:
-    """Headings as quaternions (k, 4), scalar part last."""
-    heading = states[:, 2] if states.shape[1] > 2 else np.zeros(len(states))
-    zero = np.zeros(len(states))
+def _turned(heading: Array) -> Array:
+    """Headings (k,) [rad] as quaternions (k, 4), scalar part last."""
+    zero = np.zeros(len(heading))
     return np.column_stack([zero, zero, np.sin(0.5 * heading), np.cos(0.5 * heading)])

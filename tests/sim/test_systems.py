@@ -77,7 +77,9 @@ def test_a_system_is_chosen_by_module_and_name_with_its_own_defaults(folder):
 def test_a_robot_names_any_registered_system(folder):
     robot = folder / "machine.xml"
     robot.write_text(robot_mjcf(dynamics=ROBOT["dynamics"].replace("single_integrator", "raft")))
-    with pytest.raises(Exception, match='"raft"; write "single_integrator" or "unicycle", or choose a system'):
+    with pytest.raises(
+        Exception, match='"raft"; write "single_integrator" or "unicycle" or "double_integrator", or choose a system'
+    ):
         load("slit", robot=robot)
     register(raft())
     assert load("slit", robot=robot).dynamics_name == "raft"
@@ -146,11 +148,35 @@ def test_joints_are_those_of_a_systems_place(folder):
     assert load("slit", system=raft(states=("x", "y", "vx", "vy"))).states == ("x", "y", "vx", "vy")
 
 
+def test_the_way_home_of_a_mass_is_the_optimum_into_the_goal_at_any_velocity():
+    scenario = prepare("slit", robot="hover")
+    beyond, goal = named("double_integrator").way_home(scenario.problem), scenario.loaded.scene.goal
+    at_rest, off = np.array([[1.0, 2.5, 0.0, 0.0]]), 4.5 - goal.radius  # the goal's middle is 4.5 m away
+    duration = (4.5 * 2.0 * off**2) ** 0.25  # T^4 = (9 r / 2 q) off^2 from rest, and the cost is 4/3 q T
+    assert beyond(at_rest)[0] == pytest.approx(4.0 / 3.0 * duration)
+    toward, away = np.array([[1.0, 2.5, 1.0, 0.0]]), np.array([[1.0, 2.5, -1.0, 0.0]])
+    assert beyond(toward)[0] < beyond(at_rest)[0] < beyond(away)[0]
+    np.testing.assert_array_equal(beyond(np.array([[*goal.center, 3.0, 1.0]])), [0.0])
+    assert named("unicycle").way_home(scenario.problem) is None
+    assert scenario.with_settings(method="mppi").mppi().path_integral is not None
+
+
+def test_a_scene_sets_what_a_system_has_of_its_own_only_if_it_is_meant_for_it(folder):
+    own = raft(own=("noise", "max_time"), defaults={"noise": 0.7, "max_time": 3.0, "samples": 5})
+    slit = load("slit")
+    assert (slit.meant, load("clutter").meant) == ("single_integrator", "unicycle")
+    assert own.heard(slit.scene.defaults, own.name) == slit.scene.defaults
+    settings = prepare("slit", system=own).settings
+    assert (settings.noise, settings.max_time, settings.samples) == (0.7, 3.0, 200)
+    assert prepare("slit", system=own, given={"noise": 0.3}).settings.noise == 0.3
+
+
 @pytest.mark.parametrize(
     ("changes", "what"),
     [
         ({"defaults": {"nois": 1}}, "'nois' is no setting; those are .*noise"),
         ({"defaults": {"noise": -1}}, "--noise is -1; it must be a positive number"),
+        ({"own": ("wind",)}, "'wind' is no setting; those are .*noise"),
         ({"heeds": ("wind",)}, "'wind' is no setting to heed; those are noise, rho, speed"),
         ({"states": ("y", "x")}, 'the first two must be "x" and "y"'),
     ],

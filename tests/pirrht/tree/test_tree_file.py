@@ -137,6 +137,21 @@ def test_every_source_of_randomness_goes_on_where_it_was(slit: Scenario, bits):
     np.testing.assert_array_equal(tree.rng.random(5), copy.rng.random(5))
 
 
+def test_roots_at_any_velocity_survive_and_nothing_else_is_left_open():
+    scenario = prepare("slit", robot="hover", given={"vertices": 60})
+    tree = scenario.grown_tree()
+    copy = again(tree)
+    assert np.isnan(copy.states[0, 2:]).all()
+    assert_equal_trees(tree, copy)
+    assert_equal_references(tree, copy, scenario.start)
+    arrays = unsigned(unpacked(packed(tree)))
+    for vertex, component in ((0, 0), (len(arrays["in_goal"]) - 1, 2)):
+        states = arrays["states"].copy()
+        states[vertex, component] = np.nan
+        with pytest.raises(OptionError, match="states is not finite"):
+            tree_file.load(repacked({**arrays, "states": states}), tree.space, tree.steering)
+
+
 def test_a_tree_of_roots_alone_survives(slit: Scenario):
     tree = HomologyTree(slit.space, StraightLine(), rng=np.random.default_rng(0))
     assert_equal_trees(tree, again(tree))

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from drives import Drive
+from rerun.chunk import RrdReader
 
 from sim.cli import main
 from sim.drive.truth import Truth
@@ -208,6 +209,50 @@ def test_a_column_that_no_step_has_is_left_out_only_if_drives_may_do_without_it(
     assert "exact_value" not in table
     assert table["outcome"].tolist() == [""]
     assert all(described(name).text for name in table)
+
+
+@pytest.mark.parametrize(
+    ("states", "names"),
+    [
+        ("x y vx vy", ["x", "y", "vx", "vy"]),
+        ("x y vy heading vx", ["x", "y", "heading", "vx", "vy"]),
+        ("x y surge heading", ["x", "y", "heading", "state_3"]),
+    ],
+)
+def test_states_are_columns_by_their_names_wherever_they_stand(states, names):
+    order = states.split()
+    row = {"state": [float(k) for k in range(len(order))], "end": [10.0 + k for k in range(len(order))]}
+    table = export.table(read.Recording(settings={"states": states}, steps=[(0, 0.0, row)], plan_ms={}))
+    assert [n for n in table if n in names or n.startswith("state_")] == names
+    for name in names:
+        at = order.index(name) if name in order else int(name.removeprefix("state_")) - 1
+        assert table[name] == float(at)
+        assert table[f"end_{name}"] == 10.0 + at
+
+
+def test_a_hover_is_recorded_without_a_heading_and_told_with_its_velocities(tmp_path, capsys):
+    file, out = tmp_path / "a.rrd", tmp_path / "a.npz"
+    words = ["--robot", "hover", "--vertices", "40", "--samples", "10", "--max-time", "0.1", "--plant", "sde"]
+    assert main(["run", "slit", *words, "--start", "1", "2.5", "2.0", "--record", str(file)]) == 1
+    assert main(["export", str(file), "-o", str(out)]) == 0
+    table = np.load(out)
+    step = 0.05
+    np.testing.assert_allclose(
+        table["end_vx"] - table["vx"], table["control_1"] * step + 0.1 * table["noise_1"], atol=0.05
+    )
+    assert table["vx"][0] == 0.0
+    assert not {"heading", "state_3", "state_4"} & set(table.files)
+    assert read.read(file).settings["states"] == "x y vx vy"
+    turned = [chunk for chunk in RrdReader(str(file)).stream() if chunk.entity_path == "/world/robot"]
+    quaternions = [
+        q
+        for chunk in turned
+        for name, column in chunk.to_record_batch().to_pydict().items()
+        if name.endswith("quaternion")
+        for cell in column
+        for q in cell or ()
+    ]
+    np.testing.assert_array_equal(quaternions, [[0.0, 0.0, 0.0, 1.0]] * 3)
 
 
 @pytest.mark.parametrize("name", ["x" * 300, b"b\xff".decode("utf-8", "surrogateescape")])

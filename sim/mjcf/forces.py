@@ -1,0 +1,102 @@
+"""Robots whose velocity is state: forces drive them, and MuJoCo must accelerate them as their equation says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError, SceneError
+from pirrht.systems.dynamics import Dynamics
+from sim.mjcf.coordinates import rolls, stance_of, unread
+from sim.systems import POSE, VELOCITIES, System
+
+TOLERANCE = 1e-6  # relative to the acceleration, or in m/s^2 if that is more
+
+
+def check_actuators(model: mujoco.MjModel, system: System, path: Path) -> None:
+    """Refuse velocity servos where velocity is state, and motors where the state is but a place.
+
+    Raises:
+        SceneError: names file, actuator and what to write.
+    """
+    if wrong := _wrong_actuator(model, system.states, system.name):
+        raise SceneError(f"{path}: {wrong}")
+
+
+def _wrong_actuator(model: mujoco.MjModel, states: Sequence[str], system: str) -> str:
+    """What is wrong with actuators; empty if nothing is."""
+    motors = [_is_motor(model, i) for i in range(model.nu)]
+    if set(states) & set(VELOCITIES):
+        if all(motors):
+            return ""
+        name = model.actuator(motors.index(False)).name
+        return (
+            f'actuator "{name}" is no motor, and velocity is a state of {system}, which forces change; write '
+            f'<motor name="{name.rpartition("/")[2]}" joint="..."/>, or choose dynamics that are commanded velocities'
+        )
+    if not (motors and all(motors)) or set(states) - set(POSE):
+        return ""
+    name = model.actuator(0).name
+    return (
+        f'actuator "{name}" is a motor, and {system} is commanded velocities, not forces; write '
+        f'<velocity name="{name.rpartition("/")[2]}" joint="..." kv="..."/>, or choose dynamics whose states '
+        'are velocities too, like "double_integrator"'
+    )
+
+
+def _is_motor(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether its force is its command times a constant, at once."""
+    return bool(
+        model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+        and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
+    )
+
+
+def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command: Array) -> None:
+    """Refuse states that the robot of a joined model does not have, and accelerations that it does not make so.
+
+    Args:
+        system: what errors call the dynamics.
+        command: (nu, 2) M of ctrl = M @ twist.
+
+    Raises:
+        OptionError: names states, actuators or accelerations, and what to mend.
+    """
+    missing = unread(model, dynamics.states)
+    if missing:
+        raise OptionError(
+            f"in MuJoCo this robot has no {missing[0]}, which is a state of {system}; states that it can have are "
+            f"{', '.join((*POSE, *(() if rolls(model) else VELOCITIES)))}: drive it with --plant sde"
+        )
+    if wrong := _wrong_actuator(model, dynamics.states, system):
+        raise OptionError(wrong)
+    actuated = dynamics.states[dynamics.n - dynamics.m :]
+    if not actuated or set(actuated) - set(VELOCITIES):
+        return
+    data, stance = mujoco.MjData(model), stance_of(model, dynamics.states)
+    dofs = [VELOCITIES.index(name) for name in actuated]
+    for speed in (0.0, 1.0):
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        x = dynamics.state_of(np.array([*data.qpos[:2], 0.0]))
+        x[[dynamics.states.index(name) for name in dynamics.states if name in VELOCITIES]] = speed
+        for wanted in np.vstack([np.zeros(dynamics.m), np.eye(dynamics.m)]):
+            ctrl = command.dot(dynamics.twist(x, wanted))
+            stance.place(data, x, np.zeros(2), ctrl)
+            data.ctrl[:] = ctrl
+            mujoco.mj_forward(model, data)
+            made = data.qacc[dofs]
+            if not np.allclose(made, wanted, rtol=TOLERANCE, atol=TOLERANCE):
+                raise OptionError(
+                    f"at {speed:g} m/s, commanded to accelerate by {_told(wanted)} m/s^2 as a {system}, the robot "
+                    f"accelerates by {_told(made)} m/s^2: make pirrht_command its mass over the gears of its motors, "
+                    "and leave out damping, friction, gravity and narrow ctrlranges along its slides"
+                )
+
+
+def _told(numbers: Array) -> str:
+    return "(" + ", ".join(f"{v + 0.0:.4g}" for v in numbers) + ")"
