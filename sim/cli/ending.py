@@ -161,7 +161,8 @@ def _any_name_prints() -> None:
 
 def _deliver(number: int) -> None:
     time.sleep(AGAIN)
-    interrupt_main(signal.Signals(number))
+    if _swallowed:  # unless the command has ended meanwhile
+        interrupt_main(signal.Signals(number))
 
 
 def _numbers() -> list[signal.Signals]:
@@ -217,3 +218,4 @@ def _swallowed_again() -> Iterator[None]:
         yield
     finally:
         sys.unraisablehook = before
+        _swallowed.clear()
