@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -19,3 +20,14 @@ def imported(file: Path) -> frozenset[str]:
             assert node.module is not None
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     return frozenset(names)
+
+
+def reached(module: str, inner: Callable[[str], frozenset[str]]) -> frozenset[str]:
+    """Modules that one imports, directly or not; itself only in a circle. `inner` tells what each imports itself."""
+    seen: set[str] = set()
+    waiting = [module]
+    while waiting:
+        new = inner(waiting.pop()) - seen
+        seen |= new
+        waiting += new
+    return frozenset(seen)

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from imported import imported
+from imported import imported, reached
 from repository import environment
 
 import sim
@@ -93,13 +93,7 @@ def _only_on_the_way(module: str, package: str) -> bool:
 @cache
 def reachable(module: str) -> frozenset[str]:
     """Modules of the package that a module imports, directly or not; itself only in a circle."""
-    seen: set[str] = set()
-    waiting = [module]
-    while waiting:
-        new = inner(waiting.pop()) - seen
-        seen |= new
-        waiting += new
-    return frozenset(seen)
+    return reached(module, inner)
 
 
 def loaded_by(code: str) -> set[str]:
