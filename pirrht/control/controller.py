@@ -234,7 +234,7 @@ class Controller(Policy):
     def _guided(
         self, guidance: Any, x: Array, times: Array, references: list[Reference]
     ) -> tuple[list[Any], list[int]]:
-        """Guides of a car or of any other system, each from what is left of the last one of its class, and samples around each."""
+        """Guides, each from what is left of the last one of its class, and samples around each."""
         classes = self._from_start(references)
 
         def improve(which: tuple[Reference, tuple[int, ...]]) -> Any:

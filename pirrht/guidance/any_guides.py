@@ -16,7 +16,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
 from pirrht.guidance.any_ddp import Course, Task, empty_course, optimiser
-from pirrht.guidance.tracking import BARRIER, MARGIN, PARABOLA, SAG, TOLERANCE, WILD, wall_radius, worth
+from pirrht.guidance.tracking import MARGIN, PARABOLA, SAG, TOLERANCE, WILD, wall_radius, worth
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.path import takes_law
@@ -28,6 +28,7 @@ COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda,
 WARM = ((1.0, 8),)  # from the last guide
 NONE = ((1.0, 0),)
 STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
+BARRIER = 0.75  # lambda / (time in which noise carries the position over its clearance) costs so much; a car's is 3
 SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
 PIECES = 5  # steps of it
 PROBES = 8  # states at which this is asked
@@ -68,6 +69,7 @@ class AnyGuide:
     share: Array  # (T, M, M) L, symmetric: the samples' noise of a step has the covariance L L' dt
     inverse: Array  # (T, M, M) of L
     volume: Array  # (T,) log det L
+    metric: Array  # (n,) weights of squared differences between states: one over what noise does to them
     steep: float  # |a| stays below this [1/sqrt(s)]
     length: int  # steps until the one that enters the goal
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
@@ -119,7 +121,11 @@ class AnyGuidance:
         self.problem, self.setup = problem, setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         self.passes = optimiser(kind_of(problem))
-        strength, pace, curved = self._noise()
+        spread, curved = self._noise()
+        most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
+        strength, pace = math.sqrt(3.0 * most / SPREADING**3), math.sqrt(most / SPREADING)
+        squares = np.diag(spread)
+        self.metric = np.divide(squares[0], squares, out=np.zeros(d.n), where=squares > 1e-9 * squares.max())
         self.tasks = {warmth: self._task(warmth, strength, pace, curved) for warmth, _ in COLD}
 
     @property
@@ -150,14 +156,14 @@ class AnyGuidance:
             curved=curved,
         )
 
-    def _noise(self) -> tuple[float, float, bool]:
-        """How fast noise spreads the position: 3 variance / t^3 and variance / t, as deviations; and what bends.
+    def _noise(self) -> tuple[Array, bool]:
+        """Covariance (n, n) of the state after SPREADING under noise alone, and whether steps have second derivatives.
 
-        For noise b of a velocity the first is b, for a car b V. The last says whether steps have second derivatives.
+        The variance of a position is b^2 t^3 / 3 where noise b acts on the velocity, for a car with b V in its place.
         """
         d, h = self.problem.dynamics, SPREADING / PIECES
         lower, upper = d.box(self.problem.scene)
-        most, bend = 0.0, 0.0
+        spread, bend = np.zeros((d.n, d.n)), 0.0
         for k in range(PROBES):
             fraction = (np.arange(1, d.n + 1) * 0.7548776662 + (k + 1) * 0.5698402910) % 1.0
             x = lower + fraction * (upper - lower)
@@ -168,8 +174,8 @@ class AnyGuidance:
             P = np.zeros((d.n, d.n))
             for _ in range(PIECES):
                 P = A @ P @ A.T + C @ C.T / h
-            most = max(most, float(np.linalg.eigvalsh(P[:2, :2])[-1]))
-        return math.sqrt(3.0 * most / SPREADING**3), math.sqrt(most / SPREADING), bend > STRAIGHT
+            spread += P / PROBES
+        return spread, bend > STRAIGHT
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
@@ -234,7 +240,7 @@ class AnyGuidance:
         return AnyGuide(
             dynamics=self.problem.dynamics, times=times, states=course.states, modes=course.control,
             gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
-            steep=self.tasks[1.0].steep, length=length, cost=cost, priced=priced, valid=bool(sound),
+            metric=self.metric, steep=self.tasks[1.0].steep, length=length, cost=cost, priced=priced, valid=bool(sound),
         )  # fmt: skip
 
     def _reach(self, course: Course) -> float:

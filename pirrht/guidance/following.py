@@ -43,8 +43,9 @@ class Follow(Lead):
         T = len(guide.modes)
         leads.led[h] = guide.length
         parts = (guide.modes, guide.gains, guide.states[:-1], guide.share, guide.inverse, guide.volume)
-        leads.law[h, :, :-1] = np.hstack([part.reshape(T, -1) for part in parts])
-        leads.law[h, :, -1] = guide.steep
+        table = np.hstack([part.reshape(T, -1) for part in parts])
+        width = table.shape[1]
+        leads.law[h, :, :width], leads.law[h, :, width], leads.law[h, :, width + 1 :] = table, guide.steep, guide.metric
 
     def _bounded(self, a: Array) -> Array:
         return np.clip(a, -self.guide.steep, self.guide.steep)

@@ -35,7 +35,7 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
 
     @kernel
     def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
-        """Write the state after a step of dt [s] from x (n,) under modes a to out (n,); B (m, m) and f (n,) are scratch.
+        """Write the state after a step of dt [s] from x (n,) under modes a to out (n,); B (m, m), f (n,) are scratch.
 
         Returns: cost of the states in it, q dt.
         """

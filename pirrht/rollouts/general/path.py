@@ -11,6 +11,8 @@ with any other system whose noise does not act on its position; for a mass that 
 Other systems than cars and points are led by a law of any size (`records.law_width`): the noise of a step, m numbers or
 with sways 2 m, has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps
 end at crossings, up to which only noise of the passive covariance has a likelihood ratio: there L is not used.
+Nothing in the problem depends on the time, and noise makes a mass early or late: what counts is the step of the law
+whose state is nearest, not the one that would be due. Beyond the last one `Dynamics.homing` takes over.
 """
 
 from __future__ import annotations
@@ -144,6 +146,30 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         stage, pushed = np.empty(H, np.int64), np.empty(m)
         return x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried, wide, home, white, drawn
 
+    @kernel
+    def apart(law, g, s, x, there, weights):  # type: ignore[no-untyped-def]
+        """Square of how far x (n,) is from the state that step s of a law is for."""
+        total = 0.0
+        for k in range(n):
+            off = x[k] - law[g, s, there + k]
+            if (angles >> k) & 1:
+                off = wrapped(off)
+            total += law[g, s, weights + k] * off * off
+        return total
+
+    @kernel
+    def nearest(law, g, s, last, x, there, weights):  # type: ignore[no-untyped-def]
+        """The step of a law whose state is nearest to x (n,), from step s on as long as they come nearer."""
+        here = apart(law, g, s, x, there, weights)
+        if s > 0 and apart(law, g, s - 1, x, there, weights) < here:
+            return s - 1
+        while s < last:
+            after = apart(law, g, s + 1, x, there, weights)
+            if after >= here:
+                break
+            s, here = s + 1, after
+        return s
+
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
     def one_path(setup, leads, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
@@ -242,27 +268,30 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             bound = D[0, 0] * B[0, 0]
                             homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / B[0, 0]
                         a[g, 0] = homeward
-                    elif leadable and led[g] > i:
-                        for j in range(modes):
-                            wide[g, j] = law[g, i, j]
-                        for k in range(n):
-                            off = x[k] - law[g, i, there + k]
-                            if (angles >> k) & 1:
-                                off = wrapped(off)
+                    elif leadable and led[g] > 0:
+                        s = stage[g]
+                        if s < led[g]:
+                            s = nearest(law, g, s, min(led[g], T - 1), x, there, end + 2)
+                            stage[g] = s
+                        if s < led[g]:
                             for j in range(modes):
-                                wide[g, j] += law[g, i, slopes + j * n + k] * off
-                        for j in range(modes):
-                            wide[g, j] = max(-law[g, i, end + 1], min(law[g, i, end + 1], wide[g, j]))
+                                wide[g, j] = law[g, s, j]
+                            for k in range(n):
+                                off = x[k] - law[g, s, there + k]
+                                if (angles >> k) & 1:
+                                    off = wrapped(off)
+                                for j in range(modes):
+                                    wide[g, j] += law[g, s, slopes + j * n + k] * off
+                            for j in range(modes):
+                                wide[g, j] = max(-law[g, s, end + 1], min(law[g, s, end + 1], wide[g, j]))
+                        else:
+                            if not headed:
+                                homing_of(x, p, B, goal, radius, setup.pace, home)
+                                headed = True
+                            for j in range(modes):
+                                wide[g, j] = home[j] if j < m else 0.0
                         for j in range(m):
                             a[g, j] = wide[g, j]
-                    elif leadable and led[g] > 0:
-                        if not headed:
-                            homing_of(x, p, B, goal, radius, setup.pace, home)
-                            headed = True
-                        for j in range(m):
-                            a[g, j] = home[j]
-                        for j in range(modes):
-                            wide[g, j] = home[j] if j < m else 0.0
                     else:
                         for j in range(m):
                             a[g, j] = 0.0
@@ -295,10 +324,10 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             white[j + 1] = sign * other
                     for j in range(modes):
                         z = white[j]
-                        if led[h] > i and not noisy_position:
+                        if stage[h] < led[h] and not noisy_position:
                             z = 0.0
                             for k in range(modes):
-                                z += law[h, i, shape + j * modes + k] * white[k]
+                                z += law[h, stage[h], shape + j * modes + k] * white[k]
                         drawn[j] = z * root + (a[h, j] if j < m else wide[h, j]) * dt
                     for j in range(m):
                         y[j] = drawn[j]
@@ -383,16 +412,16 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                                 ratio[g] += 0.5 * (y[0] * y[0] - off * off) / dt - law[g, i, 8]
                                 off = sway - aside[g] * dt - law[g, i, 13] * (y[0] - a[g, 0] * dt)
                                 ratio[g] += 0.5 * (sway * sway - (off / law[g, i, 14]) ** 2) / dt
-                        elif leadable and not noisy_position and led[g] > i:
+                        elif leadable and not noisy_position and stage[g] < led[g]:
                             if until > 0.0:
                                 gained = 0.0
                                 for j in range(modes):
                                     off = 0.0
                                     for k in range(modes):
                                         mean = (a[g, k] if k < m else wide[g, k]) * dt
-                                        off += law[g, i, shape_inverse + j * modes + k] * (drawn[k] - mean)
+                                        off += law[g, stage[g], shape_inverse + j * modes + k] * (drawn[k] - mean)
                                     gained += drawn[j] * drawn[j] - off * off
-                                ratio[g] += 0.5 * gained / dt - law[g, i, end]
+                                ratio[g] += 0.5 * gained / dt - law[g, stage[g], end]
                         else:
                             for j in range(m):
                                 ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
