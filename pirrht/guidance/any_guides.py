@@ -235,17 +235,13 @@ class AnyGuidance:
             return None
         course.control[length:], course.gains[length:], course.volume[length:] = 0.0, 0.0, 0.0
         course.share[length:] = course.inverse[length:] = np.eye(self.width)
-        if not np.abs(course.gains * self._reach(course)).max() < WILD:
+        if not STEEP / self.tasks[1.0].steep * np.abs(course.gains).max() < WILD:
             return None
         return AnyGuide(
             dynamics=self.problem.dynamics, times=times, states=course.states, modes=course.control,
             gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
             metric=self.metric, steep=self.tasks[1.0].steep, length=length, cost=cost, priced=priced, valid=bool(sound),
         )  # fmt: skip
-
-    def _reach(self, course: Course) -> float:
-        """What makes a of noise units comparable between systems: one over what |a| stays below, times ten."""
-        return STEEP / self.tasks[1.0].steep
 
     def _along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
         """A tape that drives along a reference from x (n,)."""
