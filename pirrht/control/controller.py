@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,9 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
+from pirrht.guidance.following import Follow, lead_of
 from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
-from pirrht.guidance.tracking import FEW, Guidance, Guide
+from pirrht.guidance.tracking import FEW
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.trajectory import Trajectory, running_cost
@@ -89,7 +91,7 @@ class Controller(Policy):
             self.pool.forget()
         if self.allocation is not None:
             self.allocation.forget()
-        self._guides: dict[tuple[int, ...], Guide] = {}  # by class of driven path and guide together
+        self._guides: dict[tuple[int, ...], Any] = {}  # by class of driven path and guide together
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
@@ -227,15 +229,15 @@ class Controller(Policy):
             return list(leads), [integral.sampling.samples] * len(leads)
         guides, counts = self._guided(integral.guidance, x, times, references)
         d = self.problem.dynamics
-        return [lead if guide is None else Along(guide, d) for lead, guide in zip(leads, guides, strict=True)], counts
+        return [one if guide is None else lead_of(guide, d) for one, guide in zip(leads, guides, strict=True)], counts
 
     def _guided(
-        self, guidance: Guidance, x: Array, times: Array, references: list[Reference]
-    ) -> tuple[list[Guide | None], list[int]]:
-        """Guides of a car, each from what is left of the last one of its class, and samples around each."""
+        self, guidance: Any, x: Array, times: Array, references: list[Reference]
+    ) -> tuple[list[Any], list[int]]:
+        """Guides, each from what is left of the last one of its class, and samples around each."""
         classes = self._from_start(references)
 
-        def improve(which: tuple[Reference, tuple[int, ...]]) -> Guide | None:
+        def improve(which: tuple[Reference, tuple[int, ...]]) -> Any:
             reference, whole = which
             key, last = self.space.homology.key(reference.winding), self._guides.get(whole)
             return guidance.improve(x, times, key, reference.trajectory, last, self.drive.since_plan)
@@ -250,13 +252,13 @@ class Controller(Policy):
 
     def _instead(self, batch: Batch, references: list[Reference]) -> Array:
         """What to follow without an estimate, (T, m): the guide of the last favourite or the cheapest, or a tape."""
-        led = {one.name: one.lead.guide for one in batch.proposals if isinstance(one.lead, Along)}
+        led = {one.name: one.lead.guide for one in batch.proposals if isinstance(one.lead, Along | Follow)}
         if not led:
             steps = (len(batch.times) - 1, self.problem.dynamics.m)
             return references[0].trajectory.tape(batch.times) if references else np.zeros(steps)
         last = None if self._previous is None else self._previous.favourite
         guide = led[last] if last in led else min(led.values(), key=lambda guide: guide.priced)
-        return guide.control[:, None]
+        return guide.tape
 
     def _from_start(self, references: list[Reference]) -> list[tuple[int, ...]]:
         """Classes of the driven path and each reference together."""

@@ -25,6 +25,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance, set_back
+from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.leads import Batch, Climb, Lead, Proposal, Tape
 from pirrht.guidance.tracking import Guidance
 from pirrht.guidance.walls import Push, Scales, window
@@ -64,8 +65,11 @@ class PathIntegral:
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
         self.setup = _setup(problem, space, sampling.exit == "bridge")
-        steered = sampling.guide == "feedback" and Guidance.suits(problem)
-        self.guidance = Guidance(problem, self.setup, sways=sampling.fitted) if steered else None
+        self.guidance: Guidance | AnyGuidance | None = None
+        if sampling.guide == "feedback" and Guidance.suits(problem):
+            self.guidance = Guidance(problem, self.setup, sways=sampling.fitted)
+        elif sampling.guide == "feedback" and AnyGuidance.suits(problem):
+            self.guidance = AnyGuidance(problem, self.setup, sways=sampling.fitted)
         self.replay = Replay(self.kernels, self.setup)
         constant = problem.dynamics.constant and not callable(problem.R)
         start = problem.dynamics.state_of(problem.scene.start)
@@ -249,7 +253,7 @@ class PathIntegral:
             weighed=bridge and self.problem.phi > end,
             window=window(scales.noise, self.setup.arena, x, times, longest) if climbs else 1,
             mirrored=self.sampling.draws == "antithetic",
-            law=np.zeros((H, T, LAW)),
+            law=np.zeros((H, T, self.guidance.law_width if isinstance(self.guidance, AnyGuidance) else LAW)),
             led=np.zeros(H, np.int64),
         )
         for h, proposal in enumerate(batch.proposals):
@@ -273,6 +277,7 @@ def _setup(problem: Problem, space: FreeSpace, bridge: bool) -> Setup:
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.m, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q),
         bridge=bridge,
+        pace=problem.least_rate / problem.temperature,
     )
 
 

@@ -25,15 +25,15 @@ class Sampling:
     """
 
     dt: float = 0.1  # rollout step [s]
-    # With exit along the step, steps of dt are "fitted" to the place, split near walls and goal (a Unicycle's are whole
-    # ones, within which it turns as in continuous time), or "uniform" (paper).
+    # With exit along the step, steps of dt are "fitted" to the place, split near walls and goal (where no noise acts on
+    # the position they are whole ones, within which that moves as in continuous time), or "uniform" (paper).
     steps: str = "fitted"
     first: float | None = None  # with exit along the step, the first dt is cut into steps of this length [s]
     samples: int = 200  # N, around each reference
     exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
     weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
-    # Samples climb psi of their class from where they are (a Unicycle's follow a guide's feedback), or hold the tape of
-    # their reference "open-loop" (paper), as all but those of a point and of a Unicycle do in any case.
+    # Samples of a point climb psi of their class from where they are, those of other systems follow a guide's feedback;
+    # or they hold the tape of their reference "open-loop" (paper).
     guide: str = "feedback"
     window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
     draws: str = "antithetic"  # pairs of samples with opposite noise, or "independent" ones (the paper's)

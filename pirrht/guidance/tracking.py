@@ -59,6 +59,11 @@ class Guide:
     priced: float  # the same with clearance priced: it differs from the value by about the same in every class [cost]
     valid: bool  # whether it touches nothing and is of its class
 
+    @property
+    def tape(self) -> Array:
+        """Its controls (T, 1), over the steps."""
+        return self.control[:, None]
+
     def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
         """What is left of it after some time [s], as arcs into the goal around the centre (2,) [m]; None if nothing."""
         passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
@@ -159,17 +164,8 @@ class Guidance:
         return bool(clearance(self.setup.arena.field, x[0], x[1]) > 0.0)
 
     def counts(self, guides: Sequence[Guide | None], samples: int) -> list[int]:
-        """Samples around each reference, (H,): N, or FEW where a class can hardly carry any weight.
-
-        Classes whose guide costs HOPELESS lambda more than the cheapest weigh about exp(-HOPELESS); a reference without
-        a guide takes longer than any path that weighs anything.
-        """
-        least = min((guide.priced for guide in guides if guide is not None), default=np.inf)
-        bound = least * (1.0 + SHARE) + HOPELESS * self.problem.temperature
-        few = min(FEW, samples)
-        return [
-            samples if least == np.inf or (guide is not None and guide.priced <= bound) else few for guide in guides
-        ]
+        """Samples around each reference, (H,): N, or FEW where a class can hardly carry any weight (`worth`)."""
+        return worth([None if guide is None else guide.priced for guide in guides], samples, self.problem.temperature)
 
     def _from(
         self,
@@ -197,6 +193,17 @@ class Guidance:
             sway=course.sway, sway_gains=course.sway_gains, sway_spread=course.sway_spread,
             length=length, cost=cost, priced=priced, valid=bool(sound),
         )  # fmt: skip
+
+
+def worth(prices: Sequence[float | None], samples: int, temperature: float) -> list[int]:
+    """Samples around guides of these prices (H,) [cost], None being no guide: N, or FEW for what hardly weighs.
+
+    Classes whose guide costs HOPELESS lambda more than the cheapest weigh about exp(-HOPELESS); a reference without
+    a guide takes longer than any path that weighs anything.
+    """
+    least = min((price for price in prices if price is not None), default=np.inf)
+    bound, few = least * (1.0 + SHARE) + HOPELESS * temperature, min(FEW, samples)
+    return [samples if least == np.inf or (price is not None and price <= bound) else few for price in prices]
 
 
 def boundary_layer(problem: Problem) -> float:

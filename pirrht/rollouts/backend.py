@@ -25,15 +25,26 @@ ALONE = 2400  # samples of a point, many abreast
 
 def kernels_for(problem: Problem) -> Kernels:
     """The compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
-    d = problem.dynamics
-    constant = d.constant
-    gain = None if constant else as_jitable(_function(d.control_block))
-    noise = None if constant else as_jitable(_function(d.diffusion_block))
-    q = as_jitable(problem.q) if callable(problem.q) else unit_rate
-    if is_point(d) and not callable(problem.q):
+    if is_point(problem.dynamics) and not callable(problem.q):
         return Kernels(sample, control, trace, alone=ALONE)
-    kind = Kind(as_jitable(d.drift), gain, noise, q, d.n, d.m, callable(problem.q), d.noisy_position)
-    return loops(*any_path(kind), d.m)
+    return loops(*any_path(kind_of(problem)), problem.dynamics.m)
+
+
+def kind_of(problem: Problem) -> Kind:
+    """What kernels of a problem are compiled for."""
+    d = problem.dynamics
+    return Kind(
+        drift=as_jitable(d.drift),
+        control_block=None if d.constant else as_jitable(_function(d.control_block)),
+        diffusion_block=None if d.constant else as_jitable(_function(d.diffusion_block)),
+        q=as_jitable(problem.q) if callable(problem.q) else unit_rate,
+        n=d.n,
+        m=d.m,
+        varying_rate=callable(problem.q),
+        noisy_position=d.noisy_position,
+        angles=sum(1 << i for i in d.angles),
+        homing=as_jitable(d.homing),
+    )
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:

@@ -16,6 +16,16 @@ from pirrht.topology.cuts import Cuts
 LAW = 15  # numbers of a car's law
 
 
+def law_width(n: int, modes: int) -> int:
+    """Numbers per step of the law of any other system with n states, under noise of so many modes per step.
+
+    In this order: a (modes,), its slopes K (modes, n), the state (n,) they are for, the deviation L (modes, modes) of
+    the noise as a share of the passive one, its inverse, log det L, what no component of a exceeds, and weights (n,) of
+    the squares that tell which of these states is the nearest.
+    """
+    return modes + modes * n + n + 2 * modes * modes + 2 + n
+
+
 class Setup(NamedTuple):
     """What a rollout needs to know of scene and problem."""
 
@@ -27,6 +37,7 @@ class Setup(NamedTuple):
     diffusion: Array  # (m, m) B_c, if constant
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
+    pace: float = 1.0  # least q / lambda [1/s]
 
 
 class Leads(NamedTuple):
@@ -45,8 +56,8 @@ class Leads(NamedTuple):
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
-    # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread
-    led: NDArray[np.int64]  # (H,) number of steps that the law covers, then towards the goal; 0: follow the tape
+    # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; other systems: see `law_width`
+    led: NDArray[np.int64]  # (H,) number of steps that the law covers, then `Dynamics.homing`; 0: follow the tape
 
 
 class Origin(NamedTuple):

@@ -18,6 +18,13 @@ from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 
 
+@jitable
+def no_homing(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """No control, written to out (m,) [1/sqrt(s)]: what outlives its guide is left to itself."""
+    for j in range(out.shape[0]):
+        out[j] = 0.0
+
+
 class Dynamics(ABC):
     """A planar system whose first two states are the position [m].
 
@@ -34,6 +41,9 @@ class Dynamics(ABC):
     drift: Callable[..., None]  # f, out (n,) [state/s]
     control_block: Array | Callable[..., None]  # G_c, (m, m) [state/s per control]
     diffusion_block: Array | Callable[..., None]  # B_c, (m, m) [state/sqrt(s)]
+    # Optional: what samples do that outlive their guide, (x, p, B, aim, radius, rate, out) -> None, compiled by numba:
+    # the control towards the goal's disc at aim (x, y) [m] as a = B_c^-1 G_c u, out (m,) [1/sqrt(s)]; rate is q/lambda.
+    homing: Callable[..., None] = staticmethod(no_homing)
 
     @abstractmethod
     def twist(self, x: Array, rate: Array) -> Array:

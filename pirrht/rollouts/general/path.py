@@ -5,7 +5,14 @@ that a car moves along the heading it has half-way, as the robot does.
 
 That chain steers a car by one control per step, and what it cannot do makes v too high. With fitted steps, the heading
 at the end of a step and its mean over the step are therefore drawn together, as those of a Brownian motion are: the
-mean is off the middle by -B sway / sqrt(12), `sway` being noise of the same variance that is led likewise.
+mean is off the middle by -B sway / sqrt(12), `sway` being noise of the same variance that is led likewise. So it is
+with any other system whose noise does not act on its position; for a mass that is exact.
+
+Other systems than cars and points are led by a law of any size (`records.law_width`): the noise of a step, m numbers or
+with sways 2 m, has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps
+end at crossings, up to which only noise of the passive covariance has a likelihood ratio: there L is not used.
+Nothing in the problem depends on the time, and noise makes a mass early or late: what counts is the step of the law
+whose state is nearest, not the one that would be due. Beyond the last one `Dynamics.homing` takes over.
 """
 
 from __future__ import annotations
@@ -37,7 +44,7 @@ from pirrht.rollouts.first_exit import (
 )
 from pirrht.rollouts.homing import STEEP, homing, wrapped
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
-from pirrht.systems.dynamics import no_drift
+from pirrht.systems.dynamics import no_drift, no_homing
 from pirrht.systems.unicycle import unicycle_drift
 from pirrht.topology.cuts import key_of_step
 
@@ -94,18 +101,27 @@ class Kind(NamedTuple):
     m: int  # controls
     varying_rate: bool  # whether q varies
     noisy_position: bool  # whether noise acts on the position
+    angles: int = 0  # bit k tells whether the k-th state is a heading
+    homing: Callable[..., None] = no_homing  # (x, p, B, aim, radius, rate, out): `Dynamics.homing`
+
+
+def takes_law(kind: Kind) -> bool:
+    """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do."""
+    car = kind.drift is unicycle_drift and kind.m == 1 and kind.control_block is None
+    return not car and not (kind.n == kind.m == 2)
 
 
 @cache
 def any_path(kind: Kind) -> tuple[Any, Any]:
     """Kernels that simulate one path of any dynamics, and that make its scratch."""
-    drift, control_block, diffusion_block, q, n, m, varying_rate, noisy_position = kind
+    drift, control_block, diffusion_block, q, n, m, varying_rate, noisy_position, angles, homing_of = kind
     varying, drifting = control_block is not None, drift is not no_drift
     gain_at: Any = control_block if varying else drift
     noise_at: Any = diffusion_block if varying else drift
     fixed = n - m
-    car = n == 3 and m == 1 and not varying  # dx, dy along the heading, which is steered
     turning = drift is unicycle_drift and m == 1
+    car, leadable = turning and not varying, takes_law(kind)
+    bending = leadable and drifting and not noisy_position
     isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @kernel
@@ -120,12 +136,39 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
 
     @kernel
     def scratch_of(leads):  # type: ignore[no-untyped-def]
-        """Scratch of `one_path`: x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried."""
+        """Scratch of `one_path`: x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried and four of laws."""
         H = leads.control.shape[0]
         x, moved, f, y = np.empty(n), np.empty(n), np.empty(n), np.empty(m)
         G, D, B, a = np.zeros((m, m)), np.empty((m, m)), np.empty((m, m)), np.empty((H, m))
         aside = np.zeros(H)
-        return x, moved, f, y, G, D, B, a, aside, np.empty(m), np.empty(H, np.int64), np.empty((m, 1)), np.empty((m, 1))
+        column, carried, wide = np.empty((m, 1)), np.empty((m, 1)), np.zeros((H, 2 * m))
+        home, white, drawn = np.zeros(m), np.zeros(2 * m), np.zeros(2 * m)
+        stage, pushed = np.empty(H, np.int64), np.empty(m)
+        return x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried, wide, home, white, drawn
+
+    @kernel
+    def apart(law, g, s, x, there, weights):  # type: ignore[no-untyped-def]
+        """Square of how far x (n,) is from the state that step s of a law is for."""
+        total = 0.0
+        for k in range(n):
+            off = x[k] - law[g, s, there + k]
+            if (angles >> k) & 1:
+                off = wrapped(off)
+            total += law[g, s, weights + k] * off * off
+        return total
+
+    @kernel
+    def nearest(law, g, s, last, x, there, weights):  # type: ignore[no-untyped-def]
+        """The step of a law whose state is nearest to x (n,), from step s on as long as they come nearer."""
+        here = apart(law, g, s, x, there, weights)
+        if s > 0 and apart(law, g, s - 1, x, there, weights) < here:
+            return s - 1
+        while s < last:
+            after = apart(law, g, s + 1, x, there, weights)
+            if after >= here:
+                break
+            s, here = s + 1, after
+        return s
 
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel
@@ -147,7 +190,11 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         swaying = turning and least < np.inf
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, setup.inverse
-        x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried = scratch
+        x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried, wide, home, white, drawn = scratch
+        bent = bending and setup.bridge and least < np.inf
+        modes = 2 * m if bent else m
+        slopes, there, shape = modes, modes + modes * n, modes + modes * n + n
+        shape_inverse, end = shape + modes * modes, shape + 2 * modes * modes
         D[:, :], B[:, :], f[:], pushed[:], stage[:] = setup.gain, setup.diffusion, 0.0, 0.0, 0
         x[:], moved[:] = origin.x, origin.x
         xx, xy, yy = covariance(B)
@@ -196,7 +243,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                         bx = B[0 - fixed, j] if fixed <= 0 else 0.0
                         by = B[1 - fixed, j] if fixed <= 1 else 0.0
                         pushed[j] = bx * sx + by * sy
-                homeward = np.inf  # computed once, if a reference asks for it
+                homeward, headed = np.inf, False  # computed once, if a reference asks for it
                 # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
                 for g in range(0 if weigh else h, H if weigh else h + 1):
                     if noisy_position and count[g] > 0:
@@ -221,9 +268,35 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             bound = D[0, 0] * B[0, 0]
                             homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / B[0, 0]
                         a[g, 0] = homeward
+                    elif leadable and led[g] > 0:
+                        s = stage[g]
+                        if s < led[g]:
+                            s = nearest(law, g, s, min(led[g], T - 1), x, there, end + 2)
+                            stage[g] = s
+                        if s < led[g]:
+                            for j in range(modes):
+                                wide[g, j] = law[g, s, j]
+                            for k in range(n):
+                                off = x[k] - law[g, s, there + k]
+                                if (angles >> k) & 1:
+                                    off = wrapped(off)
+                                for j in range(modes):
+                                    wide[g, j] += law[g, s, slopes + j * n + k] * off
+                            for j in range(modes):
+                                wide[g, j] = max(-law[g, s, end + 1], min(law[g, s, end + 1], wide[g, j]))
+                        else:
+                            if not headed:
+                                homing_of(x, p, B, goal, radius, setup.pace, home)
+                                headed = True
+                            for j in range(modes):
+                                wide[g, j] = home[j] if j < m else 0.0
+                        for j in range(m):
+                            a[g, j] = wide[g, j]
                     else:
                         for j in range(m):
                             a[g, j] = 0.0
+                        for j in range(modes if leadable else 0):
+                            wide[g, j] = 0.0
                     if i < active[g]:
                         for j in range(m):
                             a[g, j] += 0.0 if varying else drifts[g, i, j]
@@ -243,7 +316,22 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             u += inverse[j, k] * column[k, 0]
                         led_by[last, j] += 0.5 * owed * u
                     owed = 0.0
-                for j in range(m):
+                if leadable:
+                    for j in range(0, modes, 2):
+                        state, z, other = normals(state)
+                        white[j] = sign * z
+                        if j + 1 < modes:
+                            white[j + 1] = sign * other
+                    for j in range(modes):
+                        z = white[j]
+                        if stage[h] < led[h] and not noisy_position:
+                            z = 0.0
+                            for k in range(modes):
+                                z += law[h, stage[h], shape + j * modes + k] * white[k]
+                        drawn[j] = z * root + (a[h, j] if j < m else wide[h, j]) * dt
+                    for j in range(m):
+                        y[j] = drawn[j]
+                for j in range(0 if leadable else m):
                     if j % 2 == 0:
                         state, z, other = normals(state)
                     else:
@@ -276,6 +364,9 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                                 moved[fixed + j] += 0.5 * B[j, k] * y[k]
                         if swaying:
                             moved[2] -= B[0, 0] * sway * SWAY
+                        for j in range(m if bent else 0):
+                            for k in range(m):
+                                moved[fixed + j] -= SWAY * B[j, k] * drawn[m + k]
                         drift(moved, p, f)
                         if swaying:  # the chord of an arc is shorter than the arc
                             turn = B[0, 0] * y[0]
@@ -321,6 +412,16 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                                 ratio[g] += 0.5 * (y[0] * y[0] - off * off) / dt - law[g, i, 8]
                                 off = sway - aside[g] * dt - law[g, i, 13] * (y[0] - a[g, 0] * dt)
                                 ratio[g] += 0.5 * (sway * sway - (off / law[g, i, 14]) ** 2) / dt
+                        elif leadable and not noisy_position and stage[g] < led[g]:
+                            if until > 0.0:
+                                gained = 0.0
+                                for j in range(modes):
+                                    off = 0.0
+                                    for k in range(modes):
+                                        mean = (a[g, k] if k < m else wide[g, k]) * dt
+                                        off += law[g, stage[g], shape_inverse + j * modes + k] * (drawn[k] - mean)
+                                    gained += drawn[j] * drawn[j] - off * off
+                                ratio[g] += 0.5 * gained / dt - law[g, stage[g], end]
                         else:
                             for j in range(m):
                                 ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)

@@ -1,0 +1,266 @@
+"""Guides of any system: per class a trajectory of least cost near the reference, with feedback that holds samples near.
+
+What `tracking` is to a car. References know neither noise nor the rollouts' steps; a guide starts from one, or from
+what was left of the last guide of its class, and is improved on the very steps of rollouts (`any_ddp`). How wide the
+layer at walls is that noise uses up follows from how far noise carries the position in a given time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.geometry.field import clearance
+from pirrht.guidance.any_ddp import Course, Task, empty_course, optimiser
+from pirrht.guidance.tracking import MARGIN, PARABOLA, SAG, TOLERANCE, WILD, wall_radius, worth
+from pirrht.problem import Problem
+from pirrht.rollouts.backend import kind_of
+from pirrht.rollouts.general.path import takes_law
+from pirrht.rollouts.records import Setup, law_width
+from pirrht.steering.trajectory import Trajectory
+from pirrht.systems.dynamics import Dynamics
+
+COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
+WARM = ((1.0, 8),)  # from the last guide
+NONE = ((1.0, 0),)
+STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
+BARRIER = 0.75  # lambda / (time in which noise carries the position over its clearance) costs so much; a car's is 3
+SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
+PIECES = 5  # steps of it
+PROBES = 8  # states at which this is asked
+STRAIGHT = 1e-5  # second derivatives below this are the rounding of differences
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """States that a system passes, with straight lines in between; a path that is only looked at."""
+
+    states: Array  # (k+1, n)
+    cost: Array  # (k,) [cost]
+
+    @property
+    def tails(self) -> Array:
+        """First states, (k, n)."""
+        return np.asarray(self.states[:-1])
+
+    @property
+    def heads(self) -> Array:
+        """Last states, (k, n)."""
+        return np.asarray(self.states[1:])
+
+    def points(self, spacing: float) -> list[Array]:
+        """Every piece as a line of two points (2, 2) [m]; `spacing` [m] is of no use to straight ones."""
+        return [np.vstack(pair) for pair in zip(self.states[:-1, :2], self.states[1:, :2], strict=True)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AnyGuide:
+    """A trajectory of one class and the feedback around it, on the grid of the rollouts, in noise units."""
+
+    dynamics: Dynamics
+    times: Array  # (T+1,) ends of the steps [s]
+    states: Array  # (T+1, n)
+    modes: Array  # (T, M) a = B_c^-1 G_c u [1/sqrt(s)]; of M = 2 m, the last half rises over each step
+    gains: Array  # (T, M, n) K of a = modes + K (x - states)
+    share: Array  # (T, M, M) L, symmetric: the samples' noise of a step has the covariance L L' dt
+    inverse: Array  # (T, M, M) of L
+    volume: Array  # (T,) log det L
+    metric: Array  # (n,) weights of squared differences between states: one over what noise does to them
+    steep: float  # |a| stays below this [1/sqrt(s)]
+    length: int  # steps until the one that enters the goal
+    cost: float  # integral of q + u'Ru/2 up to the goal [cost]
+    priced: float  # the same with clearance priced [cost]
+    valid: bool  # whether it touches nothing and is of its class
+
+    def input_of(self, x: Array, a: Array) -> Array:
+        """The control u = G_c^-1 B_c a (m,) at x (n,) of one in noise units (m,)."""
+        return np.asarray(np.linalg.solve(self.dynamics.G_c(x), self.dynamics.B_c(x) @ a))
+
+    @property
+    def tape(self) -> Array:
+        """Its controls u (T, m), over the steps."""
+        m = self.dynamics.m
+        return np.array([self.input_of(x, a[:m]) for x, a in zip(self.states, self.modes, strict=False)])
+
+    def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
+        """What is left of it after some time [s], into the goal around the centre (2,) [m]; None if nothing."""
+        passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
+        if passed >= self.length:
+            return None
+        part = slice(passed, self.length)
+        end = self.states[self.length].copy()
+        end[:2] = goal
+        states = np.vstack([self.states[passed : self.length + 1], end])
+        travel = np.hypot(*np.diff(states[:, :2], axis=0).T)
+        steps = np.diff(self.times)[part]
+        left = travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9)
+        durations = np.append(steps, left)
+        return Trajectory(
+            controls=np.vstack([self.tape[part], np.zeros(self.dynamics.m)]),
+            durations=durations,
+            path=Track(states, durations),
+            cost=float(durations.sum()),
+            length=float(travel.sum()),
+        )
+
+
+class AnyGuidance:
+    """Makes guides for the references of one problem.
+
+    Args:
+        sways: whether controls may rise or fall within a step, as the noise of rollouts does.
+    """
+
+    def __init__(self, problem: Problem, setup: Setup, *, sways: bool) -> None:
+        assert self.suits(problem)
+        d = problem.dynamics
+        self.problem, self.setup = problem, setup
+        self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
+        self.passes = optimiser(kind_of(problem))
+        spread, curved = self._noise()
+        most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
+        strength, pace = math.sqrt(3.0 * most / SPREADING**3), math.sqrt(most / SPREADING)
+        squares = np.diag(spread)
+        self.metric = np.divide(squares[0], squares, out=np.zeros(d.n), where=squares > 1e-9 * squares.max())
+        self.tasks = {warmth: self._task(warmth, strength, pace, curved) for warmth, _ in COLD}
+
+    @property
+    def law_width(self) -> int:
+        """Numbers of the law of a step."""
+        return law_width(self.problem.dynamics.n, self.width)
+
+    @staticmethod
+    def suits(problem: Problem) -> bool:
+        """Whether guides can be made: all but points, which climb, and cars, whose guides are `tracking`'s."""
+        return takes_law(kind_of(problem))
+
+    def _task(self, warmth: float, strength: float, pace: float, curved: bool) -> Task:
+        """What is minimised if walls were met under `warmth` times lambda; see `tracking.boundary_layer`."""
+        temperature, rate = self.problem.temperature, self.problem.least_rate
+        force = rate / wall_radius(self.problem)
+        push = warmth * temperature * strength ** (2.0 / 3.0)
+        layer = (push / force) ** 0.6
+        return Task(
+            temperature=temperature,
+            margin=MARGIN * layer,
+            least=PARABOLA * layer,
+            price=BARRIER * push,
+            spacing=math.sqrt(8.0 * wall_radius(self.problem) * SAG * layer),
+            tolerance=TOLERANCE * warmth * temperature,
+            steep=STEEP * math.sqrt(2.0 * rate / temperature),
+            far=math.sqrt(2.0 * rate * temperature) / pace,
+            curved=curved,
+        )
+
+    def _noise(self) -> tuple[Array, bool]:
+        """Covariance (n, n) of the state after SPREADING under noise alone, and whether steps have second derivatives.
+
+        The variance of a position is b^2 t^3 / 3 where noise b acts on the velocity, for a car with b V in its place.
+        """
+        d, h = self.problem.dynamics, SPREADING / PIECES
+        lower, upper = d.box(self.problem.scene)
+        spread, bend = np.zeros((d.n, d.n)), 0.0
+        for k in range(PROBES):
+            fraction = (np.arange(1, d.n + 1) * 0.7548776662 + (k + 1) * 0.5698402910) % 1.0
+            x = lower + fraction * (upper - lower)
+            J, S = np.zeros((d.n + 1, d.n + self.width)), np.zeros((d.n + self.width,) * 2)
+            self.passes.expand(self.setup, x, np.full(self.width, 0.5), h, np.ones(d.n), True, J, S)
+            A, C = J[:-1, : d.n], J[:-1, d.n :]
+            bend = max(bend, float(np.abs(S).max()))
+            P = np.zeros((d.n, d.n))
+            for _ in range(PIECES):
+                P = A @ P @ A.T + C @ C.T / h
+            spread += P / PROBES
+        return spread, bend > STRAIGHT
+
+    def warm_up(self, x: Array) -> None:
+        """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
+        self._from(x, np.arange(3.0), 0, (self._empty(2), 1), WARM)
+
+    def improve(
+        self,
+        x: Array,
+        times: Array,
+        key: int,
+        trajectory: Trajectory,
+        last: AnyGuide | None = None,
+        elapsed: float = 0.0,
+    ) -> AnyGuide | None:
+        """A guide from x (n,) in the class with this additive key; None if it does not arrive within `times`.
+
+        Args:
+            times: ends of the rollout steps, (T+1,) from 0 [s].
+            trajectory: the reference.
+            last: the guide of the same class made `elapsed` [s] ago.
+
+        If the improvement leaves the class or touches something, samples follow the reference itself, with feedback;
+        but where noise has carried the robot into a wall's zone the last guide is the way out of it.
+        """
+        guide = None
+        if last is not None:
+            guide = self._from(x, times, key, self._shifted(last, times, elapsed), WARM)
+            if guide is not None and guide.valid:
+                return guide
+        if guide is not None and not clearance(self.setup.arena.field, x[0], x[1]) > 0.0:
+            return guide
+        guide = self._from(x, times, key, self._along(x, trajectory, times), COLD)
+        if guide is None or guide.valid:
+            return guide
+        return self._from(x, times, key, self._along(x, trajectory, times), NONE)
+
+    def counts(self, guides: Sequence[AnyGuide | None], samples: int) -> list[int]:
+        """Samples around each reference, (H,): N, or few where a class can hardly carry any weight (`worth`)."""
+        return worth([None if guide is None else guide.priced for guide in guides], samples, self.problem.temperature)
+
+    def _empty(self, T: int) -> Course:
+        return empty_course(T, self.problem.dynamics.n, self.width)
+
+    def _from(
+        self, x: Array, times: Array, key: int, start: tuple[Course, int], stages: Sequence[tuple[float, int]]
+    ) -> AnyGuide | None:
+        course, length = start
+        course.states[0] = x
+        cost = priced = np.inf
+        sound = False
+        for warmth, rounds in stages:
+            if length < 1:
+                return None
+            task = self.tasks[warmth]
+            length, cost, priced, _, sound = self.passes.optimise(self.setup, task, times, key, rounds, course, length)
+        if length < 1:
+            return None
+        course.control[length:], course.gains[length:], course.volume[length:] = 0.0, 0.0, 0.0
+        course.share[length:] = course.inverse[length:] = np.eye(self.width)
+        if not STEEP / self.tasks[1.0].steep * np.abs(course.gains).max() < WILD:
+            return None
+        return AnyGuide(
+            dynamics=self.problem.dynamics, times=times, states=course.states, modes=course.control,
+            gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
+            metric=self.metric, steep=self.tasks[1.0].steep, length=length, cost=cost, priced=priced, valid=bool(sound),
+        )  # fmt: skip
+
+    def _along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
+        """A tape that drives along a reference from x (n,)."""
+        d, course = self.problem.dynamics, self._empty(len(times) - 1)
+        tape, state = trajectory.tape(times), x
+        for i, u in enumerate(tape):
+            course.control[i, : d.m] = np.linalg.solve(d.B_c(state), d.G_c(state) @ u)
+            if not d.constant:
+                state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
+        length = int(np.searchsorted(times, trajectory.durations.sum()))
+        return course, min(length, len(tape))
+
+    def _shifted(self, last: AnyGuide, times: Array, elapsed: float) -> tuple[Course, int]:
+        """What is left of a guide after some time, on a new grid."""
+        T, m = len(times) - 1, self.problem.dynamics.m
+        then = times + elapsed
+        states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
+        at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.modes) - 1)
+        length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
+        modes = last.modes[at].copy()
+        modes[:, m:] *= (np.diff(times) / np.diff(last.times)[at])[:, None]
+        return self._empty(T)._replace(states=states, control=modes, gains=last.gains[at]), min(length, T)

@@ -1,0 +1,56 @@
+"""The lead of a guide of any system, and which lead a guide is followed by."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.guidance.any_guides import AnyGuide
+from pirrht.guidance.leads import Along, Lead
+from pirrht.guidance.tracking import Guide
+from pirrht.rollouts.records import Leads
+from pirrht.systems.dynamics import Dynamics
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Follow(Lead):
+    """The feedback around the guide of any system."""
+
+    guide: AnyGuide
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Control (m,) of the guide at s [s] plus its gains times what the state x (n,) is off."""
+        guide, d = self.guide, self.guide.dynamics
+        i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.modes) - 1)
+        share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
+        off = d.difference(x, guide.states[i] + share * d.difference(guide.states[i + 1], guide.states[i]))
+        a = self._bounded(guide.modes[i] + guide.gains[i] @ off)
+        mean, sway = a[: d.m], a[d.m :]
+        return guide.input_of(x, mean + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway if len(sway) else mean)
+
+    def held(self, x: Array) -> Array:
+        """Control (m,) of the guide over its first step from x (n,), without what it rises or falls."""
+        guide, d = self.guide, self.guide.dynamics
+        a = self._bounded(guide.modes[0] + guide.gains[0] @ d.difference(x, guide.states[0]))
+        return guide.input_of(x, a[: d.m])
+
+    def pack(self, leads: Leads, h: int) -> None:
+        """The law, to `Leads.law` (H, T, law_width(n, modes)), and the number of steps that it covers."""
+        guide = self.guide
+        T = len(guide.modes)
+        leads.led[h] = guide.length
+        parts = (guide.modes, guide.gains, guide.states[:-1], guide.share, guide.inverse, guide.volume)
+        table = np.hstack([part.reshape(T, -1) for part in parts])
+        width = table.shape[1]
+        leads.law[h, :, :width], leads.law[h, :, width], leads.law[h, :, width + 1 :] = table, guide.steep, guide.metric
+
+    def _bounded(self, a: Array) -> Array:
+        return np.clip(a, -self.guide.steep, self.guide.steep)
+
+
+def lead_of(guide: Guide | AnyGuide, dynamics: Dynamics) -> Along | Follow:
+    """What samples around a guide follow."""
+    return Follow(guide) if isinstance(guide, AnyGuide) else Along(guide, dynamics)

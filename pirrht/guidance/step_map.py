@@ -1,0 +1,126 @@
+"""The step that rollouts take of any system, without noise, and its first two derivatives by central differences.
+
+A step has m modes of control in noise units, a = B_c^-1 G_c u, or 2 m where it sways: with u + 2 sqrt(3) r (t/dt - 1/2)
+at t within a step, r ends nothing elsewhere but moves the mean over the step, as the noise of rollouts does
+(`rollouts.general.path`).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pirrht.compiled.jit import kernel
+from pirrht.rollouts.general.path import SWAY, Kind
+
+NUDGE = 1e-4  # of a state, for differences [m], [rad], [m/s] ..
+
+
+@cache
+def step_of(kind: Kind) -> tuple[Any, Any, Any]:
+    """Kernels of one kind of dynamics: `velocity`, `advance` and `expand`."""
+    drift, _, diffusion_block, q, n, m, varying_rate, noisy_position, _, _ = kind
+    varying = diffusion_block is not None
+    noise_at: Any = diffusion_block if varying else drift
+    fixed = n - m
+
+    @kernel
+    def velocity(setup, x, f):  # type: ignore[no-untyped-def]
+        """Write the drift at x (n,) to f (n,) [state/s]; returns q there [cost/s]."""
+        f[:] = 0.0
+        drift(x, setup.parameters, f)
+        return q(x, setup.parameters) if varying_rate else setup.rate
+
+    @kernel
+    def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
+        """Write the state after a step of dt [s] from x (n,) under modes a to out (n,); B (m, m), f (n,) are scratch.
+
+        Returns: cost of the states in it, q dt.
+        """
+        sways = a.shape[0] > m
+        if varying:
+            noise_at(x, setup.parameters, B)
+        else:
+            B[:, :] = setup.diffusion
+        f[:] = 0.0
+        if noisy_position or not setup.bridge:
+            drift(x, setup.parameters, f)
+        else:
+            for j in range(n):
+                out[j] = x[j]
+            for j in range(m):
+                for k in range(m):
+                    mean = 0.5 * a[k] - (SWAY * a[m + k] if sways else 0.0)
+                    out[fixed + j] += dt * B[j, k] * mean
+            drift(out, setup.parameters, f)
+        for j in range(n):
+            out[j] = x[j] + dt * f[j]
+        for j in range(m):
+            for k in range(m):
+                out[fixed + j] += dt * B[j, k] * a[k]
+        return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
+
+    @kernel
+    def expand(setup, x, a, dt, costate, curved, J, S):  # type: ignore[no-untyped-def]
+        """Derivatives of `advance` in (x, a), N = n + modes.
+
+        Args, from `costate` on: (n,) weights of the next state's components; whether second derivatives are asked for;
+        J (n+1, N) and S (N, N), filled with the first derivatives of the next state and of q dt, and the second ones
+        of the weighted sum and q dt.
+        """
+        modes = a.shape[0]
+        N = n + modes
+        z, c, nudge = np.empty(n), np.empty(modes), np.empty(N)
+        B, f, ahead, behind = np.empty((m, m)), np.empty(n), np.empty(n), np.empty(n)
+        up, down = np.empty(N), np.empty(N)
+        rate = advance(setup, x, a, dt, B, f, ahead)
+        here, size = rate, 0.0
+        for j in range(n):
+            here += costate[j] * ahead[j]
+        for j in range(m):
+            for k in range(m):
+                size = max(size, abs(B[j, k]))
+        for i in range(N):
+            nudge[i] = NUDGE if i < n else NUDGE / (dt * size)
+        z[:], c[:] = x, a
+        for i in range(N):
+            h = nudge[i]
+            if i < n:
+                z[i] = x[i] + h
+                more = advance(setup, z, a, dt, B, f, ahead)
+                z[i] = x[i] - h
+                less = advance(setup, z, a, dt, B, f, behind)
+                z[i] = x[i]
+            else:
+                c[i - n] = a[i - n] + h
+                more = advance(setup, x, c, dt, B, f, ahead)
+                c[i - n] = a[i - n] - h
+                less = advance(setup, x, c, dt, B, f, behind)
+                c[i - n] = a[i - n]
+            up[i], down[i], J[n, i] = more, less, 0.5 * (more - less) / h
+            for j in range(n):
+                J[j, i] = 0.5 * (ahead[j] - behind[j]) / h
+                up[i] += costate[j] * ahead[j]
+                down[i] += costate[j] * behind[j]
+            S[i, i] = (up[i] - 2.0 * here + down[i]) / (h * h) if curved else 0.0
+        for i in range(N):
+            for k in range(i):
+                S[i, k] = 0.0
+                if curved:
+                    total = 2.0 * here - up[i] - up[k] - down[i] - down[k]
+                    for sign in (1.0, -1.0):
+                        z[:], c[:] = x, a
+                        for e in (i, k):
+                            if e < n:
+                                z[e] += sign * nudge[e]
+                            else:
+                                c[e - n] += sign * nudge[e]
+                        total += advance(setup, z, c, dt, B, f, ahead)
+                        for j in range(n):
+                            total += costate[j] * ahead[j]
+                    S[i, k] = 0.5 * total / (nudge[i] * nudge[k])
+                S[k, i] = S[i, k]
+
+    return velocity, advance, expand
