@@ -133,12 +133,15 @@ class Drive(gymnasium.Env[Array, Array]):
         """Hold a control for one period.
 
         Raises:
-            OptionError: before `reset`, or after the end.
+            OptionError: before `reset`, after the end, or the action is no control.
         """
         thought = time.perf_counter() - self._asked if self._tally is not None else 0.0
         if self._tally is None or (self._frame is not None and self._frame.outcome is not None):
             raise OptionError("the drive has not begun or is over; call reset() first")
-        u = np.clip(np.asarray(action, dtype=float), self.action_space.low, self.action_space.high)  # type: ignore[attr-defined]
+        wanted, m = np.asarray(action, dtype=float), self.scenario.problem.dynamics.m
+        if wanted.shape != (m,) or not np.all(np.isfinite(wanted)):
+            raise OptionError(f"the action is {wanted.tolist()}; it must be {m} finite numbers")
+        u = np.clip(wanted, self.action_space.low, self.action_space.high)  # type: ignore[attr-defined]
         self._frame = self._held(u, thought)
         self._tally.add(self._frame)
         outcome = self._frame.outcome

@@ -22,6 +22,8 @@ import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
 from numba.core.serialize import dumps
 
+from pirrht.compiled.unbroken import unbroken
+
 LENGTH = hashlib.sha256().digest_size
 _log = logging.getLogger("pirrht")
 _told: set[str] = set()  # what this process has said
@@ -43,7 +45,8 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled function of a signature, None if it is not there or damaged."""
         try:
-            return super().load_overload(sig, target_context)
+            with unbroken("loading"):
+                return super().load_overload(sig, target_context)
         except Exception:  # whatever rebuilding meets
             _damaged(Path(self._cache_path))
             return None

@@ -239,6 +239,8 @@ def _scenario(arguments: argparse.Namespace) -> Scenario:
     warm.notice().sampling = arguments.command != "plan"
     said = vars(arguments)
     scenario = prepare(arguments.scene, **options.task(said), given=given(arguments))
+    if arguments.start is not None and len(arguments.start) == 3 and not scenario.problem.dynamics.angles:
+        raise OptionError(f"--start has a heading, and a {scenario.system.name} has none; give X Y")
     said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
     return scenario
 
@@ -277,7 +279,8 @@ def _state(at: list[float], scenario: Scenario) -> Array:
     whole, place = (POSE, POSE) if bare else (system.states, system.joints)
     if len(at) not in (2, len(place), len(whole)) or not np.all(np.isfinite(at)):
         rest = " ".join("TH" if name == "heading" else name.upper() for name in whole[2:])
-        raise OptionError(f"--at has {len(at)} numbers; it must be X Y or X Y {rest}, all finite")
+        found = f"has {len(at)} numbers" if np.all(np.isfinite(at)) else f"is {' '.join(f'{v:g}' for v in at)}"
+        raise OptionError(f"--at {found}; it must be X Y or X Y {rest}, all finite")
     x = scenario.problem.dynamics.state_of(np.array([*at, 0.0])) if len(at) <= len(place) else np.array(at)
     where = f"--at {' '.join(f'{v:g}' for v in at)}"
     if scenario.space.clearance(x) <= 0.0:

@@ -159,6 +159,12 @@ def _any_name_prints() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - it stays open as long as the process
 
 
+def _waits(number: int) -> bool:
+    """Whether kernels are just being made or loaded, so that a signal comes again a little later."""
+    compiled = sys.modules.get("pirrht.compiled.unbroken")
+    return compiled is not None and bool(compiled.waits(number))
+
+
 def _deliver(number: int) -> None:
     time.sleep(AGAIN)
     if _swallowed:  # unless the command has ended meanwhile
@@ -177,17 +183,17 @@ def _signals() -> Iterator[None]:
         return
     owner = os.getpid()
     before = signal.getsignal(signal.SIGINT)
-    if before is signal.SIG_DFL:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def stop(number: int, _: FrameType | None) -> None:
-        if os.getpid() == owner:
-            raise Stopped(number)
-        signal.signal(number, signal.SIG_DFL)  # a forked process that has this handler from its parent
-        os.kill(os.getpid(), number)
+        if os.getpid() != owner:  # a forked process that has this handler from its parent
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
+        elif not _waits(number):
+            raise KeyboardInterrupt if number == signal.SIGINT else Stopped(number)
 
     free = [number for number in _numbers()[1:] if signal.getsignal(number) is signal.SIG_DFL]
-    for number in free:
+    mine = [signal.SIGINT] if before in (signal.SIG_DFL, signal.default_int_handler) else []
+    for number in mine + free:
         signal.signal(number, stop)
     try:
         yield

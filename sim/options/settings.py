@@ -140,8 +140,8 @@ PLANNER_OPTIONS = (
     ),
     _setting("plant", "mujoco, or sde: the analytic equation", metavar="NAME", choices=PLANTS),
     _number(
-        "max-time", "end of the drive in simulated time", "S", 1e-3, 86_400.0, "no drive of a day is of use",
-        numeric=True,
+        "max-time", "end of the drive in simulated time, in whole control periods", "S", 1e-3, 86_400.0,
+        "no drive of a day is of use", numeric=True,
     ),
 )  # fmt: skip
 

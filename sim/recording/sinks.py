@@ -44,6 +44,8 @@ class Sinks:
 
 def _check_file(file: Path) -> None:
     check_writable(file, "--record")
+    if file.suffix not in ("", ".rrd"):
+        raise OptionError(f"--record {shown(file)}: viewers know recordings by their ending; call it {file.stem}.rrd")
     if not takes_as_it_comes(file) or os.path.samefile(file, os.devnull):
         return
     kind = os.stat(file).st_mode

@@ -303,6 +303,16 @@ def test_a_policy_that_returns_no_control_is_named_with_seed_and_step(action, wh
         gym.score(lambda x: action, scene="slit", seeds=[4], method="m")
 
 
+@pytest.mark.parametrize("action", [[np.nan, 0.0], [1.0], 1.0])
+def test_an_action_that_is_no_control_is_refused_and_moves_nothing(action):
+    env = gym.Drive(**FAST)
+    before, _ = env.reset()
+    with pytest.raises(OptionError, match="must be 2 finite numbers"):
+        env.step(np.array(action))
+    np.testing.assert_array_equal(env.step(np.zeros(2))[0].shape, before.shape)
+    assert env.result()["steps"] == 1
+
+
 @pytest.mark.parametrize("seed", [-1, 0.5])
 def test_seeds_are_whole_numbers_from_zero_on(seed):
     with pytest.raises(OptionError, match=f"seed is {seed}"):
