@@ -5,6 +5,7 @@ from __future__ import annotations
 from _thread import interrupt_main
 from collections.abc import Iterator
 from contextlib import contextmanager
+from signal import Signals
 from typing import Any
 
 from numba.core import event
@@ -38,7 +39,7 @@ def _begin(what: str) -> None:
 def _end() -> None:
     _at_work.pop()
     if not _at_work and _waiting:
-        interrupt_main(_waiting.pop())
+        interrupt_main(Signals(_waiting.pop()))
         _waiting.clear()
 
 

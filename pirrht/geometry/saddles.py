@@ -56,7 +56,7 @@ def saddles(blocks: Blocks, spacing: float, radius: float) -> NDArray[np.int64]:
     rising = np.argsort(level, kind="stable")  # a radix sort
     found = np.zeros(len(value), dtype=np.bool_)
     root = np.empty(len(value), dtype=np.int64)
-    _sweep(value, rising[::-1], _ring(blocks.columns, 8), ROOM * spacing, root, found)
+    _sweep(value, np.ascontiguousarray(rising[::-1]), _ring(blocks.columns, 8), ROOM * spacing, root, found)
     _sweep(value, rising, _ring(blocks.columns, 4), SOLID * radius, root, found)
     at = np.flatnonzero(found & (value > -spacing))  # a gap on whose axis no grid point lies may look closed
     return at[np.argsort(value[at], kind="stable")]

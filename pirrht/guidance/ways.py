@@ -141,9 +141,12 @@ def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
         place[c, 0], place[c, 1], place[c, 2], place[c, 3] = point[c, 0], point[c, 1], tx, ty
         place[c, 4], place[c, 5] = 0.5 * step - ends[c, 1], 1.0 / step
         if c > 0:
-            top = f[LOG_PSI : LOG_PSI + J].max()
+            top = f[LOG_PSI]
+            for j in range(1, J):
+                top = max(top, f[LOG_PSI + j])
             for j in range(J):
                 f[LOG_PSI + j] -= top
             base += top
-            known[:] = f
+            for row in range(ROWS):
+                known[row] = f[row]
     return base + f[LOG_PSI + J]

@@ -129,7 +129,7 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
     `straight` (M,) [turns] is the state's, `weights` (M,) make the keys; `best` (c,) keeps the c cheapest, in no order.
     """
     count, near, turns = 0, edges.near, edges.turns
-    pair_marker, pair_turn = turns.marker.ctypes.data, turns.turn.ctypes.data
+    pair_marker, pair_turn = np.int64(turns.marker.ctypes.data), np.int64(turns.turn.ctypes.data)
     for i in range(near.shape[0]):
         if edges.status[i] != FREE:
             continue
@@ -154,7 +154,7 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
                     if cost >= best.cost[row]:
                         continue
                 marker, turn, many = joined(at, h, slot, pair_marker, pair_turn, first, end)
-                if not admits(straight.ctypes.data, at.M, marker, turn, many, rules.limit):
+                if not admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules.limit):
                     continue
                 count = max(count, row + 1)
             elif cost >= best.cost[row]:
@@ -167,13 +167,13 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
 def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
     """Whether an allowed class leads to the goal over any of k `Edges` from a state with `straight` (M,) [turns]."""
     near, turns = edges.near, edges.turns
-    pair_marker, pair_turn = turns.marker.ctypes.data, turns.turn.ctypes.data
+    pair_marker, pair_turn = np.int64(turns.marker.ctypes.data), np.int64(turns.turn.ctypes.data)
     for i in range(near.shape[0]):
         if edges.status[i] != FREE:
             continue
         first, end = turns.first[i], turns.first[i + 1]
         for slot in range(load_int32(g.vertex_at(at, near[i]), g.COUNT)):
             marker, turn, many = joined(at, near[i], slot, pair_marker, pair_turn, first, end)
-            if admits(straight.ctypes.data, at.M, marker, turn, many, rules.limit):
+            if admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules.limit):
                 return True
     return False

@@ -1,8 +1,8 @@
 """Compiling on the second core: after installation the sampler's kernels are built while the planner's are.
 
-`python -m sim.cli.warm DYNAMICS [--sampling]` builds what shortens paths of one kind of dynamics, and what drives need,
-and leaves it in the cache on disk. It ends with its standard input, so that it does not outlive whoever started it,
-however that one ends.
+`python -m sim.cli.warm DYNAMICS [--sampling]` builds what shortens paths of one kind of dynamics, or what drives need
+beside that, and leaves it in the cache on disk: each half takes as long as what the process that plans has left to do.
+It ends with its standard input, so that it does not outlive whoever started it, however that one ends.
 """
 
 from __future__ import annotations
@@ -108,26 +108,28 @@ def start(dynamics_name: str, *, sampling: bool = True) -> subprocess.Popen[byte
 class OneWay:
     """What a controller asks of a tree, without growing one: a single path, straight into the goal."""
 
-    limit = 1.0
+    limit, size = 1.0, 0
 
-    def __init__(self, space: Any, steering: Any) -> None:
-        self.space, self.steering = space, steering
+    def __init__(self, space: Any, steering: Any, *, shortened: bool) -> None:
+        self.space, self.steering, self._shortened = space, steering, shortened
 
     def references(self, x: Any, *, polished: bool = True) -> list[Any]:
-        """The path from x (n,), shortened as those of a tree are."""
+        """The path from x (n,)."""
         from pirrht.shortening.shorten import polish
         from pirrht.tree.homology_tree import Reference
 
         goal = x.copy()
         goal[:2] = self.space.scene.goal.center
-        path = polish(self.steering.connect(x[None], goal[None]), self.steering, self.space)
+        path = self.steering.connect(x[None], goal[None])
+        if self._shortened:
+            path = polish(path, self.steering, self.space)
         none = (0,) * self.space.homology.M
         signature, trajectory = self.space.homology.signature(x, none), self.steering.trajectory(path)
         return [Reference(winding=none, signature=signature, trajectory=trajectory)]
 
 
 def compile_rest(dynamics_name: str, *, sampling: bool) -> None:
-    """Compile what shortens paths and, for drives of one kind of dynamics, what samples: by three steps of one."""
+    """Compile what shortens paths or, for drives of one kind of dynamics, what samples: by three steps of one."""
     import numpy as np
 
     from pirrht.control.controller import Controller
@@ -140,10 +142,10 @@ def compile_rest(dynamics_name: str, *, sampling: bool) -> None:
     system, space = named(dynamics_name), FreeSpace.of(ROOM)
     settings = system.settings
     problem = system.problem(ROOM, settings)
-    tree = OneWay(space, system.steering(problem))
+    tree = OneWay(space, system.steering(problem), shortened=not sampling)
     x = problem.dynamics.state_of(ROOM.start)
-    tree.references(x)
     if not sampling:
+        tree.references(x)
         return
     drawing = Sampling(dt=settings.dt, first=min(settings.period, settings.dt), samples=20)
     controller = Controller(problem, space, tree, drawing, rng=np.random.default_rng(0))  # type: ignore[arg-type]

@@ -244,7 +244,8 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
         first, f[SIGN + k] = antithetic(chosen[start + k] if listed else start + k, leads.first[h], leads.mirrored)
         random[k], long[SAMPLE + k] = stream(origin.seed, first), start + k
     survey(around, f, short, LANES)
-    f[C0:C1] = f[C1:PUSH0]
+    for k in range(C1 - C0):  # a copy between slices would compile for two seconds
+        f[C0 + k] = f[C1 + k]
     arena = at(setup.arena, 0.0)
     while n > 0:
         full = (n + WIDE - 1) // WIDE * WIDE
