@@ -13,7 +13,6 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
-from weakref import WeakSet
 
 import numba
 import numpy as np
@@ -22,6 +21,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
 
 from pirrht.compiled.disk import KernelCache, may_be_written
+from pirrht.compiled.identity import OURS, identity, name_of, named
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -31,7 +31,6 @@ if DISABLED:
     np.seterr(over="ignore", divide="ignore", invalid="ignore")  # as compiled: keys wrap, division is IEEE's
 
 _inlined: set[str] = set()
-_named: WeakSet[Any] = WeakSet()  # kernels that have the same name in every process
 _HERE = Path(__file__).resolve().parent.parent  # the package
 
 
@@ -50,17 +49,19 @@ def jitable(function: F) -> F:
 
     Kernels close over such functions by reference, so their compiled code can be cached on disk.
     """
-    _inlined.add(_name(function))
+    _inlined.add(name_of(function))
     marked: F = register_jitable(function)
     return marked
 
 
 @cache  # kernels are built once per function
 def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Make any numeric Python function callable from a kernel (without the disk cache if it is foreign)."""
-    if DISABLED or isinstance(function, Dispatcher) or _name(function) in _inlined:
+    """Make any numeric Python function callable from a kernel, which is kept on disk if the function has a name."""
+    ours = name_of(function) in _inlined and name_of(function).startswith(OURS)
+    if DISABLED or isinstance(function, Dispatcher) or ours:  # others numba would look up by their names alone
         return function
     compiled: Callable[..., Any] = njit(function)
+    _name(compiled, identity(function))
     return compiled
 
 
@@ -77,17 +78,23 @@ def kept() -> bool:
 def _compiled(function: F, **options: Any) -> F:
     if DISABLED:
         return function
-    identity = _identity(function)
     compiled = njit(nogil=True, error_model="numpy", **options)(function)
     compiled.get_call_template = _widened(compiled.get_call_template)
-    if identity is not None:
-        if os.path.exists(function.__code__.co_filename):
-            compiled._cache = KernelCache(function, _FOLDER)
-        # Numba names a dispatcher by chance, and looks up what closes over one by that name: it would never be found.
-        compiled._set_uuid(identity)
-        _named.add(compiled)
+    if _name(compiled, identity(function)) and os.path.exists(function.__code__.co_filename):
+        compiled._cache = KernelCache(function, _FOLDER)
     kernel: F = compiled
     return kernel
+
+
+def _name(compiled: Any, identity: str | None) -> bool:
+    """Give a dispatcher the name of its function; whether there is one.
+
+    Numba names it by chance, and looks up what closes over one by that name: on disk it would never be found.
+    """
+    if identity is not None:
+        compiled._set_uuid(identity)
+        named.add(compiled)
+    return identity is not None
 
 
 def _widened(template: Callable[..., Any]) -> Callable[..., Any]:
@@ -101,26 +108,6 @@ def _widened(template: Callable[..., Any]) -> Callable[..., Any]:
         return types.int64 if kind in (types.int8, types.int16, types.int32) else kind
 
     return lambda args, kws: template(tuple(map(of, args)), {name: of(kind) for name, kind in kws.items()})
-
-
-def _identity(function: Callable[..., Any]) -> str | None:
-    """A name that a kernel has in every process; None if it closes over code that is not of this package."""
-    parts = [_name(function)]
-    for cell in getattr(function, "__closure__", None) or ():
-        value = cell.cell_contents
-        if isinstance(value, Dispatcher):
-            if value not in _named:
-                return None
-            parts.append(str(value._uuid))  # type: ignore[attr-defined]
-        elif callable(value):
-            if not _name(value).startswith("pirrht."):
-                return None
-            parts.append(_name(value))
-        elif value is None or isinstance(value, (bool, int, float, str)):
-            parts.append(repr(value))
-        else:
-            return None
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def digest_of(package: Path) -> str:
@@ -148,10 +135,6 @@ def _cache_folder() -> Path:
         for old in home.glob("pirrht-kernels-*"):
             shutil.rmtree(old, ignore_errors=True)
     return home / name
-
-
-def _name(function: Callable[..., Any]) -> str:
-    return f"{getattr(function, '__module__', '')}.{getattr(function, '__qualname__', repr(function))}"
 
 
 _FOLDER = _cache_folder()
