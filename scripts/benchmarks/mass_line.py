@@ -74,7 +74,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     """Header, table and JSON."""
     states = random_line_states(options.states or STATES, options.first_seed)
     found = []
-    with tqdm(total=len(NOISES) * len(states), desc="states", leave=False, disable=None) as bar:
+    with tqdm(total=len(options.noises or NOISES) * len(states), desc="states", leave=False, disable=None) as bar:
         for b in options.noises or NOISES:
             truth, integral = mass_on_line(b=b), sampler(b)
             for k, (p, v) in enumerate(states.tolist()):
