@@ -1,8 +1,8 @@
 """The step that rollouts take of any system, without noise, and its first two derivatives by central differences.
 
-A step has m modes of control in noise units, a = B_c^-1 G_c u, or 2 m where it sways: with u + 2 sqrt(3) r (t/dt - 1/2)
-at t within a step, r ends nothing elsewhere but moves the mean over the step, as the noise of rollouts does
-(`rollouts.general.path`).
+A step has m modes of control in noise units, a = B_c^-1 G_c u (in input form s^-1 u), or 2 m where it sways: with
+u + 2 sqrt(3) r (t/dt - 1/2) at t within a step, r ends nothing elsewhere but moves the mean over the step, as the noise
+of rollouts does (`rollouts.general.path`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.jit import kernel
-from pirrht.rollouts.general.path import SWAY, Kind
+from pirrht.rollouts.general.path import SWAY, Kind, diffusion_of
 
 NUDGE = 1e-4  # of a state, for differences [m], [rad], [m/s] ..
 
@@ -21,10 +21,11 @@ NUDGE = 1e-4  # of a state, for differences [m], [rad], [m/s] ..
 @cache
 def step_of(kind: Kind) -> tuple[Any, Any, Any]:
     """Kernels of one kind of dynamics: `velocity`, `advance` and `expand`."""
-    drift, _, diffusion_block, q, n, m, varying_rate, noisy_position, _, _ = kind
-    varying = diffusion_block is not None
-    noise_at: Any = diffusion_block if varying else drift
-    fixed = n - m
+    drift, q, n, m, rows, midway = kind.drift, kind.q, kind.n, kind.m, kind.rows, kind.midway
+    varying_rate, noisy_position = kind.varying_rate, kind.noisy_position
+    varying = kind.diffusion_block is not None
+    noise_at: Any = diffusion_of(kind) if varying else drift
+    fixed = n - rows
 
     @kernel
     def velocity(setup, x, f):  # type: ignore[no-untyped-def]
@@ -35,13 +36,15 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
 
     @kernel
     def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
-        """Write the state after a step of dt [s] from x (n,) under modes a to out (n,); B (m, m), f (n,) are scratch.
+        """Write the state after a step of dt [s] from x (n,) under modes a to out (n,).
 
+        B (2, rows, m) and f (n,) are scratch; B[0] keeps B of x, or where G is that of the middle, of the middle.
         Returns: cost of the states in it, q dt.
         """
+        B, G = B[0], B[1]
         sways = a.shape[0] > m
         if varying:
-            noise_at(x, setup.parameters, B)
+            noise_at(x, setup.parameters, setup.inverse, G, B)
         else:
             B[:, :] = setup.diffusion
         f[:] = 0.0
@@ -50,14 +53,24 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
         else:
             for j in range(n):
                 out[j] = x[j]
-            for j in range(m):
+            for j in range(rows):
                 for k in range(m):
                     mean = 0.5 * a[k] - (SWAY * a[m + k] if sways else 0.0)
                     out[fixed + j] += dt * B[j, k] * mean
             drift(out, setup.parameters, f)
+        if midway:
+            for j in range(n):
+                out[j] = x[j] + 0.5 * dt * f[j]
+            for j in range(rows):
+                for k in range(m):
+                    out[fixed + j] += 0.5 * dt * B[j, k] * a[k]
+            if varying:
+                noise_at(out, setup.parameters, setup.inverse, G, B)
+            if noisy_position or not setup.bridge:
+                drift(out, setup.parameters, f)
         for j in range(n):
             out[j] = x[j] + dt * f[j]
-        for j in range(m):
+        for j in range(rows):
             for k in range(m):
                 out[fixed + j] += dt * B[j, k] * a[k]
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
@@ -73,15 +86,15 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
         modes = a.shape[0]
         N = n + modes
         z, c, nudge = np.empty(n), np.empty(modes), np.empty(N)
-        B, f, ahead, behind = np.empty((m, m)), np.empty(n), np.empty(n), np.empty(n)
+        B, f, ahead, behind = np.zeros((2, rows, m)), np.empty(n), np.empty(n), np.empty(n)
         up, down = np.empty(N), np.empty(N)
         rate = advance(setup, x, a, dt, B, f, ahead)
         here, size = rate, 0.0
         for j in range(n):
             here += costate[j] * ahead[j]
-        for j in range(m):
+        for j in range(rows):
             for k in range(m):
-                size = max(size, abs(B[j, k]))
+                size = max(size, abs(B[0, j, k]))
         for i in range(N):
             nudge[i] = NUDGE if i < n else NUDGE / (dt * size)
         z[:], c[:] = x, a
