@@ -1,6 +1,6 @@
 """A balloon that a wind carries and gusts shake, more along the wind than across: both states are actuated.
 
-    cd scripts/examples && pirrht run slit --system wind:BALLOON
+cd scripts/examples && pirrht run slit --system wind:BALLOON
 """
 
 import numpy as np
@@ -14,8 +14,7 @@ LAMBDA = 0.02  # [cost]; R = lambda (B B')^-1: what noise shakes is cheap to pus
 
 
 class Balloon(Dynamics):
-    n = m = 2
-    parameters = WIND
+    n, m, parameters = 2, 2, WIND
     control_block, diffusion_block = np.eye(2), GUSTS
 
     @staticmethod
@@ -36,5 +35,5 @@ BALLOON = System(
     dynamics=lambda settings: Balloon(),
     steering=lambda problem: OverGround(pace=1.0, cost_rate=2.0),
     R=LAMBDA * np.linalg.inv(GUSTS @ GUSTS.T),
-    heeds=(),  # of the options noise, speed and rho none
+    heeds=(),  # of --noise, --speed and --rho none
 )
