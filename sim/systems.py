@@ -205,6 +205,12 @@ def _mass(settings: Settings) -> Any:
     return DoubleIntegrator(b=settings.noise)
 
 
+def _rover(settings: Settings) -> Any:
+    from pirrht.systems.rover import Rover
+
+    return Rover(b=settings.noise)
+
+
 def _straight(problem: Any) -> Any:
     from pirrht.steering.straight_line import StraightLine
 
@@ -221,6 +227,12 @@ def _pushed(problem: Any) -> Any:
     from pirrht.steering.double_integrator import MassSteering
 
     return MassSteering.of(problem)
+
+
+def _driven(problem: Any) -> Any:
+    from pirrht.steering.rover import RoverSteering
+
+    return RoverSteering.of(problem)
 
 
 def _pushed_home(problem: Any) -> Any:
@@ -284,6 +296,17 @@ for _system in (
             "period",
         ),  # its noise has a unit, and its paths a pace, of their own
         robots="hover",
+    ),
+    System(
+        name="rover",
+        dynamics=_rover,
+        steering=_driven,
+        R=np.diag([2.0, 0.5]),
+        states=POSE,
+        defaults={"vertices": 2000, "samples": 300, "period": 0.05},
+        paper_samples=300,
+        own=("vertices", "samples", "dt", "period"),  # its paths have a pace of their own
+        robots="rover",
     ),
 ):
     register(_system)

@@ -20,6 +20,7 @@ from pirrht.geometry.field import border, clearance, interpolate, nearest_label,
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
 FAR = 12.0  # exponents beyond this are taken as certain survival
 RIM = 0.3  # of the goal's radius: nearer to its rim than that steps get no finer, since psi is smooth there
+ALONE = 1e-9  # relative to the square of the trace: a covariance of less determinant spreads along a line
 LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
 
 
@@ -176,20 +177,41 @@ def _behind_rim(arena, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
     return g0 * (1.0 - length / s) if s < length else g1
 
 
+@inlined
+def line_of(cov):  # type: ignore[no-untyped-def]
+    """Direction (x, y) in which a covariance (xx, xy, yy) spreads most, where it spreads in that alone; whether so."""
+    size = cov[0] + cov[2]
+    alone = cov[0] * cov[2] - cov[1] * cov[1] <= ALONE * size * size
+    return math.sqrt(cov[0] / size), math.copysign(math.sqrt(cov[2] / size), cov[1]), alone
+
+
+@inlined
+def rim_along(arena, x, y, ex, ey):  # type: ignore[no-untyped-def]
+    """Where the line through (x, y) [m] along (ex, ey) first meets the goal's rim: ahead, or negative behind [m].
+
+    Infinity if it misses the disc, outside of which (x, y) lies.
+    """
+    dx, dy = arena.goal[0] - x, arena.goal[1] - y
+    middle, off = dx * ex + dy * ey, dx * ey - dy * ex
+    square = arena.radius * arena.radius - off * off
+    return middle - math.copysign(math.sqrt(square), middle) if square > 0.0 else np.inf
+
+
 @kernel
-def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state):  # type: ignore[no-untyped-def]
+def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state, line=False):  # type: ignore[no-untyped-def]
     """How a noisy step from (x, y) to (nx, ny) ends (paper, eq. 3, between the steps).
 
     Args, in order: arena, start (x, y) and end (nx, ny) of the step [m], the `distances` of these before and after it
         [m], covariance (xx, xy, yy) of the step [m^2], whether a step that ends in free space is weighed by the
-        probability that it met no wall, instead of being ended with the opposite one, and state of the random sequence.
+        probability that it met no wall, instead of being ended with the opposite one, state of the random sequence, and
+        whether the step may keep to a line; then it enters the goal where that line does.
     Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit, and the logarithm of
         that probability [nats].
     """
     field, goal, radius = arena.field, arena.goal, arena.radius
     c0, e0, g0 = before
     c1, e1, g1 = after
-    reach = FAR * max(cov[0], cov[2])
+    reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
     near_wall = c1 <= 0.0 or 2.0 * c0 * c1 < reach
     near_border = e1 <= 0.0 or 2.0 * e0 * e1 < reach
     near_goal = g1 <= 0.0 or 2.0 * g0 * g1 < reach
@@ -218,8 +240,14 @@ def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state):  # typ
         elif u >= alive:
             state, wall_time = first_crossing(max(min(c0, e0), LEAST), min(c1, e1), math.sqrt(variance), state)
     if near_goal:
-        ex, ey = (x - goal[0]) / (g0 + radius), (y - goal[1]) / (g0 + radius)
-        variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, LEAST)
+        ex, ey, alone = line_of(cov)
+        if line and alone:
+            to_rim, moved = rim_along(arena, x, y, ex, ey), (nx - x) * ex + (ny - y) * ey
+            variance = max(cov[0] + cov[2], LEAST)
+            g0, g1 = abs(to_rim), abs(to_rim) - math.copysign(1.0, to_rim) * moved
+        else:
+            ex, ey = (x - goal[0]) / (g0 + radius), (y - goal[1]) / (g0 + radius)
+            variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, LEAST)
         state, u = uniform(state)
         if u >= _survival(g0, g1, variance):
             state, goal_time = first_crossing(max(g0, LEAST), g1, math.sqrt(variance), state)

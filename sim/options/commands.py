@@ -38,7 +38,7 @@ TASK = (
         name="scenes", text="built-in names or MJCF files", metavar="SCENE", commands=("sweep",), positional=True,
         count="+",
     ),
-    _task("robot", "puck, unicycle, diffdrive, hover or an MJCF file", metavar="NAME", unset="the scene's own"),
+    _task("robot", "puck, unicycle, diffdrive, hover, rover or an MJCF file", metavar="NAME", unset="the scene's own"),
     _task(
         "system", "what moves, in place of what the robot's file names: a `sim.systems.System`, or a function that "
         "returns one, of a module in this folder or installed", metavar="MODULE:NAME", unset="the robot's own",
@@ -59,7 +59,7 @@ PLAN = (
 
 ESTIMATE = (
     Option(
-        name="at", text="state: X Y, X Y TH of a car, X Y VX VY of a hover; what is not said is 0", kind=float,
+        name="at", text="state: X Y, X Y TH of a car or rover, X Y VX VY of a hover; what is not said is 0", kind=float,
         count="+", metavar="X", commands=("estimate",), required=True,
     ),
     Option(

@@ -39,6 +39,8 @@ from pirrht.rollouts.first_exit import (
     distances,
     endpoint_exit,
     fitting,
+    line_of,
+    rim_along,
     sweep_exit,
     two_walls,
     wall_slope,
@@ -149,7 +151,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     drift, q, n, m, rows, midway = kind.drift, kind.q, kind.n, kind.m, kind.rows, kind.midway
     varying_rate, noisy_position, angles, homing_of = kind.varying_rate, kind.noisy_position, kind.angles, kind.homing
     varying, gaining = kind.diffusion_block is not None, kind.control_block is not None  # B does, and B^-1 G
-    drifting, along_line = drift is not no_drift, rows > m
+    drifting = drift is not no_drift
+    along_line = rows > m and noisy_position and not drifting  # inputs may move the position to and fro alone
     gain_at: Any = kind.control_block if gaining else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
     fixed = n - rows
@@ -433,7 +436,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 elif noisy_position:
                     after = distances(arena, moved[0], moved[1])
                     state, exit, share, missed = bridge_exit(
-                        arena, x[0], x[1], moved[0], moved[1], before, after, cov, weighed, state
+                        arena, x[0], x[1], moved[0], moved[1], before, after, cov, weighed, state, along_line
                     )
                     lasting += missed
                     before = after
@@ -447,6 +450,25 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                         y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
                         moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
                         until = dt * share
+                    elif along_line and exit == REACHED:
+                        ex, ey, alone = line_of(cov)
+                        if alone:  # likewise; to the rim along the line, other noise as of a bridge
+                            until, size, to_rim = dt * share, xx + yy, rim_along(arena, x[0], x[1], ex, ey)
+                            spread, noisy = math.sqrt(share * (1.0 - share) * dt), 0.0
+                            for j in range(m):
+                                if j % 2 == 0:
+                                    state, z, other = normals(state)
+                                else:
+                                    z = other
+                                column[j, 0] = z
+                                noisy += (B[0, j] * ex + B[1, j] * ey) * (share * y[j] + spread * z)
+                            for j in range(m):
+                                along = (B[0, j] * ex + B[1, j] * ey) / size
+                                y[j] = share * y[j] + spread * column[j, 0] + along * (to_rim - noisy)
+                            for j in range(n):
+                                moved[j] = x[j]
+                                for k in range(m):
+                                    moved[j] += B[j, k] * y[k]
                 elif arrived:
                     exit, share = REACHED, ahead
                 else:

@@ -1,0 +1,77 @@
+"""A robot on two driven wheels: speed and turn rate are its controls, and noise enters through both."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import jitable
+from pirrht.errors import OptionError
+from pirrht.systems.dynamics import Dynamics, _check_noise, no_drift
+
+AIM = 0.9  # share of the goal's radius that is aimed at
+TURN_GAIN = 3.0  # turn rate of homing per heading error [1/s]
+QUICK = 1.5  # times what the rate of cost asks for, homing turns at most
+
+
+@jitable
+def by_speed_and_turn(x, p, out):  # type: ignore[no-untyped-def]
+    """G of speed and turn rate at x (3,), written to out (3, 2): along the heading, and about the vertical."""
+    out[0, 0], out[0, 1] = np.cos(x[2]), 0.0
+    out[1, 0], out[1, 1] = np.sin(x[2]), 0.0
+    out[2, 0], out[2, 1] = 0.0, 1.0
+
+
+@jitable
+def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """Drive at the best speed where the goal's disc lies ahead of x (3,), else turn to it; a written to out (2,)."""
+    dx, dy = aim[0] - x[0], aim[1] - x[1]
+    off = math.atan2(dy, dx) - x[2]
+    off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)
+    within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
+    beyond = max(0.0, off - within) + min(0.0, off + within)
+    asked = math.sqrt(2.0 * rate)  # |a| under which control costs what time does
+    out[0] = asked * max(0.0, math.cos(beyond))
+    out[1] = max(-QUICK * asked, min(QUICK * asked, TURN_GAIN * beyond / B[2, 1]))
+
+
+@dataclass(frozen=True, eq=False)
+class Rover(Dynamics):
+    """A robot that drives along its heading and turns, both under noise: dx = G(x) (u dt + s dw), f = 0.
+
+    The state is x, y [m] and heading [rad], (3,); the control is speed [m/s] and turn rate [rad/s], (2,). Noise along
+    the heading does not change the heading, so that Ito's and Stratonovich's sense are one; steps take its middle.
+
+    Raises:
+        OptionError: a number is not positive.
+    """
+
+    b: float = 0.1  # noise of the speed [m/sqrt(s)]
+    turning: float = 2.0  # noise of the turn rate is so many times that of the speed [rad/m]
+
+    n = 3
+    m = 2
+    states = ("x", "y", "heading")
+    parameters = np.zeros(0)
+    drift = staticmethod(no_drift)
+    input_matrix = staticmethod(by_speed_and_turn)
+    stratonovich = True
+    homing = staticmethod(towards_goal)
+
+    def __post_init__(self) -> None:
+        _check_noise(self.b)
+        if not (np.isfinite(self.turning) and self.turning > 0):
+            raise OptionError(f"turning is {self.turning:g}; it must be a positive number")
+
+    @cached_property
+    def input_noise(self) -> Array:  # type: ignore[override]
+        """s = diag(b, turning b), (2, 2) [m/sqrt(s), rad/sqrt(s)]."""
+        return self.b * np.diag([1.0, self.turning])
+
+    def twist(self, x: Array, rate: Array) -> Array:
+        """Forward speed [m/s] and turn rate [rad/s], (2,)."""
+        return rate
