@@ -238,14 +238,12 @@ class AnyGuidance:
         for warmth, rounds in stages:
             if length < 1:
                 return None
-            if self.halts:
-                on = slice(length, length + ON)
-                course.control[on], course.gains[on] = course.control[length - 1], 0.0
-                length = min(length + ON, len(course.control))
+            length = self._held_on(course, times, length)
             task = self.tasks[warmth]
             length, cost, priced, _, sound = self.passes.optimise(self.setup, task, times, key, rounds, course, length)
         if length < 1:
             return None
+        length = self._held_on(course, times, length)
         course.control[length:], course.gains[length:], course.volume[length:] = 0.0, 0.0, 0.0
         course.share[length:] = course.inverse[length:] = np.eye(self.width)
         if not STEEP / self.tasks[1.0].steep * np.abs(course.gains).max() < WILD:
@@ -255,6 +253,19 @@ class AnyGuidance:
             gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
             metric=self.metric, steep=self.tasks[1.0].steep, length=length, cost=cost, priced=priced, valid=bool(sound),
         )  # fmt: skip
+
+    def _held_on(self, course: Course, times: Array, length: int) -> int:
+        """Hold the last law for ON steps more, in which what nothing homes in enters the goal; how many steps it has.
+
+        The optimiser's trajectories end with the last step outside.
+        """
+        d, end = self.problem.dynamics, min(length + ON, len(course.control)) if self.halts else length
+        for i in range(length, end):
+            for part in (course.control, course.gains, course.share, course.inverse, course.volume):
+                part[i] = part[length - 1]
+            u = d.input_of(course.states[i], course.control[i, : d.m])
+            course.states[i + 1] = d.step(course.states[i], u, np.zeros(d.m), float(times[i + 1] - times[i]))
+        return end
 
     def _along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
         """A tape that drives along a reference from x (n,)."""
