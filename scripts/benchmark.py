@@ -8,6 +8,8 @@
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
     python scripts/benchmark.py calibration  plans at random states of random scenes: how often is the truth within the
                                             standard errors that they claim? --part car: v of the car
+    python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
+                                            --part line: on a line, against the exact grid
 
 Times depend on the machine: quote ratios from one run.
 """
@@ -20,14 +22,15 @@ from pathlib import Path
 
 from pirrht.errors import PirrhtError
 from sim.files import check_writable, write_json
-from sim.text import width
+from sim.text import table, width
 
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
     "speed": (None, "rollouts", "planners", "drive"),
     "calibration": (None, "car"),
+    "mass": (None, "line"),
 }
-TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration")
+TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "mass")
 
 
 def main() -> int:
@@ -41,16 +44,19 @@ def main() -> int:
         "--part",
         help="of `quality`: "
         + ", ".join(map(str, PARTS["quality"]))
-        + "; of `speed`: rollouts, planners, drive (all); of `calibration`: car",
+        + "; of `speed`: rollouts, planners, drive (all); of `calibration`: car; of `mass`: line",
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
     parser.add_argument("--png", type=Path, help="draw `calibration`, or the parts samples and drives of `quality`")
-    random = parser.add_argument_group("calibration")
+    random = parser.add_argument_group("calibration and mass")
     random.add_argument("--scenes", type=int, help="random scenes (30; of the car 3)")
-    random.add_argument("--states", type=int, help="random states in each (12; of the car 8)")
-    random.add_argument("--plans", type=int, help="plans at each state and noise level (20)")
+    random.add_argument("--states", type=int, help="random states in each (12; of the car 8); of `mass` in all (20)")
+    random.add_argument("--plans", type=int, help="plans at each state and noise level (20; of `mass` 10)")
+    random.add_argument(
+        "--samples", type=int, help="of each kind at each state of `mass` (1000000; on the line 100000)"
+    )
     random.add_argument("--first-seed", type=int, default=0, help="of the scenes, which count up from it (0)")
-    random.add_argument("--noises", type=float, nargs="+", metavar="b", help="levels (0.1 0.2 0.3; the car's own)")
+    random.add_argument("--noises", type=float, nargs="+", metavar="b", help="levels (0.1 0.2 0.3; the robot's own)")
     random.add_argument("--at", type=float, nargs="+", action="append", metavar="X", help="a state of --scene; repeat")
     random.add_argument("--workers", type=int, default=1, help="processes; more than one plan on a single thread (1)")
     parser.add_argument("--json", type=Path)
@@ -63,9 +69,8 @@ def main() -> int:
         )
     if options.png is not None:
         check_writable(options.png, "--png")
-    table = importlib.import_module(f"benchmarks.{options.what}")
     try:
-        header, rows, values = table.rows(options)
+        header, rows, values = importlib.import_module(f"benchmarks.{options.what}").rows(options)
     except PirrhtError as error:
         parser.error(str(error))
     print(table(header, rows, width()))

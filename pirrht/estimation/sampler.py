@@ -33,6 +33,7 @@ from pirrht.guidance.ways import NODES, way_of
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
+from pirrht.rollouts.point.block import is_point
 from pirrht.rollouts.records import LAW, Kernels, Leads, Origin, Setup, empty_paths
 from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
@@ -124,6 +125,12 @@ class PathIntegral:
     @property
     def climbs(self) -> bool:
         """Whether samples climb the desirability of references' ways, pushed off walls, instead of following tapes."""
+        d = self.problem.dynamics
+        return self.sampling.guide == "feedback" and is_point(d)
+
+    @property
+    def pointlike(self) -> bool:
+        """Whether samples are led by feedback and it is positions that controls move."""
         d = self.problem.dynamics
         return self.sampling.guide == "feedback" and d.n == d.m == 2
 
@@ -251,7 +258,7 @@ class PathIntegral:
             beyond=self._beyond,
             least=LEAST * self.sampling.dt if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
-            window=window(scales.noise, self.setup.arena, x, times, longest) if climbs else 1,
+            window=window(scales.noise, self.setup.arena, x, times, longest) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T, self.guidance.law_width if isinstance(self.guidance, AnyGuidance) else LAW)),
             led=np.zeros(H, np.int64),

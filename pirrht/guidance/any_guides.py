@@ -22,11 +22,12 @@ from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.path import takes_law
 from pirrht.rollouts.records import Setup, law_width
 from pirrht.steering.trajectory import Trajectory
-from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.dynamics import Dynamics, no_homing
 
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
 NONE = ((1.0, 0),)
+ON = 2  # steps for which what nothing homes in holds its last control, so that it does not halt on the goal's rim
 STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
 BARRIER = 0.75  # lambda / (time in which noise carries the position over its clearance) costs so much; a car's is 3
 SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
@@ -120,7 +121,7 @@ class AnyGuidance:
         d = problem.dynamics
         self.problem, self.setup = problem, setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
-        self.passes = optimiser(kind_of(problem))
+        self.passes, self.halts = optimiser(kind_of(problem)), d.homing is no_homing
         spread, curved, at_once = self._noise()
         most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
         strength, pace = math.sqrt(3.0 * most / SPREADING**3), math.sqrt(at_once if at_once else most / SPREADING)
@@ -237,10 +238,12 @@ class AnyGuidance:
         for warmth, rounds in stages:
             if length < 1:
                 return None
+            length = self._held_on(course, times, length)
             task = self.tasks[warmth]
             length, cost, priced, _, sound = self.passes.optimise(self.setup, task, times, key, rounds, course, length)
         if length < 1:
             return None
+        length = self._held_on(course, times, length)
         course.control[length:], course.gains[length:], course.volume[length:] = 0.0, 0.0, 0.0
         course.share[length:] = course.inverse[length:] = np.eye(self.width)
         if not STEEP / self.tasks[1.0].steep * np.abs(course.gains).max() < WILD:
@@ -251,16 +254,31 @@ class AnyGuidance:
             metric=self.metric, steep=self.tasks[1.0].steep, length=length, cost=cost, priced=priced, valid=bool(sound),
         )  # fmt: skip
 
+    def _held_on(self, course: Course, times: Array, length: int) -> int:
+        """Hold the last law for ON steps more, in which what nothing homes in enters the goal; how many steps it has.
+
+        The optimiser's trajectories end with the last step outside.
+        """
+        d, end = self.problem.dynamics, min(length + ON, len(course.control)) if self.halts else length
+        for i in range(length, end):
+            for part in (course.control, course.gains, course.share, course.inverse, course.volume):
+                part[i] = part[length - 1]
+            u = d.input_of(course.states[i], course.control[i, : d.m])
+            course.states[i + 1] = d.step(course.states[i], u, np.zeros(d.m), float(times[i + 1] - times[i]))
+        return end
+
     def _along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
         """A tape that drives along a reference from x (n,)."""
         d, course = self.problem.dynamics, self._empty(len(times) - 1)
         tape, state = trajectory.tape(times), x
+        ends = int(np.searchsorted(times, trajectory.durations.sum()))
+        if self.halts:
+            tape[max(ends - 1, 0) : ends + ON] = trajectory.controls[-1]
         for i, u in enumerate(tape):
             course.control[i, : d.m] = d.to_noise(state, u)
             if not (d.constant or d.input_form):
                 state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
-        length = int(np.searchsorted(times, trajectory.durations.sum()))
-        return course, min(length, len(tape))
+        return course, min(ends, len(tape))
 
     def _shifted(self, last: AnyGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """What is left of a guide after some time, on a new grid."""

@@ -108,6 +108,7 @@ class Kind(NamedTuple):
     homing: Callable[..., None] = no_homing  # (x, p, B, aim, radius, rate, out): `Dynamics.homing`
     input_form: bool = False  # whether noise enters through inputs
     midway: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
+    astray: bool = False  # a point that drifts, or is shaken more one way: ways, which know neither, do not lead it
 
     @property
     def rows(self) -> int:
@@ -141,7 +142,7 @@ def diffusion_of(kind: Kind) -> Any:
 def takes_law(kind: Kind) -> bool:
     """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do."""
     car = kind.drift is unicycle_drift and kind.rows == kind.m == 1 and kind.control_block is None
-    return not car and not (kind.n == kind.m == 2)
+    return not car and not (kind.n == kind.m == 2 and not kind.astray)
 
 
 @cache
