@@ -16,6 +16,7 @@ make one:
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -41,9 +42,10 @@ class System:
 
     name: str  # as in `<text name="pirrht_dynamics" data="NAME"/>`
     dynamics: Callable[[Settings], Any]  # the `pirrht.Dynamics`, of which `states` must be the same
-    steering: Callable[[Any], Any]  # a `pirrht.Problem` -> its `pirrht.Steering`
     R: Array | Callable[[Array], Array]  # control cost, as in `pirrht.Problem`
-    q: float | Callable[..., float] = 1.0  # state cost rate [cost/s], likewise
+    steering: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> its `pirrht.Steering`; None: see above
+    pace: float | None = None  # of references without steering [m/s]; None: what the cost says
+    q: float | Callable[..., float] | str = 1.0  # state cost rate [cost/s], likewise; or MODULE:NAME of a function
     q_min: float | None = None
     states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
@@ -126,7 +128,7 @@ class System:
                 f"system {self.name}: {type(dynamics).__name__} has the states {getattr(dynamics, 'states', None)} and "
                 f"the system says {self.states}; make them the same"
             )
-        return Problem(dynamics=dynamics, scene=scene, R=self.R, q=self.q, q_min=self.q_min, phi=settings.phi)
+        return Problem(dynamics=dynamics, scene=scene, R=self.R, q=self._rate(), q_min=self.q_min, phi=settings.phi)
 
     def steered(self, problem: Any) -> Any:
         """The `pirrht.Steering` of a problem.
@@ -134,7 +136,7 @@ class System:
         Raises:
             OptionError: there is none.
         """
-        return self._asked("steering", problem)
+        return self._asked("steering", problem) if self.steering is not None else self._tracked(problem)
 
     def way_home(self, problem: Any) -> Any:
         """What the way from states (k, n) to the goal costs, as `pirrht.control.mppi` takes it; None: a straight one.
@@ -143,6 +145,21 @@ class System:
             OptionError: it cannot be told.
         """
         return None if self.home is None else self._asked("home", problem)
+
+    def _rate(self) -> float | Callable[..., float]:
+        if not isinstance(self.q, str):
+            return self.q
+        module, _, name = self.q.partition(":")
+        found: Callable[..., float] = getattr(importlib.import_module(module), name)
+        return found
+
+    def _tracked(self, problem: Any) -> Any:
+        from pirrht.steering.tracked import Tracked
+
+        try:
+            return Tracked.of(problem, self.pace)
+        except OptionError as error:
+            raise OptionError(f"system {self.name}: {error}") from None
 
     def _asked(self, what: str, argument: Any) -> Any:
         try:
@@ -205,6 +222,12 @@ def _mass(settings: Settings) -> Any:
     return DoubleIntegrator(b=settings.noise)
 
 
+def _second_order_car(settings: Settings) -> Any:
+    from pirrht.systems.second_order_car import SecondOrderCar
+
+    return SecondOrderCar(b=settings.noise)
+
+
 def _straight(problem: Any) -> Any:
     from pirrht.steering.straight_line import StraightLine
 
@@ -265,7 +288,7 @@ for _system in (
         },
         paper_samples=300,
         heeds=("noise", "speed", "rho"),
-        robots="car",
+        robots="unicycle",
     ),
     System(
         name="double_integrator",
@@ -284,6 +307,18 @@ for _system in (
             "period",
         ),  # its noise has a unit, and its paths a pace, of their own
         robots="hover",
+    ),
+    System(
+        name="second_order_car",
+        dynamics=_second_order_car,
+        R=np.eye(2),
+        q="pirrht.systems.second_order_car:cruising",
+        q_min=1.0,
+        states=(*POSE, "speed"),
+        defaults={"samples": 300, "period": 0.1, "phi": 1000.0, "max_time": 60.0},
+        paper_samples=300,
+        own=("noise", "vertices", "samples", "dt", "period"),
+        robots="car",
     ),
 ):
     register(_system)

@@ -37,6 +37,7 @@ class Task(NamedTuple):
     steep: float  # |a| stays below this [1/sqrt(s)]
     far: float  # cost per meter that is left to the goal where noise acts on the position [cost/m]
     curved: bool  # whether steps have second derivatives
+    hold: float = 0.0  # cost rate of being 1 m off the course's aims, over a fixed time [cost/s]; 0: to the goal
 
 
 class Course(NamedTuple):
@@ -49,6 +50,7 @@ class Course(NamedTuple):
     inverse: Array  # (T, modes, modes) of L
     volume: Array  # (T,) log det L
     change: Array  # (T, modes) the best change of each control
+    aims: Array  # (T+1, 2) where to be at which time, if that is held to [m]
 
 
 def empty_course(T: int, n: int, modes: int) -> Course:
@@ -57,6 +59,7 @@ def empty_course(T: int, n: int, modes: int) -> Course:
     return Course(
         states=np.zeros((T + 1, n)), control=np.zeros((T, modes)), gains=np.zeros((T, modes, n)), share=unit,
         inverse=unit.copy(), volume=np.zeros(T), change=np.zeros((T, modes)),
+        aims=np.zeros((T + 1, 2)),
     )  # fmt: skip
 
 
@@ -123,20 +126,24 @@ def optimiser(kind: Kind) -> Optimiser:
     def forward(setup, task, times, course, length, step, points, tried):  # type: ignore[no-untyped-def]
         """Drive from the start under a = control + step * change + K (x - states), and past `length` as `homing` does.
 
+        Where aims are held to (`Task.hold`) it ends after `length` steps, wherever that is.
+
         States (T+1, n) and controls (T, modes) go to `tried`, whose first state is the start; `times` (T+1,) [s];
         the clearance of each step is priced at so many points.
         Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced [cost].
         """
         states, applied = tried.states, tried.control
         f, B, x = np.zeros(n), np.zeros((m, m)), np.empty(n)
-        cost, priced = 0.0, 0.0
+        cost, priced, held = 0.0, 0.0, task.hold > 0.0
         advance(setup, states[0], applied[0], 0.0, B, f, x)  # for B
         for i in range(times.shape[0] - 1):
+            if held and i >= length:
+                return i, cost, priced
             dt = times[i + 1] - times[i]
             for j in range(n):
                 x[j] = states[i, j]
             ahead = False
-            if not noisy_position:
+            if not noisy_position and not held:
                 velocity(setup, x, f)
                 ahead = _enters(setup, x[0], x[1], f[0] * dt, f[1] * dt)
             if not ahead:
@@ -144,7 +151,7 @@ def optimiser(kind: Kind) -> Optimiser:
                 _control(setup, task, course, length, i, step, x, B, u)
                 running = advance(setup, x, u, dt, B, f, states[i + 1])
                 dx, dy = states[i + 1, 0] - x[0], states[i + 1, 1] - x[1]
-                ahead = _enters(setup, x[0], x[1], dx, dy)
+                ahead = not held and _enters(setup, x[0], x[1], dx, dy)
             if ahead:
                 rest = arrival(setup, task, x, f)
                 applied[i] = 0.0
@@ -156,8 +163,13 @@ def optimiser(kind: Kind) -> Optimiser:
                 t = k / points
                 value, _, _, _, _, _ = _price(setup.arena.field, task.margin, task.least, x[0] + t * dx, x[1] + t * dy)
                 priced += task.price * value * dt / points
+            if held:
+                off_x, off_y = states[i + 1, 0] - course.aims[i + 1, 0], states[i + 1, 1] - course.aims[i + 1, 1]
+                priced += task.hold * (off_x * off_x + off_y * off_y) * dt
             if not priced < 1e12:
-                break
+                return -1, np.inf, np.inf
+        if held:
+            return times.shape[0] - 1, cost, priced
         return -1, np.inf, np.inf
 
     @kernel
@@ -188,14 +200,15 @@ def optimiser(kind: Kind) -> Optimiser:
         Written are the first `length` rows of change, gains, share, inverse and volume; `times` (T+1,) are ends of
         steps [s], `damping` is what is added to the controls' curvature, as a share of lambda dt.
         """
-        states, control, gains, share, inverse, volume, change = course
+        states, control, gains, share, inverse, volume, change, aims = course
         modes = control.shape[1]
         N = n + modes
         v, W, costate, P = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
         J, S, Q, g = np.zeros((n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
         lead, stiff, bows = np.zeros((n, N)), np.zeros((modes, modes)), np.zeros(modes)
         vectors, inverted = stiff.copy(), stiff.copy()
-        _end(setup, task, states[length], v, W)
+        if task.hold == 0.0:
+            _end(setup, task, states[length], v, W)
         expected = 0.0
         for i in range(length - 1, -1, -1):
             dt = times[i + 1] - times[i]
@@ -219,6 +232,10 @@ def optimiser(kind: Kind) -> Optimiser:
                 costate[j] = v[j]
                 for k in range(n):
                     P[j, k] = W[j, k]
+            if task.hold > 0.0:
+                w = 2.0 * task.hold * dt
+                t1x, t1y = t1x + w * (states[i + 1, 0] - aims[i + 1, 0]), t1y + w * (states[i + 1, 1] - aims[i + 1, 1])
+                c00, c11 = c00 + w, c11 + w
             costate[0], costate[1] = costate[0] + t1x, costate[1] + t1y
             P[0, 0], P[0, 1], P[1, 0], P[1, 1] = P[0, 0] + c00, P[0, 1] + c01, P[1, 0] + c01, P[1, 1] + c11
             expand(setup, states[i], control[i], dt, costate, task.curved, J, S)
@@ -317,7 +334,7 @@ def optimiser(kind: Kind) -> Optimiser:
 
         Args:
             times: (T+1,) ends of the steps [s].
-            key: additive class key that the result must have.
+            key: additive class key that the result must have; asked unless aims are held to.
             rounds: at most so many backward passes.
             course: the trajectory followed, its gains used until the first backward pass; overwritten.
             length: steps that it prescribes.
@@ -327,7 +344,7 @@ def optimiser(kind: Kind) -> Optimiser:
         """
         states, control = course.states, course.control
         other, tried = np.zeros(states.shape), np.zeros(control.shape)
-        trial = COURSE(other, tried, course.gains, course.share, course.inverse, course.volume, course.change)
+        trial = COURSE(other, tried, course.gains, course.share, course.inverse, course.volume, course.change, course.aims)
         other[0] = states[0]
         steps, _, _ = forward(setup, task, times, course, length, 0.0, 1, trial)
         if steps < 0:
@@ -339,8 +356,9 @@ def optimiser(kind: Kind) -> Optimiser:
         points = max(1, min(8, math.ceil(1.2 * fastest / task.spacing)))
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
         control[:], states[:] = tried, other
-        right = class_of(setup, states, steps) == key
-        sound = right and _is_free(setup, states, steps)
+        held = task.hold > 0.0
+        right = held or class_of(setup, states, steps) == key
+        sound = right and (held or _is_free(setup, states, steps))
         damping, done, again = 0.0, 0, False
         for _ in range(rounds):
             done += 1
@@ -351,8 +369,8 @@ def optimiser(kind: Kind) -> Optimiser:
             for _ in range(HALVINGS):
                 k, c, p = forward(setup, task, times, course, steps, step, points, trial)
                 if k >= 0 and p < priced - 0.1 * step * expected:
-                    same = class_of(setup, other, k) == key
-                    clear = same and _is_free(setup, other, k)
+                    same = held or class_of(setup, other, k) == key
+                    clear = same and (held or _is_free(setup, other, k))
                     if clear or (not sound and (same or not right)):
                         better, right, sound, steps, cost, priced = True, same, clear, k, c, p
                         break

@@ -27,6 +27,8 @@ from pirrht.systems.dynamics import Dynamics
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
 NONE = ((1.0, 0),)
+HOLD = 10.0  # time spent as far off a reference without controls as walls are wide costs so many times its q
+HEAD, ROUNDS = 10, 20  # steps by which more of it is tracked, and backward passes at most for each
 STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
 BARRIER = 0.75  # lambda / (time in which noise carries the position over its clearance) costs so much; a car's is 3
 SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
@@ -127,6 +129,8 @@ class AnyGuidance:
         squares = np.diag(spread)
         self.metric = np.divide(squares[0], squares, out=np.zeros(d.n), where=squares > 1e-9 * squares.max())
         self.tasks = {warmth: self._task(warmth, strength, pace, curved) for warmth, _ in COLD}
+        hold = HOLD * problem.least_rate / wall_radius(problem) ** 2
+        self.tracking = self.tasks[COLD[0][0]]._replace(hold=hold)
 
     @property
     def law_width(self) -> int:
@@ -207,10 +211,11 @@ class AnyGuidance:
                 return guide
         if guide is not None and not clearance(self.setup.arena.field, x[0], x[1]) > 0.0:
             return guide
-        guide = self._from(x, times, key, self._along(x, trajectory, times), COLD)
+        begun = self._along if trajectory.guess is None else self._tracked
+        guide = self._from(x, times, key, begun(x, trajectory, times), COLD)
         if guide is None or guide.valid:
             return guide
-        return self._from(x, times, key, self._along(x, trajectory, times), NONE)
+        return self._from(x, times, key, begun(x, trajectory, times), NONE)
 
     def counts(self, guides: Sequence[AnyGuide | None], samples: int) -> list[int]:
         """Samples around each reference, (H,): N, or few where a class can hardly carry any weight (`worth`)."""
@@ -253,6 +258,24 @@ class AnyGuidance:
                 state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
         length = int(np.searchsorted(times, trajectory.durations.sum()))
         return course, min(length, len(tape))
+
+    def _tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
+        """What stays near where a reference is when, from x (n,); more and more of it is tracked from its start on."""
+        arena, start = self.setup.arena, trajectory.path.start
+        pace = trajectory.length / float(trajectory.durations.sum())
+        ahead = np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])  # on through the goal, without a halt
+        corners = np.vstack([start[:, :2], start[-1, :2] + ahead * pace * (trajectory.durations[-1] + times[-1])])
+        passed = np.cumsum([0.0, *trajectory.durations[:-1], trajectory.durations[-1] + times[-1]])
+        course = self._empty(len(times) - 1)
+        course.aims[:] = np.column_stack([np.interp(times, passed, column) for column in corners.T])
+        course.states[0] = x
+        end = float(trajectory.durations.sum()) + arena.radius / pace
+        whole = min(len(times) - 1, int(np.searchsorted(times, end)))
+        length = 0
+        while length < whole:
+            length = min(whole, length + HEAD)
+            self.passes.optimise(self.setup, self.tracking, times, 0, ROUNDS, course, length)
+        return course, length
 
     def _shifted(self, last: AnyGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """What is left of a guide after some time, on a new grid."""

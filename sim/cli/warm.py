@@ -118,6 +118,7 @@ class OneWay:
         from pirrht.shortening.shorten import polish
         from pirrht.tree.homology_tree import Reference
 
+        x = self.steering.vertex_of(x)
         goal = x.copy()
         goal[:2] = self.space.scene.goal.center
         path = polish(self.steering.connect(x[None], goal[None]), self.steering, self.space)
@@ -140,7 +141,7 @@ def compile_rest(dynamics_name: str, *, sampling: bool) -> None:
     system, space = named(dynamics_name), FreeSpace.of(ROOM)
     settings = system.settings
     problem = system.problem(ROOM, settings)
-    tree = OneWay(space, system.steering(problem))
+    tree = OneWay(space, system.steered(problem))
     x = problem.dynamics.state_of(ROOM.start)
     tree.references(x)
     if not sampling:
