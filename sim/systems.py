@@ -30,6 +30,7 @@ from sim.settings import PRESETS, Settings
 
 POSE = ("x", "y", "heading")  # states that are the place of a robot; the others move with it
 VELOCITIES = ("vx", "vy")  # those that are its speeds along x and y [m/s]
+SPEED = ("speed",)  # that of its body along its heading [m/s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

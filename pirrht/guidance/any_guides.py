@@ -29,6 +29,7 @@ WARM = ((1.0, 8),)  # from the last guide
 NONE = ((1.0, 0),)
 HOLD = 10.0  # time spent as far off a reference without controls as walls are wide costs so many times its q
 HEAD, ROUNDS = 10, 20  # steps by which more of it is tracked, and backward passes at most for each
+RAMP = 0.5  # of the slack of such a reference it takes to get up to its pace
 STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
 BARRIER = 0.75  # lambda / (time in which noise carries the position over its clearance) costs so much; a car's is 3
 SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
@@ -211,7 +212,7 @@ class AnyGuidance:
                 return guide
         if guide is not None and not clearance(self.setup.arena.field, x[0], x[1]) > 0.0:
             return guide
-        begun = self._along if trajectory.guess is None else self._tracked
+        begun = self._along if trajectory.slack is None else self._tracked
         guide = self._from(x, times, key, begun(x, trajectory, times), COLD)
         if guide is None or guide.valid:
             return guide
@@ -260,16 +261,23 @@ class AnyGuidance:
         return course, min(length, len(tape))
 
     def _tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
-        """What stays near where a reference is when, from x (n,); more and more of it is tracked from its start on."""
+        """What stays near where a reference is when, from x (n,); more and more of it is tracked from its start on.
+
+        What is tracked sets off gently, since the system may have to turn about or to get up to speed.
+        """
         arena, start = self.setup.arena, trajectory.path.start
         pace = trajectory.length / float(trajectory.durations.sum())
         ahead = np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])  # on through the goal, without a halt
         corners = np.vstack([start[:, :2], start[-1, :2] + ahead * pace * (trajectory.durations[-1] + times[-1])])
         passed = np.cumsum([0.0, *trajectory.durations[:-1], trajectory.durations[-1] + times[-1]])
         course = self._empty(len(times) - 1)
-        course.aims[:] = np.column_stack([np.interp(times, passed, column) for column in corners.T])
+        ramp = RAMP * trajectory.slack if trajectory.slack else 0.0
+        along = self.problem.dynamics.f(x)[:2] @ np.array([math.cos(start[0, 2]), math.sin(start[0, 2])])
+        short = 1.0 - min(max(along / pace, 0.0), 1.0)  # of its pace at the start
+        then = times + short * ramp * np.expm1(-times / ramp) if ramp else times
+        course.aims[:] = np.column_stack([np.interp(then, passed, column) for column in corners.T])
         course.states[0] = x
-        end = float(trajectory.durations.sum()) + arena.radius / pace
+        end = float(trajectory.durations.sum()) + arena.radius / pace + short * ramp
         whole = min(len(times) - 1, int(np.searchsorted(times, end)))
         length = 0
         while length < whole:

@@ -33,13 +33,13 @@ class Tracked(Steering):
     Args:
         pace: speed [m/s].
         cost_per_meter: of it [cost/m].
-        start: what getting under way, or turning about, may cost [cost].
+        slack: time that getting under way, or turning about, may take [s].
         m: controls of the system.
     """
 
     pace: float
     cost_per_meter: float
-    start: float
+    slack: float
     m: int
 
     n = 2
@@ -63,7 +63,7 @@ class Tracked(Steering):
         x = moving(problem, pace)
         rate = max(problem.rate(d.state_of(problem.scene.start) if x is None else x), problem.least_rate)
         rate = 2.0 * rate if x is None or not callable(problem.q) else rate
-        return cls(pace=pace, cost_per_meter=rate / pace, start=2.0 * problem.least_rate * _delay(problem, pace), m=d.m)
+        return cls(pace=pace, cost_per_meter=rate / pace, slack=_delay(problem, pace), m=d.m)
 
     @property
     def line(self) -> StraightLine:
@@ -103,7 +103,7 @@ class Tracked(Steering):
         """When a path is where; it has no controls that would drive along it."""
         found = self.line.trajectory(path)
         still = np.zeros((len(found.durations), self.m))
-        return replace(found, controls=still, guess=found.cost + self.start)
+        return replace(found, controls=still, slack=self.slack)
 
 
 def pace_of(problem: Problem) -> float:

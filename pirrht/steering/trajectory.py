@@ -24,7 +24,7 @@ class Trajectory:
     path: Any  # consecutive motions (`Motions`): along arcs, `Curves`
     cost: float  # steering cost [cost]
     length: float  # [m]
-    guess: float | None = None  # what driving it may cost, where the controls are not known and only the path counts
+    slack: float | None = None  # where controls are not known but only the path: time to get under way at most [s]
 
     @cached_property
     def points(self) -> Array:
@@ -42,10 +42,10 @@ class Trajectory:
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
     """Integral of q + u'Ru/2 along a trajectory from x (n,) [cost]; a callable q with its mean over the points.
 
-    Where the controls are not known it is steering's guess.
+    Where the controls are not known it is the steering's cost, and what getting under way may cost at most.
     """
-    if trajectory.guess is not None:
-        return trajectory.guess
+    if trajectory.slack is not None:
+        return trajectory.cost + 2.0 * problem.least_rate * trajectory.slack
     R = problem.control_cost(x)
     effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, R, trajectory.controls)
     rate = problem.rate(x)
