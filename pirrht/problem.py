@@ -26,7 +26,7 @@ class Problem:
 
     Raises:
         OptionError: the system, R, q or phi cannot work here; says what would.
-        NotLinearlySolvable: no scalar lambda fits G, R and B.
+        NotLinearlySolvable: no scalar lambda fits G, R and B, or in input form R and s.
     """
 
     dynamics: Dynamics
@@ -35,7 +35,7 @@ class Problem:
     q: float | Callable[..., float] = 1.0  # state cost rate [cost/s]; or a function q(x, p) that numba compiles
     q_min: float | None = None  # a lower bound of q over the workspace; needed when q is a function
     phi: float = np.inf  # final cost off the goal [cost]; it is 0 at the goal
-    temperature: float = field(init=False)  # the scalar lambda of lambda G R^-1 G' = B B' [cost]
+    temperature: float = field(init=False)  # the scalar lambda of lambda G R^-1 G' = B B', or lambda R^-1 = s s' [cost]
 
     def __post_init__(self) -> None:
         self.dynamics.check()
@@ -72,16 +72,20 @@ class Problem:
         return np.asarray(self.R(x), dtype=float) if callable(self.R) else self.R
 
     def _temperature(self) -> float:
-        """The scalar lambda of `lambda G R^-1 G' = B B'`.
+        """The scalar lambda of `lambda G R^-1 G' = B B'`; in input form of `lambda R^-1 = s s'`.
 
         Raises:
             NotLinearlySolvable: no scalar fits, at some state of the workspace; both matrices are in the message.
         """
         value: float | None = None
         for x in self._probes():
-            G, B, R = self.dynamics.G_c(x), self.dynamics.B_c(x), self.control_cost(x)
+            R, s = self.control_cost(x), self.dynamics.input_noise
             if not (np.allclose(R, R.T) and np.linalg.eigvalsh(R).min() > 0.0):
                 raise OptionError(f"R is {R.tolist()} at x = {x.tolist()}; it must be symmetric and positive definite")
+            if s is not None:
+                value = self._input_temperature(x, R, s, value)
+                continue
+            G, B = self.dynamics.G_c(x), self.dynamics.B_c(x)
             for what, matrix in (("control_block", G), ("diffusion_block", B)):
                 if not abs(np.linalg.det(matrix)) > 0.0:
                     raise OptionError(
@@ -98,6 +102,18 @@ class Problem:
                     f"B B' = {noise.tolist()}; choose R proportional to G' (B B')^-1 G"
                 )
         assert value is not None
+        return value
+
+    def _input_temperature(self, x: Array, R: Array, s: Array, value: float | None) -> float:
+        """The scalar of R and s at x (n,), which is `value` if there is one already."""
+        shape, noise = np.linalg.inv(R), s @ s.T
+        here = float(np.trace(noise) / np.trace(shape))
+        value = here if value is None else value
+        if not (np.allclose(value * shape, noise, rtol=1e-8, atol=1e-12 * np.trace(noise)) and value > 0):
+            raise NotLinearlySolvable(
+                f"{type(self.dynamics).__name__}: no lambda solves lambda R^-1 = s s' at x = {x.tolist()}: "
+                f"R^-1 = {shape.tolist()}, s s' = {noise.tolist()}; choose R proportional to (s s')^-1"
+            )
         return value
 
     def _probes(self) -> list[Array]:

@@ -4,7 +4,8 @@ The optimal control is stationary, u*(x), and per class c the samples of a plan 
 u_c = lambda R^-1 G' grad log psi_c at one state. Both are carried along with the robot: u_c as what the class's guide
 does at the new state plus the rest that samples found on top of it, and log psi_c along its gradient,
 d log psi_c = (R u_c / lambda) G^-1 dx_c (Stratonovich; where the state drifts less u_c'R u_c dt / 2 lambda, terms that
-classes share left out). The control at any state between plans is then
+classes share left out). In input form that is (R u_c / lambda)' G^+ (dx - f dt), G^+ being the pseudoinverse. The
+control at any state between plans is then
 
     u(x) = sum_c w_c(x) u_c(x),    w(x) = softmax(log psi_c(x)).
 
@@ -63,8 +64,8 @@ class ClassMixture:
     known: Array = field(init=False, repr=False)  # (C,) log psi of every class at the plan's state [nats]
     before: Array = field(init=False, repr=False)  # (C, m) controls there
     stiff: Array = field(init=False, repr=False)  # R / lambda there, (m, m)
-    inverse: Array = field(init=False, repr=False)  # G_c^-1 there, (m, m)
-    drift: Array = field(init=False, repr=False)  # f_c there, (m,)
+    inverse: Array = field(init=False, repr=False)  # G_c^-1 there, or G^+, (m, rows)
+    drift: Array = field(init=False, repr=False)  # f there, of the states that G has rows for, (rows,)
 
     def __post_init__(self) -> None:
         d, x = self.problem.dynamics, self.state
@@ -72,8 +73,8 @@ class ClassMixture:
             "known": np.array([law.log_psi for law in self.classes.values()]),
             "before": self._controls(x, 0.0),
             "stiff": self.problem.control_cost(x) / self.problem.temperature,
-            "inverse": np.linalg.inv(d.G_c(x)),
-            "drift": d.f(x)[d.n - d.m :],
+            "inverse": np.linalg.pinv(d.G_c(x)) if d.input_form else np.linalg.inv(d.G_c(x)),
+            "drift": d.f(x)[d.n - d.rows :],
         }
         for name, value in here.items():
             object.__setattr__(self, name, value)
@@ -98,12 +99,12 @@ class ClassMixture:
         """log psi (C,) and control (C, m) of every class."""
         d, controls = self.problem.dynamics, self._controls(x, s)
         carried = self.state.copy()
-        carried[-d.m :] += s * self.drift
-        moved = d.difference(x, carried)[-d.m :]
+        carried[-d.rows :] += s * self.drift
+        moved = d.difference(x, carried)[-d.rows :]
         mean = 0.5 * (self.before + controls)
         pull = mean @ self.stiff
         log_psi = self.known + pull @ (self.inverse @ moved)
-        if d.n > d.m:
+        if d.drifting_away:
             log_psi -= 0.5 * s * np.sum(pull * mean, axis=1)
         return log_psi, controls
 

@@ -105,15 +105,19 @@ class Mppi(Policy):
 def straight_home(problem: Problem) -> Callable[[Array], Array]:
     """Cost of the straight way from states (k, n) to the goal disc, (k,) [cost], without obstacles and noise.
 
-    A robot that is pushed about drives at the speed that balances q against u'Ru/2; one that drifts, at that of its
-    drift, and turning is free.
+    A robot that is pushed about drives at the speed that balances q against u'Ru/2, helped by its drift if it has any,
+    in its best direction; one that only drifts, at the speed of its drift; and turning is free.
 
     Raises:
         OptionError: a robot that only drifts stands still at the start.
     """
     d, goal, q = problem.dynamics, problem.scene.goal, problem.least_rate
     x = d.state_of(problem.scene.start)
-    if d.noisy_position:
+    if d.noisy_position and d.input_form:
+        R, G, drift = problem.control_cost(x), d.G_c(x)[:2], float(np.hypot(*d.f(x)[:2]))
+        pace = 1.0 / float(np.linalg.eigvalsh(G @ np.linalg.solve(R, G.T))[-1])
+        per_meter = pace * (np.sqrt(drift**2 + 2.0 * q / pace) - drift)  # the least of (q + pace (v - drift)^2 / 2) / v
+    elif d.noisy_position:
         R, G = problem.control_cost(x), d.G_c(x)
         pace = float(np.trace(np.linalg.inv(G).T @ R @ np.linalg.inv(G))) / d.m  # u'Ru = pace |dx/dt|^2
         per_meter = 2.0 * q / np.sqrt(2.0 * q / pace)

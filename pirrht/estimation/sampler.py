@@ -272,14 +272,14 @@ class PathIntegral:
 def _setup(problem: Problem, space: FreeSpace, bridge: bool) -> Setup:
     d = problem.dynamics
     x = np.zeros(d.n)
-    constant = d.constant
+    constant, told = d.constant, d.constant or d.input_form
     return Setup(
         arena=space.arena,
         cuts=space.homology.cuts,
         parameters=np.asarray(d.parameters, dtype=float),
-        inverse=np.asarray(np.linalg.solve(d.G_c(x), d.B_c(x)) if constant else np.zeros((d.m, d.m))),
-        gain=np.asarray(np.linalg.solve(d.B_c(x), d.G_c(x)) if constant else np.zeros((d.m, d.m))),
-        diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.m, d.m)),
+        inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
+        gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
+        diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q),
         bridge=bridge,
         pace=problem.least_rate / problem.temperature,

@@ -58,7 +58,7 @@ def solver_for(problem: Problem, dt: float | None) -> Solver:
     d = problem.dynamics
     # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
     found = next((both for kind, both in SOLVERS.items() if isinstance(d, kind) and d.drift is kind.drift), None)
-    if found is None or callable(problem.q) or not d.constant:
+    if found is None or callable(problem.q) or not d.constant or d.input_form:
         known = " or ".join(kind.__name__ for kind in SOLVERS)
         raise OptionError(f"no grid solves the dynamics {type(d).__name__}; it takes {known} with constant q")
     return found[0 if dt is None else 1]

@@ -1,9 +1,9 @@
 """Compiled local optimisation of any system's trajectory, and the linear feedback that holds noisy paths near it.
 
 Differential dynamic programming (Mayne, Int. J. Control 1966) on the steps that rollouts take. In noise units
-a = B_c^-1 G_c u the control costs lambda a'a / 2, whatever G, B and R are; beside q there is the price on clearances
-that noise would use up (`ddp`). The quadratic model of the cost-to-go yields a = a_ref + K (x - x_ref) and what
-covariance it leaves to the noise of a step: lambda dt Q_aa^-1 of the passive one.
+a = B_c^-1 G_c u (in input form s^-1 u) the control costs lambda a'a / 2, whatever G, B and R are; beside q there is the
+price on clearances that noise would use up (`ddp`). The quadratic model of the cost-to-go yields
+a = a_ref + K (x - x_ref) and what covariance it leaves to the noise of a step: lambda dt Q_aa^-1 of the passive one.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pirrht.guidance.ddp import HALVINGS, LEAST_CURVATURE, _price, class_of
 from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.guidance.step_map import NUDGE, step_of
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
-from pirrht.rollouts.general.path import Kind
+from pirrht.rollouts.general.path import Kind, diffusion_of
 from pirrht.rollouts.homing import wrapped
 
 
@@ -36,6 +36,7 @@ class Task(NamedTuple):
     tolerance: float  # an expected gain below this ends the iterations [cost]
     steep: float  # |a| stays below this [1/sqrt(s)]
     far: float  # cost per meter that is left to the goal where noise acts on the position [cost/m]
+    active: int  # bit k tells whether drift or q depends on the k-th state
     curved: bool  # whether steps have second derivatives
     hold: float = 0.0  # cost rate of being 1 m off the course's aims, over a fixed time [cost/s]; 0: to the goal
 
@@ -81,6 +82,8 @@ def optimiser(kind: Kind) -> Optimiser:
     """Kernels that optimise trajectories of one kind of dynamics; built once per kind."""
     velocity, advance, expand = step_of(kind)
     n, m, noisy_position, angles, homing_of = kind.n, kind.m, kind.noisy_position, kind.angles, kind.homing
+    rows, through_inputs = kind.rows, kind.input_form and kind.diffusion_block is not None
+    noise_at: Any = diffusion_of(kind) if through_inputs else kind.drift
 
     @kernel
     def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
@@ -109,7 +112,9 @@ def optimiser(kind: Kind) -> Optimiser:
         modes = u.shape[0]
         if i >= length:
             u[:] = 0.0
-            homing_of(x, setup.parameters, B, setup.arena.goal, setup.arena.radius, setup.pace, u[:m])
+            if through_inputs:
+                noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
+            homing_of(x, setup.parameters, B[0], setup.arena.goal, setup.arena.radius, setup.pace, u[:m])
         else:
             for j in range(modes):
                 u[j] = course.control[i, j] + step * course.change[i, j]
@@ -133,7 +138,7 @@ def optimiser(kind: Kind) -> Optimiser:
         Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced [cost].
         """
         states, applied = tried.states, tried.control
-        f, B, x = np.zeros(n), np.zeros((m, m)), np.empty(n)
+        f, B, x = np.zeros(n), np.zeros((2, rows, m)), np.empty(n)
         cost, priced, held = 0.0, 0.0, task.hold > 0.0
         advance(setup, states[0], applied[0], 0.0, B, f, x)  # for B
         for i in range(times.shape[0] - 1):
@@ -238,7 +243,7 @@ def optimiser(kind: Kind) -> Optimiser:
                 c00, c11 = c00 + w, c11 + w
             costate[0], costate[1] = costate[0] + t1x, costate[1] + t1y
             P[0, 0], P[0, 1], P[1, 0], P[1, 1] = P[0, 0] + c00, P[0, 1] + c01, P[1, 0] + c01, P[1, 1] + c11
-            expand(setup, states[i], control[i], dt, costate, task.curved, J, S)
+            expand(setup, states[i], control[i], dt, costate, task.active, task.curved, J, S)
             for j in range(n):
                 for k in range(N):
                     total = 0.0

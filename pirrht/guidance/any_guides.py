@@ -67,7 +67,7 @@ class AnyGuide:
     dynamics: Dynamics
     times: Array  # (T+1,) ends of the steps [s]
     states: Array  # (T+1, n)
-    modes: Array  # (T, M) a = B_c^-1 G_c u [1/sqrt(s)]; of M = 2 m, the last half rises over each step
+    modes: Array  # (T, M) a = B_c^-1 G_c u, or s^-1 u [1/sqrt(s)]; of M = 2 m, the last half rises over each step
     gains: Array  # (T, M, n) K of a = modes + K (x - states)
     share: Array  # (T, M, M) L, symmetric: the samples' noise of a step has the covariance L L' dt
     inverse: Array  # (T, M, M) of L
@@ -80,8 +80,8 @@ class AnyGuide:
     valid: bool  # whether it touches nothing and is of its class
 
     def input_of(self, x: Array, a: Array) -> Array:
-        """The control u = G_c^-1 B_c a (m,) at x (n,) of one in noise units (m,)."""
-        return np.asarray(np.linalg.solve(self.dynamics.G_c(x), self.dynamics.B_c(x) @ a))
+        """The control u (m,) at x (n,) of one in noise units (m,)."""
+        return self.dynamics.input_of(x, a)
 
     @property
     def tape(self) -> Array:
@@ -124,9 +124,9 @@ class AnyGuidance:
         self.problem, self.setup = problem, setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         self.passes = optimiser(kind_of(problem))
-        spread, curved = self._noise()
+        spread, curved, at_once = self._noise()
         most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
-        strength, pace = math.sqrt(3.0 * most / SPREADING**3), math.sqrt(most / SPREADING)
+        strength, pace = math.sqrt(3.0 * most / SPREADING**3), math.sqrt(at_once if at_once else most / SPREADING)
         squares = np.diag(spread)
         self.metric = np.divide(squares[0], squares, out=np.zeros(d.n), where=squares > 1e-9 * squares.max())
         self.tasks = {warmth: self._task(warmth, strength, pace, curved) for warmth, _ in COLD}
@@ -161,26 +161,34 @@ class AnyGuidance:
             curved=curved,
         )
 
-    def _noise(self) -> tuple[Array, bool]:
+    def _noise(self) -> tuple[Array, bool, float]:
         """Covariance (n, n) of the state after SPREADING under noise alone, and whether steps have second derivatives.
 
         The variance of a position is b^2 t^3 / 3 where noise b acts on the velocity, for a car with b V in its place.
+        Where inputs carry the noise, one after the other is what the rate of cost asks for, and the third is the
+        variance per second of a position in the noisiest direction, which each heading has elsewhere; else zero.
         """
         d, h = self.problem.dynamics, SPREADING / PIECES
+        asked, at_once = math.sqrt(2.0 * self.problem.least_rate / self.problem.temperature), 0.0
         lower, upper = d.box(self.problem.scene)
         spread, bend = np.zeros((d.n, d.n)), 0.0
         for k in range(PROBES):
             fraction = (np.arange(1, d.n + 1) * 0.7548776662 + (k + 1) * 0.5698402910) % 1.0
             x = lower + fraction * (upper - lower)
             J, S = np.zeros((d.n + 1, d.n + self.width)), np.zeros((d.n + self.width,) * 2)
-            self.passes.expand(self.setup, x, np.full(self.width, 0.5), h, np.ones(d.n), True, J, S)
+            control = np.full(self.width, 0.5)
+            if d.input_form:
+                control = asked * np.eye(self.width)[k % d.m]
+                B = d.B_c(x)[:2]
+                at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
+            self.passes.expand(self.setup, x, control, h, np.ones(d.n), True, J, S)
             A, C = J[:-1, : d.n], J[:-1, d.n :]
             bend = max(bend, float(np.abs(S).max()))
             P = np.zeros((d.n, d.n))
             for _ in range(PIECES):
                 P = A @ P @ A.T + C @ C.T / h
             spread += P / PROBES
-        return spread, bend > STRAIGHT
+        return spread, bend > STRAIGHT, at_once
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
@@ -254,8 +262,8 @@ class AnyGuidance:
         d, course = self.problem.dynamics, self._empty(len(times) - 1)
         tape, state = trajectory.tape(times), x
         for i, u in enumerate(tape):
-            course.control[i, : d.m] = np.linalg.solve(d.B_c(state), d.G_c(state) @ u)
-            if not d.constant:
+            course.control[i, : d.m] = d.to_noise(state, u)
+            if not (d.constant or d.input_form):
                 state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
         length = int(np.searchsorted(times, trajectory.durations.sum()))
         return course, min(length, len(tape))

@@ -80,7 +80,7 @@ class Climb(Lead):
     """Climbing the desirability of a way, G u = BB' grad log psi; without the push of the nearest walls."""
 
     way: Way
-    gain: Array  # (m, 2) G^-1 BB' [m/s per nat/m]
+    gain: Array  # (m, 2) lambda R^-1 G' [m/s per nat/m]
     push: Push
     ways: Ways = field(init=False, repr=False)  # the way as the only one
 

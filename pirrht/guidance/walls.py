@@ -29,7 +29,7 @@ SHARPER = 0.2  # of a rollout step's noise: nearer than half of that a wall push
 class Scales(NamedTuple):
     """Lengths and noise that a problem has at a state."""
 
-    noise: float  # variance per second of an actuated state, their mean [m^2/s or rad^2/s]
+    noise: float  # variance per second that each noise adds, their mean [m^2/s or rad^2/s]
     decay: float  # k of psi = exp(-k r) in free space [1/m]; ways, of points that noise moves, are its only use
     reach: float  # of walls, as `wall_slope` takes it, beside what follows no way [m]
 
@@ -37,7 +37,7 @@ class Scales(NamedTuple):
     def of(cls, problem: Problem, x: Array) -> Scales:
         """Those at x (n,)."""
         B = problem.dynamics.B_c(x)
-        noise = float(np.trace(B @ B.T)) / len(B)
+        noise = float(np.trace(B @ B.T)) / problem.dynamics.m
         decay = float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise)))
         return cls(noise=noise, decay=decay, reach=REACH / decay)
 
@@ -84,7 +84,7 @@ class Push:
         return np.asarray(gain @ np.array(slope))
 
     def gain(self, x: Array) -> Array:
-        """G^-1 BB' at x (n,), (m, m): what a slope of log psi is multiplied with."""
+        """lambda R^-1 G' at x (n,), (m, rows): what a slope of log psi is multiplied with."""
         return self._at(x)[0]
 
     def walls(self, x: Array) -> tuple[Any, ...]:
@@ -93,14 +93,14 @@ class Push:
         return found
 
     def _at(self, x: Array) -> tuple[Array, float]:
-        """G^-1 BB' at x (n,), and where walls begin to push no harder [m]."""
+        """lambda R^-1 G' = G^-1 BB' at x (n,), and where walls begin to push no harder [m]."""
         if self.known is not None:
             return self.known
         d = self.problem.dynamics
         B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
         closest = SHARPER * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
-        return np.asarray(np.linalg.solve(d.G_c(x), B @ B.T)), closest
+        return d.climbing_gain(x), closest
 
 
 @kernel

@@ -1,7 +1,8 @@
 """Compiled rollouts: noisy paths around references, their cost, and how likely each reference makes them.
 
-Everything is expressed in noise units: with a = B_c^-1 G_c u and the path's own increments y = a dt + dw, a step is
-x + f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper, Girsanov's theorem).
+Everything is expressed in noise units: with a = B_c^-1 G_c u, or s^-1 u in input form, and the path's own increments
+y = a dt + dw, a step is x + f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper,
+Girsanov's theorem).
 """
 
 from __future__ import annotations
@@ -33,10 +34,11 @@ def kernels_for(problem: Problem) -> Kernels:
 def kind_of(problem: Problem) -> Kind:
     """What kernels of a problem are compiled for."""
     d = problem.dynamics
+    noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
     return Kind(
         drift=as_jitable(d.drift),
-        control_block=None if d.constant else as_jitable(_function(d.control_block)),
-        diffusion_block=None if d.constant else as_jitable(_function(d.diffusion_block)),
+        control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
+        diffusion_block=None if d.constant else as_jitable(_function(noise)),
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate,
         n=d.n,
         m=d.m,
@@ -44,6 +46,8 @@ def kind_of(problem: Problem) -> Kind:
         noisy_position=d.noisy_position,
         angles=sum(1 << i for i in d.angles),
         homing=as_jitable(d.homing),
+        input_form=d.input_form,
+        midway=d.stratonovich,
     )
 
 

@@ -32,9 +32,9 @@ class Setup(NamedTuple):
     arena: Arena
     cuts: Cuts
     parameters: Array  # (k,) p of the dynamics
-    gain: Array  # (m, m) B_c^-1 G_c, if constant
-    inverse: Array  # (m, m) G_c^-1 B_c, if constant
-    diffusion: Array  # (m, m) B_c, if constant
+    gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1
+    inverse: Array  # (m, m) G_c^-1 B_c, if constant; in input form s
+    diffusion: Array  # (rows, m) B_c, if constant
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
     pace: float = 1.0  # least q / lambda [1/s]

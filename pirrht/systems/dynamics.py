@@ -1,7 +1,10 @@
 """Controlled diffusions `dx = f(x) dt + G(x) u dt + B(x) dw` with noise and control in one channel (paper eq. 1).
 
-The state is partitioned as x = [x_m; x_c]: control and noise enter x_c only, through the square blocks
-G_c and B_c. One definition of each system serves the rollout kernels, the analytic plant and the tests.
+In the paper's partition the state is x = [x_m; x_c]: control and noise enter x_c only, through the square blocks
+G_c and B_c. In the input form dx = f(x) dt + G(x) (u dt + s dw) they enter any states, through the columns of one
+matrix: B = G s, and no square block is asked for. Either way a path is told in noise units: its increments are
+y = a dt + dw with a = B_c^-1 G_c u, or a = s^-1 u, and the likelihood ratio is one of m numbers per step.
+One definition of each system serves the rollout kernels, the analytic plant and the tests.
 """
 
 from __future__ import annotations
@@ -17,6 +20,8 @@ from pirrht.compiled.jit import jitable
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 
+PROBES = 5  # states at which it is asked whether noise acts on the position
+
 
 @jitable
 def no_homing(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
@@ -30,34 +35,69 @@ class Dynamics(ABC):
 
     `drift`, `control_block` and `diffusion_block` are numeric functions `(x, p, out) -> None` that fill `out`;
     they must compile with numba. `p` is `parameters`. The blocks may be arrays instead: then they are constant
-    and rollouts take the fast path. `states` names the components: "x" and "y" [m] first, then "heading" [rad], "vx",
+    and rollouts take the fast path. Instead of both blocks a system may declare `input_matrix` and `input_noise`.
+    `states` names the components: "x" and "y" [m] first, then "heading" [rad], "vx",
     "vy", "speed" [m/s], "t" [s] or whatever else the system has, but no "z".
     """
 
     n: int  # states
-    m: int  # controls; the last m states are the actuated ones
+    m: int  # controls; in the paper's partition the last m states are the actuated ones
     states: tuple[str, ...] = ("x", "y")  # (n,) what the components of a state are
     parameters: Array  # (k,) numbers the functions read
     drift: Callable[..., None]  # f, out (n,) [state/s]
     control_block: Array | Callable[..., None]  # G_c, (m, m) [state/s per control]
     diffusion_block: Array | Callable[..., None]  # B_c, (m, m) [state/sqrt(s)]
+    # The input form: G, (n, m) [state/s per control], an array or a function (x, p, out) likewise, and s, (m, m)
+    # [control sqrt(s)], an array with an inverse.
+    input_matrix: Array | Callable[..., None] | None = None
+    input_noise: Array | None = None
+    # Whether the equation is meant in Stratonovich's sense, so that a step takes f and G half-way, and not in Ito's, so
+    # that it takes G from its start. Both are one where no column of B = G s changes along itself, as noise along a
+    # heading and other noise on that heading: there half-way is only closer to the equation.
+    stratonovich: bool = False
     # Optional: what samples do that outlive their guide, (x, p, B, aim, radius, rate, out) -> None, compiled by numba:
     # the control towards the goal's disc at aim (x, y) [m] as a = B_c^-1 G_c u, out (m,) [1/sqrt(s)]; rate is q/lambda.
     homing: Callable[..., None] = staticmethod(no_homing)
 
     @abstractmethod
     def twist(self, x: Array, rate: Array) -> Array:
-        """Velocity command (2,) of the robot at x (n,), in its own terms, for rates (m,) [state/s] of x_c."""
+        """Velocity command (2,) of the robot at x (n,), in its own terms, for rates (m,) [state/s] of x_c.
+
+        In the input form they are those of the inputs themselves, u + s dw/dt (m,), in units of controls.
+        """
+
+    @property
+    def input_form(self) -> bool:
+        """Whether noise enters through the inputs of an `input_matrix`, not through the paper's square blocks."""
+        return self.input_matrix is not None
+
+    @property
+    def rows(self) -> int:
+        """How many states, the last ones, control and noise may enter: m in the paper's partition, n in input form."""
+        return self.n if self.input_form else self.m
 
     @property
     def constant(self) -> bool:
-        """Whether neither G nor B depends on the state; then both are arrays (m, m)."""
+        """Whether neither G nor B depends on the state; then both are arrays (rows, m)."""
+        if self.input_form:
+            return isinstance(self.input_matrix, np.ndarray)
         return isinstance(self.control_block, np.ndarray) and isinstance(self.diffusion_block, np.ndarray)
 
     @property
     def noisy_position(self) -> bool:
         """Whether the noise acts on the position itself (then exits need a Brownian bridge, else a sweep)."""
-        return self.n - self.m < 2
+        return self._stirred if self.input_form else self.n - self.m < 2
+
+    @property
+    def drifting_away(self) -> bool:
+        """Whether the drift moves states in directions that no control does."""
+        return self.drift is not no_drift if self.input_form else self.n > self.m
+
+    @cached_property
+    def _stirred(self) -> bool:
+        """Whether the rows of x and y of G are other than zero anywhere; asked at some states."""
+        numbers = np.arange(1, PROBES + 1)[:, None] * np.sqrt(2.0 + np.arange(self.n)) % 1.0
+        return any(bool(np.any(self.G_c(x)[:2])) for x in 2.0 * np.pi * (numbers - 0.5))
 
     @cached_property
     def position(self) -> tuple[int, int]:
@@ -103,7 +143,8 @@ class Dynamics(ABC):
             OptionError: they cannot; names the class and says what would have worked.
         """
         name, given = type(self).__name__, ", ".join(self.states)
-        needed = ("n", "m", "parameters", "drift", "control_block", "diffusion_block")
+        blocks = ("input_matrix", "input_noise") if self.input_form else ("control_block", "diffusion_block")
+        needed = ("n", "m", "parameters", "drift", *blocks)
         missing = [what for what in needed if getattr(self, what, None) is None]
         if missing:
             raise OptionError(f"{name}: {' and '.join(missing)} missing; a Dynamics declares {', '.join(needed)}")
@@ -120,7 +161,12 @@ class Dynamics(ABC):
             )
         if not 1 <= self.m <= self.n:
             raise OptionError(f"{name}: m is {self.m}; of {self.n} states at least 1 and at most {self.n} are actuated")
-        for what in ("control_block", "diffusion_block"):
+        if self.input_form:
+            self._check_inputs(name)
+        elif self.input_noise is not None or self.stratonovich:
+            which = "stratonovich" if self.input_noise is None else "input_noise"
+            raise OptionError(f"{name}: {which} belongs to the input form; declare an input_matrix, or leave it out")
+        for what in () if self.input_form else ("control_block", "diffusion_block"):
             block = getattr(self, what)
             if not callable(block) and not isinstance(block, np.ndarray):
                 raise OptionError(f"{name}: {what} is a {type(block).__name__}; it must be an array or a function")
@@ -131,6 +177,33 @@ class Dynamics(ABC):
         except TypeError as error:
             raise OptionError(f"{name}: drift(x, p, out) cannot be called ({error}); make it a @staticmethod") from None
 
+    def _check_inputs(self, name: str) -> None:
+        """Refuse an input form that is none."""
+        G, s, shape = self.input_matrix, self.input_noise, (self.n, self.m)
+        twice = [what for what in ("control_block", "diffusion_block") if getattr(self, what, None) is not None]
+        if twice:
+            raise OptionError(f"{name}: both {twice[0]} and input_matrix are declared; leave one form out")
+        if not callable(G) and not isinstance(G, np.ndarray):
+            raise OptionError(f"{name}: input_matrix is a {type(G).__name__}; it must be an array or a function")
+        if isinstance(G, np.ndarray) and G.shape != shape:
+            raise OptionError(f"{name}: input_matrix is {G.shape}; with n = {self.n}, m = {self.m} it must be {shape}")
+        if not isinstance(s, np.ndarray):
+            raise OptionError(f"{name}: input_noise is a {type(s).__name__}; it must be an array: s is constant")
+        if s.shape != (self.m, self.m):
+            raise OptionError(f"{name}: input_noise is {s.shape}; with m = {self.m} it must be {self.m, self.m}")
+        if not (np.all(np.isfinite(s)) and abs(np.linalg.det(s)) > 0.0):
+            raise OptionError(
+                f"{name}: input_noise is {s.tolist()}; it must have an inverse, so that noise acts on every input"
+            )
+        if callable(G):
+            try:
+                G(np.zeros(self.n), self.parameters, np.zeros(shape))
+            except (TypeError, ValueError, IndexError) as error:
+                raise OptionError(
+                    f"{name}: input_matrix(x, p, out) does not fill an out of {shape} ({error}); "
+                    "make it a @staticmethod of three arguments"
+                ) from None
+
     def f(self, x: Array) -> Array:
         """Passive drift at x (n,), (n,) [state/s]."""
         out = np.zeros(self.n)
@@ -138,20 +211,70 @@ class Dynamics(ABC):
         return out
 
     def G_c(self, x: Array) -> Array:
-        """Actuated block of G at x (n,), (m, m) [state/s per control]."""
-        return self._block(self.control_block, x)
+        """Rows of G at x (n,) that are not zero for good, (rows, m) [state/s per control]."""
+        return self._block(self.control_block if self.input_matrix is None else self.input_matrix, x)
 
     def B_c(self, x: Array) -> Array:
-        """Actuated block of B at x (n,), (m, m) [state/sqrt(s)]."""
+        """The same rows of B at x (n,), (rows, m) [state/sqrt(s)]."""
+        if self.input_noise is not None:
+            return np.asarray(self.G_c(x) @ self.input_noise)
         return self._block(self.diffusion_block, x)
 
+    def noise_gain(self, x: Array) -> Array:
+        """D (m, m) of a = D u, the control u in noise units at x (n,) [1/sqrt(s) per control]."""
+        if self.input_noise is not None:
+            return np.asarray(np.linalg.inv(self.input_noise))
+        return np.asarray(np.linalg.solve(self.B_c(x), self.G_c(x)))
+
+    def control_gain(self, x: Array) -> Array:
+        """Its inverse at x (n,), (m, m) [control sqrt(s)]."""
+        if self.input_noise is not None:
+            return np.asarray(self.input_noise, dtype=float)
+        return np.asarray(np.linalg.solve(self.G_c(x), self.B_c(x)))
+
+    def to_noise(self, x: Array, u: Array) -> Array:
+        """The control u (m,) at x (n,) in noise units, a (m,) [1/sqrt(s)]."""
+        if self.input_noise is not None:
+            return np.asarray(np.linalg.solve(self.input_noise, u))
+        return np.asarray(np.linalg.solve(self.B_c(x), self.G_c(x) @ u))
+
+    def input_of(self, x: Array, a: Array) -> Array:
+        """The control u (m,) at x (n,) of one in noise units (m,) [1/sqrt(s)]."""
+        if self.input_noise is not None:
+            return np.asarray(self.input_noise @ a)
+        return np.asarray(np.linalg.solve(self.G_c(x), self.B_c(x) @ a))
+
+    def climbing_gain(self, x: Array) -> Array:
+        """lambda R^-1 G' at x (n,), (m, rows): the control that a slope of log psi asks for, per slope."""
+        if self.input_noise is not None:
+            return np.asarray(self.input_noise @ self.B_c(x).T)
+        B = self.B_c(x)
+        return np.asarray(np.linalg.solve(self.G_c(x), B @ B.T))
+
+    def idle(self, x: Array) -> Array:
+        """`rate` at x (n,) without control and noise, (m,) [state/s]: f_c, or in input form nothing."""
+        return np.zeros(self.m) if self.input_form else self.f(x)[self.n - self.m :]
+
     def rate(self, x: Array, u: Array, dw: Array, dt: float) -> Array:
-        """Rates (m,) [state/s] of the actuated states at x (n,), for u (m,) and noise dw (m,) [sqrt(s)] over dt [s]."""
+        """Rates (m,) [state/s] of the actuated states at x (n,), for u (m,) and noise dw (m,) [sqrt(s)] over dt [s].
+
+        In input form, those of the inputs: u + s dw/dt (m,).
+        """
+        if self.input_noise is not None:
+            return np.asarray(u + self.input_noise @ dw / dt)
         actuated: Array = self.f(x)[self.n - self.m :] + self.G_c(x) @ u + self.B_c(x) @ dw / dt
         return actuated
 
     def step(self, x: Array, u: Array, dw: Array, dt: float) -> Array:
-        """One Euler-Maruyama step of dt [s] from x (n,) under u (m,), increment dw (m,) [sqrt(s)] handed in, (n,)."""
+        """One Euler-Maruyama step of dt [s] from x (n,) under u (m,), increment dw (m,) [sqrt(s)] handed in, (n,).
+
+        Where the equation is Stratonovich's, f and G are those of its middle.
+        """
+        if self.input_form:
+            rate, middle = self.rate(x, u, dw, dt), x
+            if self.stratonovich:
+                middle = x + 0.5 * dt * (self.f(x) + self.G_c(x) @ rate)
+            return np.asarray(x + dt * (self.f(middle) + self.G_c(middle) @ rate))
         dx = self.f(x) * dt
         dx[self.n - self.m :] = self.rate(x, u, dw, dt) * dt
         moved: Array = x + dx
@@ -160,7 +283,7 @@ class Dynamics(ABC):
     def _block(self, block: Array | Callable[..., None], x: Array) -> Array:
         if isinstance(block, np.ndarray):
             return block
-        out = np.zeros((self.m, self.m))
+        out = np.zeros((self.rows, self.m))
         block(x, self.parameters, out)
         return out
 

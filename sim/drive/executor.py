@@ -1,7 +1,8 @@
 """The plant: a robot driven for one control period at a time, in MuJoCo or by its stochastic equation alone.
 
 Noise enters with the control. Every physics step of length h draws one increment dw ~ N(0, h I), whatever
-the method and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`. With deadbeat servos a
+the method and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`, or where noise enters through
+the inputs `ctrl = M @ twist(x, u + s dw/h)`. With deadbeat servos a
 step of MuJoCo is then the Euler-Maruyama step of the equation, and the displacement has covariance B B' t. Motors
 take accelerations instead: the velocity's step is then that of the equation, and the position moves on with the
 velocity of the step's end (semi-implicit Euler) where the equation alone takes that of its start.
@@ -118,8 +119,7 @@ class Executor:
     def reset(self, state: Array) -> None:
         """Stand at the first n entries of `state`; a robot on wheels rolls as it does without control."""
         self._state = np.array(state, dtype=float)[: self._dynamics.n]
-        drift = self._dynamics.f(self._state)[self._dynamics.n - self._dynamics.m :]
-        twist = self._twist(self._state, drift)
+        twist = self._twist(self._state, self._dynamics.idle(self._state))
         mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
         self._stance.place(self._data, self._state, twist, self._command.dot(twist))
         mujoco.mj_step1(self._model, self._data)
@@ -191,6 +191,9 @@ class Analytic:
 
 def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:
     """`dynamics.rate` at a fixed step [s], (x, u, dw) -> (m,), with constant blocks looked up only once."""
+    if dynamics.input_noise is not None:
+        s_per_step = dynamics.input_noise / step
+        return lambda x, u, dw: u + s_per_step.dot(dw)
     if not dynamics.constant:
         return lambda x, u, dw: dynamics.rate(x, u, dw, step)
     anywhere = np.zeros(dynamics.n)

@@ -5,6 +5,7 @@ by chords over a time tau of driving, and from the square of each chord (over t 
 it across its direction, b^2 t. Noise and control at its natural pace sqrt(2 q / R) carry equally far in lambda / (2 q)
 seconds; tau is CHORD times lambda / q. So tau does not depend on physics step or control period, tau -> 0 and the
 length becomes that of the path as b -> 0, and where noise does not act on the position (cars) nothing is smoothed.
+Noise along the way alone (a rover's) adds nothing to a chord on average: only its own to and fro is smoothed away.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class Length:
     """
 
     def __init__(self, problem: Problem, x: Array) -> None:
-        self._spread = spread(problem, x)
+        self._spread, self._smooth = spread(problem, x), not problem.dynamics.noisy_position
         self._time = CHORD * problem.temperature / problem.least_rate
         self._first = self._last = self._begun = (float(x[0]), float(x[1]))  # of the path, so far, of the chord
         self._steps, self._step = 0, 0.0  # of the chord, and their length [s]
@@ -50,7 +51,7 @@ class Length:
     @property
     def total(self) -> float:
         """Of the path without its noise [m]; at least the distance between its ends, at most the noisy length."""
-        if self._spread == 0.0:
+        if self._smooth:
             return self.noisy
         total = self._chords + self._chord(self._last, self._steps)
         return min(self.noisy, max(total, _distance(self._first, self._last)))
@@ -61,10 +62,16 @@ class Length:
 
 
 def spread(problem: Problem, x: Array) -> float:
-    """Variance per second that noise adds to each coordinate of the position at x (n,) [m^2/s]."""
+    """Variance per second that noise adds to each coordinate of the position at x (n,) [m^2/s].
+
+    In input form that in the direction in which it adds least, since robots drive in the other.
+    """
     dynamics = problem.dynamics
     if not dynamics.noisy_position:
         return 0.0
+    if dynamics.input_form:
+        B = np.asarray(dynamics.B_c(x))[list(dynamics.position)]
+        return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0]))
     first = dynamics.n - dynamics.m
     rows = np.asarray(dynamics.B_c(x))[[i - first for i in dynamics.position if i >= first]]
     return float(np.sum(rows**2)) / 2.0

@@ -76,6 +76,8 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     if wrong := _wrong_actuator(model, dynamics.states, system):
         raise OptionError(wrong)
     actuated = dynamics.states[dynamics.n - dynamics.m :]
+    if dynamics.input_form:
+        actuated = tuple(name for name in dynamics.states if name in VELOCITIES)
     if not actuated or set(actuated) - set(VELOCITIES):
         return
     data, stance = mujoco.MjData(model), stance_of(model, dynamics.states)
@@ -90,6 +92,9 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
             data.ctrl[:] = ctrl
             mujoco.mj_forward(model, data)
             made = data.qacc[dofs]
+            if dynamics.input_form:
+                rates = dynamics.f(x) + dynamics.G_c(x) @ wanted
+                wanted = rates[[dynamics.states.index(name) for name in actuated]]
             if not np.allclose(made, wanted, rtol=TOLERANCE, atol=TOLERANCE):
                 raise OptionError(
                     f"at {speed:g} m/s, commanded to accelerate by {_told(wanted)} m/s^2 as a {system}, the robot "

@@ -91,8 +91,9 @@ def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) ->
 
     Actuators that several controls share bound none of them.
     """
-    x, first = np.zeros(dynamics.n), dynamics.n - dynamics.m
-    rates = dynamics.f(x)[first:] + np.vstack([np.zeros(dynamics.m), dynamics.G_c(x).T])
+    x, still = np.zeros(dynamics.n), np.zeros(dynamics.m)
+    per_control = np.eye(dynamics.m) if dynamics.input_form else dynamics.G_c(x).T
+    rates = dynamics.idle(x) + np.vstack([still, per_control])
     still, *moved = (command @ dynamics.twist(x, rate) for rate in rates)
     slopes = np.column_stack(moved) - still[:, None]
     low, high = np.full(dynamics.m, -np.inf), np.full(dynamics.m, np.inf)

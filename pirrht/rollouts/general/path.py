@@ -1,7 +1,8 @@
 """One sampled path of any dynamics, under any lead and either exit rule.
 
 A step is Euler-Maruyama's; where no noise acts on the position, the drift is that of the middle of the step's noise, so
-that a car moves along the heading it has half-way, as the robot does.
+that a car moves along the heading it has half-way, as the robot does. Where noise enters through inputs, B = G s, and
+the equation is Stratonovich's, so is B (and the drift) that of the middle of the step; the increments y do not change.
 
 That chain steers a car by one control per step, and what it cannot do makes v too high. With fitted steps, the heading
 at the end of a step and its mean over the step are therefore drawn together, as those of a Brownian motion are: the
@@ -94,8 +95,8 @@ class Kind(NamedTuple):
     """What kernels of one kind of dynamics and cost rate are compiled for; functions that numba compiles."""
 
     drift: Callable[..., None]  # (x, p, out)
-    control_block: Callable[..., None] | None  # G_c (x, p, out); None: constant, in `Setup`
-    diffusion_block: Callable[..., None] | None  # B_c, likewise
+    control_block: Callable[..., None] | None  # G_c (x, p, out); None: what turns u into a is constant, in `Setup`
+    diffusion_block: Callable[..., None] | None  # B_c, likewise; in input form G, of which B = G s
     q: Callable[..., float]  # (x, p) [cost/s], if it varies
     n: int  # states
     m: int  # controls
@@ -103,24 +104,56 @@ class Kind(NamedTuple):
     noisy_position: bool  # whether noise acts on the position
     angles: int = 0  # bit k tells whether the k-th state is a heading
     homing: Callable[..., None] = no_homing  # (x, p, B, aim, radius, rate, out): `Dynamics.homing`
+    input_form: bool = False  # whether noise enters through inputs
+    midway: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
+
+    @property
+    def rows(self) -> int:
+        """Trailing states that B has rows for."""
+        return self.n if self.input_form else self.m
+
+
+@cache
+def diffusion_of(kind: Kind) -> Any:
+    """The kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
+    block: Any = kind.diffusion_block
+    rows, m = kind.rows, kind.m
+
+    @kernel
+    def through_inputs(x, p, s, G, B):  # type: ignore[no-untyped-def]
+        block(x, p, G)
+        for i in range(rows):
+            for j in range(m):
+                total = 0.0
+                for k in range(m):
+                    total += G[i, k] * s[k, j]
+                B[i, j] = total
+
+    @kernel
+    def as_it_is(x, p, s, G, B):  # type: ignore[no-untyped-def]
+        block(x, p, B)
+
+    return through_inputs if kind.input_form else as_it_is
 
 
 def takes_law(kind: Kind) -> bool:
     """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do."""
-    car = kind.drift is unicycle_drift and kind.m == 1 and kind.control_block is None
+    car = kind.drift is unicycle_drift and kind.rows == kind.m == 1 and kind.control_block is None
     return not car and not (kind.n == kind.m == 2)
 
 
 @cache
 def any_path(kind: Kind) -> tuple[Any, Any]:
     """Kernels that simulate one path of any dynamics, and that make its scratch."""
-    drift, control_block, diffusion_block, q, n, m, varying_rate, noisy_position, angles, homing_of = kind
-    varying, drifting = control_block is not None, drift is not no_drift
-    gain_at: Any = control_block if varying else drift
-    noise_at: Any = diffusion_block if varying else drift
-    fixed = n - m
-    turning = drift is unicycle_drift and m == 1
-    car, leadable = turning and not varying, takes_law(kind)
+    drift, q, n, m, rows, midway = kind.drift, kind.q, kind.n, kind.m, kind.rows, kind.midway
+    varying_rate, noisy_position, angles, homing_of = kind.varying_rate, kind.noisy_position, kind.angles, kind.homing
+    varying, gaining = kind.diffusion_block is not None, kind.control_block is not None  # B does, and B^-1 G
+    drifting, along_line = drift is not no_drift, rows > m
+    gain_at: Any = kind.control_block if gaining else drift
+    noise_at: Any = diffusion_of(kind) if varying else drift
+    fixed = n - rows
+    turning = drift is unicycle_drift and rows == m == 1
+    car, leadable = turning and not gaining, takes_law(kind)
     bending = leadable and drifting and not noisy_position
     isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
@@ -139,7 +172,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         """Scratch of `one_path`: x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried and four of laws."""
         H = leads.control.shape[0]
         x, moved, f, y = np.empty(n), np.empty(n), np.empty(n), np.empty(m)
-        G, D, B, a = np.zeros((m, m)), np.empty((m, m)), np.empty((m, m)), np.empty((H, m))
+        G, D, B, a = np.zeros((rows, m)), np.empty((m, m)), np.empty((rows, m)), np.empty((H, m))
         aside = np.zeros(H)
         column, carried, wide = np.empty((m, 1)), np.empty((m, 1)), np.zeros((H, 2 * m))
         home, white, drawn = np.zeros(m), np.zeros(2 * m), np.zeros(2 * m)
@@ -216,16 +249,17 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
             exit = INSIDE
             while left > 0.0 and exit == INSIDE:
                 if varying:
-                    gain_at(x, p, G)
-                    noise_at(x, p, B)
-                    solve(B, G, D)
+                    noise_at(x, p, inverse, G, B)
                     xx, xy, yy = covariance(B)
+                if gaining:
+                    gain_at(x, p, G)
+                    solve(B, G, D)
                 if drifting:
                     drift(x, p, f)
                 dt = left
                 if noisy_position and least < left:
                     near = max(min(min(before[0], before[1]), max(before[2], RIM * radius)), 0.0)
-                    dt = fitting(near, left, least, 1.0 / (9.0 * max(xx, yy)))
+                    dt = fitting(near, left, least, 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy))))
                 left -= dt
                 root, until = math.sqrt(dt), dt
                 cov = (xx * dt, xy * dt, yy * dt)
@@ -299,8 +333,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             wide[g, j] = 0.0
                     if i < active[g]:
                         for j in range(m):
-                            a[g, j] += 0.0 if varying else drifts[g, i, j]
-                            for k in range(m if varying else 0):
+                            a[g, j] += 0.0 if gaining else drifts[g, i, j]
+                            for k in range(m if gaining else 0):
                                 a[g, j] += D[j, k] * controls[g, i, k]
                     if near_walls and count[g] == 0:
                         for j in range(m):
@@ -308,11 +342,11 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 if owed > 0.0:  # over a step the guide is the mean of both ends, to second order
                     for j in range(m):
                         column[j, 0] = a[h, j]
-                    if varying:
+                    if gaining:
                         solve(D, column, carried)
                     for j in range(m):
-                        u = carried[j, 0] if varying else 0.0
-                        for k in range(0 if varying else m):
+                        u = carried[j, 0] if gaining else 0.0
+                        for k in range(0 if gaining else m):
                             u += inverse[j, k] * column[k, 0]
                         led_by[last, j] += 0.5 * owed * u
                     owed = 0.0
@@ -359,12 +393,12 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     elif drifting:
                         for j in range(n):
                             moved[j] = x[j]
-                        for j in range(m):
+                        for j in range(rows):
                             for k in range(m):
                                 moved[fixed + j] += 0.5 * B[j, k] * y[k]
                         if swaying:
                             moved[2] -= B[0, 0] * sway * SWAY
-                        for j in range(m if bent else 0):
+                        for j in range(rows if bent else 0):
                             for k in range(m):
                                 moved[fixed + j] -= SWAY * B[j, k] * drawn[m + k]
                         drift(moved, p, f)
@@ -372,9 +406,21 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             turn = B[0, 0] * y[0]
                             for j in range(2):
                                 f[j] *= 1.0 - (turn * turn + B[0, 0] * B[0, 0] * dt) / 24.0
+                if midway and not arrived:
+                    for j in range(n):
+                        moved[j] = x[j] + 0.5 * f[j] * dt
+                    for j in range(rows):
+                        for k in range(m):
+                            moved[fixed + j] += 0.5 * B[j, k] * y[k]
+                    if varying:
+                        noise_at(moved, p, inverse, G, B)
+                        xx, xy, yy = covariance(B)
+                        cov = (xx * dt, xy * dt, yy * dt)
+                    if drifting and (noisy_position or not setup.bridge):
+                        drift(moved, p, f)
                 for j in range(n):
                     moved[j] = x[j] + f[j] * dt
-                for j in range(m):
+                for j in range(rows):
                     for k in range(m):
                         moved[fixed + j] += B[j, k] * y[k]
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
@@ -428,22 +474,22 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 if i < applied.shape[0]:
                     for j in range(m):
                         column[j, 0] = y[j]
-                    if varying:
+                    if gaining:
                         solve(D, column, carried)
                     for j in range(m):
-                        u = carried[j, 0] if varying else 0.0
-                        for k in range(0 if varying else m):
+                        u = carried[j, 0] if gaining else 0.0
+                        for k in range(0 if gaining else m):
                             u += inverse[j, k] * y[k]
                         applied[i, j] += u / whole
                 if i < led_by.shape[0]:
                     for part in range(2 if i == 0 and done == 0.0 else 1):
                         for j in range(m):
                             column[j, 0] = a[h, j] - (pushed[j] if part == 1 and near_walls else 0.0)
-                        if varying:
+                        if gaining:
                             solve(D, column, carried)
                         for j in range(m):
-                            u = carried[j, 0] if varying else 0.0
-                            for k in range(0 if varying else m):
+                            u = carried[j, 0] if gaining else 0.0
+                            for k in range(0 if gaining else m):
                                 u += inverse[j, k] * column[k, 0]
                             if part == 1:
                                 base[j] = u

@@ -87,9 +87,10 @@ RUN: Any = Run
 
 def is_point(d: Dynamics) -> bool:
     """Whether the dynamics are of this kind."""
-    if not (d.n == d.m == 2 and d.drift is no_drift and isinstance(d.diffusion_block, np.ndarray)):
+    if not (d.n == d.m == 2 and d.drift is no_drift and d.constant):
         return False
-    cov = d.diffusion_block @ d.diffusion_block.T
+    B = d.B_c(np.zeros(2))
+    cov = B @ B.T
     return bool(cov[0, 1] == 0.0 and cov[0, 0] == cov[1, 1])
 
 

@@ -1,0 +1,83 @@
+"""Systems whose noise enters through their inputs, and the scene of the number that plain simulation gave for one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from discs import disc
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import jitable
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.problem import Problem
+from pirrht.systems.double_integrator import coasting, into_goal
+from pirrht.systems.dynamics import Dynamics, no_drift
+
+RADIUS = 0.004  # of a robot that stands for a point, by which its obstacle is smaller [m]
+
+
+@jitable
+def along_and_about(x, p, out):  # type: ignore[no-untyped-def]
+    """G of speed along the heading and turn rate about the vertical, (3, 2)."""
+    out[0, 0], out[1, 0], out[2, 1] = np.cos(x[2]), np.sin(x[2]), 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Driven(Dynamics):
+    """A car with the inputs speed and turn rate: x = (x, y, heading)."""
+
+    stratonovich: bool = False  # type: ignore[misc]
+    s: tuple[float, float] = (0.5, 1.0)  # [m/sqrt(s)], [rad/sqrt(s)]
+
+    n = 3
+    m = 2
+    states = ("x", "y", "heading")
+    parameters = np.zeros(0)
+    drift = staticmethod(no_drift)
+    input_matrix = staticmethod(along_and_about)
+
+    @cached_property
+    def input_noise(self) -> Array:  # type: ignore[override]
+        return np.diag(self.s)
+
+    def twist(self, x: Array, rate: Array) -> Array:
+        return rate
+
+
+@jitable
+def homing_of_mass(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """That of the mass, whose B has two rows."""
+    into_goal(x, p, B[2:], aim, radius, rate, out)
+
+
+class PushedMass(Dynamics):
+    """The mass of `DoubleIntegrator` in input form, b = 0.1 m/s/sqrt(s)."""
+
+    n = 4
+    m = 2
+    states = ("x", "y", "vx", "vy")
+    parameters = np.zeros(0)
+    drift = staticmethod(coasting)
+    input_matrix = np.vstack([np.zeros((2, 2)), np.eye(2)])
+    input_noise = 0.1 * np.eye(2)
+
+    homing = staticmethod(homing_of_mass)
+
+    def twist(self, x: Array, rate: Array) -> Array:
+        return rate
+
+
+def around_a_disc() -> Scene:
+    """A goal disc of 0.3 m, and one disc of 0.2 m beside the way to it."""
+    return Scene(
+        name="disc", lower=np.array([-1.0, -1.0]), upper=np.array([2.0, 1.5]),
+        obstacles=(disc("post", 0.35, -0.25, 0.2 - RADIUS),), goal=Goal(center=np.array([0.8, 0.2]), radius=0.3),
+        start=np.array([0.0, 0.0, 0.4]), robot_radius=RADIUS,
+    )  # fmt: skip
+
+
+def driven(*, stratonovich: bool = False) -> Problem:
+    """The car in that scene: R = diag(2, 0.5), lambda = 0.5, q = 1."""
+    return Problem(dynamics=Driven(stratonovich), scene=around_a_disc(), R=np.diag([2.0, 0.5]))
