@@ -51,6 +51,7 @@ class System:
     states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
     home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> `beyond` of `pirrht.control.mppi`; None: straight
+    twists: int = 2  # numbers of `Dynamics.twist`, which a robot's `pirrht_command` turns into commands
     paper_samples: int = 200  # N under `--preset paper`
     heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
     own: tuple[str, ...] = ()  # fields of `Settings` that scenes meant for other systems do not set
@@ -317,6 +318,7 @@ for _system in (
         q_min=1.0,
         states=(*POSE, "speed"),
         defaults={"samples": 300, "period": 0.1, "phi": 1000.0, "max_time": 60.0},
+        twists=3,
         paper_samples=300,
         own=("noise", "vertices", "samples", "dt", "period"),
         robots="car",

@@ -124,6 +124,7 @@ class AnyGuidance:
         self.problem, self.setup = problem, setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         self.passes = optimiser(kind_of(problem))
+        self.active = self._asked()
         spread, curved, at_once = self._noise()
         most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
         strength, pace = math.sqrt(3.0 * most / SPREADING**3), math.sqrt(at_once if at_once else most / SPREADING)
@@ -158,6 +159,7 @@ class AnyGuidance:
             tolerance=TOLERANCE * warmth * temperature,
             steep=STEEP * math.sqrt(2.0 * rate / temperature),
             far=math.sqrt(2.0 * rate * temperature) / pace,
+            active=self.active,
             curved=curved,
         )
 
@@ -170,18 +172,15 @@ class AnyGuidance:
         """
         d, h = self.problem.dynamics, SPREADING / PIECES
         asked, at_once = math.sqrt(2.0 * self.problem.least_rate / self.problem.temperature), 0.0
-        lower, upper = d.box(self.problem.scene)
         spread, bend = np.zeros((d.n, d.n)), 0.0
-        for k in range(PROBES):
-            fraction = (np.arange(1, d.n + 1) * 0.7548776662 + (k + 1) * 0.5698402910) % 1.0
-            x = lower + fraction * (upper - lower)
+        for k, x in enumerate(self._probes()):
             J, S = np.zeros((d.n + 1, d.n + self.width)), np.zeros((d.n + self.width,) * 2)
             control = np.full(self.width, 0.5)
             if d.input_form:
                 control = asked * np.eye(self.width)[k % d.m]
                 B = d.B_c(x)[:2]
                 at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
-            self.passes.expand(self.setup, x, control, h, np.ones(d.n), True, J, S)
+            self.passes.expand(self.setup, x, control, h, np.ones(d.n), self.active, True, J, S)
             A, C = J[:-1, : d.n], J[:-1, d.n :]
             bend = max(bend, float(np.abs(S).max()))
             P = np.zeros((d.n, d.n))
@@ -189,6 +188,23 @@ class AnyGuidance:
                 P = A @ P @ A.T + C @ C.T / h
             spread += P / PROBES
         return spread, bend > STRAIGHT, at_once
+
+    def _probes(self) -> list[Array]:
+        d = self.problem.dynamics
+        lower, upper = d.box(self.problem.scene)
+        fractions = np.arange(1, d.n + 1) * 0.7548776662 + np.arange(1, PROBES + 1)[:, None] * 0.5698402910
+        return list(lower + fractions % 1.0 * (upper - lower))
+
+    def _asked(self) -> int:
+        """Bits of the states that drift or q depend on anywhere."""
+        problem, found = self.problem, 0
+        for x in self._probes():
+            here, rate = problem.dynamics.f(x), problem.rate(x)
+            for i, off in enumerate(np.eye(problem.dynamics.n)):
+                other = x + off * SPREADING
+                if np.any(problem.dynamics.f(other) != here) or problem.rate(other) != rate:
+                    found |= 1 << i
+        return found
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""

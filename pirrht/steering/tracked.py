@@ -117,9 +117,9 @@ def pace_of(problem: Problem) -> float:
     """
     d = problem.dynamics
     here = d.state_of(problem.scene.start)
-    if d.n == d.m or (d.n - d.m == 0):
-        weight = np.linalg.inv(d.G_c(here)).T @ problem.control_cost(here) @ np.linalg.inv(d.G_c(here))
-        return float(math.sqrt(2.0 * problem.least_rate / np.linalg.eigvalsh(weight[:2, :2])[-1]))
+    moved = np.linalg.eigvalsh(_yield(problem, here)[:2, :2])
+    if moved[-1] > 0:  # in the direction in which positions yield least, of those in which they do
+        return float(math.sqrt(2.0 * problem.least_rate * moved[moved > 1e-9 * moved[-1]][0]))
     lower, upper = d.box(problem.scene)
     fractions = (np.arange(1, d.n + 1) * 0.7548776662 + np.arange(PROBES)[:, None] * 0.5698402910) % 1.0
     speeds = [math.hypot(*d.f(lower + fraction * (upper - lower))[:2]) for fraction in fractions]
@@ -149,7 +149,16 @@ def moving(problem: Problem, speed: float) -> Array | None:
 def _delay(problem: Problem, pace: float) -> float:
     """Time to turn about or to get up to the pace under a control that costs what time does [s]."""
     d = problem.dynamics
-    x = d.state_of(problem.scene.start)
-    strength = np.abs(d.G_c(x)) @ np.sqrt(2.0 * problem.least_rate / np.diag(problem.control_cost(x)))
-    change = [math.pi if d.n - d.m + j in d.angles else pace if d.n - d.m + j > 1 else 0.0 for j in range(d.m)]
-    return float(np.max(np.array(change) / strength))
+    strength = np.sqrt(2.0 * problem.least_rate * np.diag(_yield(problem, d.state_of(problem.scene.start))))
+    change = np.array([math.pi if i in d.angles else pace for i in range(d.n)])
+    turned = [change[i] / strength[i] for i in range(2, d.n) if strength[i] > 0]
+    return float(max(turned, default=0.0))
+
+
+def _yield(problem: Problem, x: Array) -> Array:
+    """G R^-1 G' at x (n,), (n, n): what states yield to a control of a given cost."""
+    d = problem.dynamics
+    G = np.zeros((d.n, d.m))
+    block = d.G_c(x)
+    G[d.n - len(block) :] = block
+    return np.asarray(G @ np.linalg.solve(problem.control_cost(x), G.T))
