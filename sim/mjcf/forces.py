@@ -77,12 +77,20 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     """
     missing = unread(model, dynamics.states)
     if missing:
+        able = () if rolls(model) else (*VELOCITIES, *(SPEED if model.nq > 2 else ()))
         raise OptionError(
             f"in MuJoCo this robot has no {missing[0]}, which is a state of {system}; states that it can have are "
-            f"{', '.join((*POSE, *(() if rolls(model) else VELOCITIES)))}: drive it with --plant sde"
+            f"{', '.join((*POSE, *able))}: drive it with --plant sde"
         )
     if wrong := _wrong_actuator(model, dynamics.states, system):
         raise OptionError(wrong)
+    x = dynamics.state_of(np.zeros(3))
+    twists = len(dynamics.twist(x, dynamics.idle(x)))
+    if command.shape[1] != twists:
+        raise OptionError(
+            f"the robot's pirrht_command has {command.shape[1]} columns, and the twist of a {system} has {twists} "
+            "numbers: give it a column for each"
+        )
     actuated = dynamics.states[dynamics.n - dynamics.m :]
     if dynamics.input_form:
         actuated = tuple(name for name in dynamics.states if name in VELOCITIES)

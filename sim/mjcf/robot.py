@@ -78,7 +78,7 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         path=path,
         spec=spec,
         system=system,
-        command=_command(spec, int(model.nu), system.twists, path),
+        command=_command(spec, int(model.nu), system.twists if named_here else None, path),
         radius=float(model.geom("footprint").size[0]),
         height=float(centre[2]),
         rest=_rest(model, path),
@@ -136,8 +136,11 @@ def _named_system(spec: mujoco.MjSpec, path: Path) -> System:
     return named(name)
 
 
-def _command(spec: mujoco.MjSpec, nu: int, twists: int, path: Path) -> Array:
+def _command(spec: mujoco.MjSpec, nu: int, twists: int | None, path: Path) -> Array:
+    """The robot's command matrix (nu, k), of as many columns as a twist has numbers, if that is known."""
     data = next((np.array(list(n.data)) for n in spec.numerics if n.name == "pirrht_command"), None)
+    if twists is None:
+        twists = max(2, data.size // nu) if data is not None and nu else 2
     if data is None or nu == 0 or data.size != twists * nu:
         found = "missing" if data is None else f"of {data.size} numbers"
         raise SceneError(

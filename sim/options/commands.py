@@ -38,10 +38,12 @@ TASK = (
         name="scenes", text="built-in names or MJCF files", metavar="SCENE", commands=("sweep",), positional=True,
         count="+",
     ),
-    _task("robot", "puck, unicycle, diffdrive, hover or an MJCF file", metavar="NAME", unset="the scene's own"),
+    _task("robot", "puck, unicycle, diffdrive, hover, car or an MJCF file", metavar="NAME", unset="the scene's own"),
     _task(
         "system", "what moves, in place of what the robot's file names: a `sim.systems.System`, or a function that "
-        "returns one, of a module in this folder or installed", metavar="MODULE:NAME", unset="the robot's own",
+        "returns one, of a module in this folder or installed; one without steering of its own gets references of a "
+        "point at its pace, which are no optimum of it: classes are ordered by what they cost the point, and guides "
+        "take more passes to make them feasible", metavar="MODULE:NAME", unset="the robot's own",
     ),
     _task(
         "radius", "footprint radius of the robot", kind=float, metavar="M", numeric=True, unset="the robot's own",
@@ -59,7 +61,7 @@ PLAN = (
 
 ESTIMATE = (
     Option(
-        name="at", text="state: X Y, X Y TH of a car, X Y VX VY of a hover; what is not said is 0", kind=float,
+        name="at", text="state: X Y, X Y TH of a unicycle, X Y VX VY of a hover, X Y TH V of a car; what is not said is 0", kind=float,
         count="+", metavar="X", commands=("estimate",), required=True,
     ),
     Option(
