@@ -23,6 +23,7 @@ from pirrht.guidance.step_map import NUDGE, step_of
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
 from pirrht.rollouts.general.path import Kind, diffusion_of
 from pirrht.rollouts.homing import wrapped
+from pirrht.systems.dynamics import no_homing
 
 
 class Task(NamedTuple):
@@ -85,6 +86,8 @@ def optimiser(kind: Kind) -> Optimiser:
     rows, through_inputs = kind.rows, kind.input_form and kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if through_inputs else kind.drift
 
+    stranded = noisy_position and homing_of is no_homing
+
     @kernel
     def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
         """Cost of what is left to the goal's rim from x (n,): straight ahead, or where noise acts, per meter [cost]."""
@@ -111,10 +114,12 @@ def optimiser(kind: Kind) -> Optimiser:
         """Write the modes of step i at x (n,) to u: the law's, or past its length what homes in on the goal."""
         modes = u.shape[0]
         if i >= length:
-            u[:] = 0.0
+            for j in range(modes):  # what neither drifts nor knows its way home goes on as before
+                u[j] = course.control[length - 1, j] if stranded and length > 0 else 0.0
             if through_inputs:
                 noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
-            homing_of(x, setup.parameters, B[0], setup.arena.goal, setup.arena.radius, setup.pace, u[:m])
+            if not stranded:
+                homing_of(x, setup.parameters, B[0], setup.arena.goal, setup.arena.radius, setup.pace, u[:m])
         else:
             for j in range(modes):
                 u[j] = course.control[i, j] + step * course.change[i, j]
@@ -349,7 +354,9 @@ def optimiser(kind: Kind) -> Optimiser:
         """
         states, control = course.states, course.control
         other, tried = np.zeros(states.shape), np.zeros(control.shape)
-        trial = COURSE(other, tried, course.gains, course.share, course.inverse, course.volume, course.change, course.aims)
+        trial = COURSE(
+            other, tried, course.gains, course.share, course.inverse, course.volume, course.change, course.aims
+        )
         other[0] = states[0]
         steps, _, _ = forward(setup, task, times, course, length, 0.0, 1, trial)
         if steps < 0:

@@ -32,9 +32,7 @@ def cruising(x, p):  # type: ignore[no-untyped-def]
 
 @jitable
 def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """Turn until the goal's disc lies ahead and drive at CRUISE, slower as long as it lies aside; out (2,) of `homing`.
-
-    """
+    """Turn until the goal's disc lies ahead and drive at CRUISE, slower as long as it lies aside; out (2,)."""
     dx, dy = aim[0] - x[0], aim[1] - x[1]
     off = math.atan2(dy, dx) - x[2]
     off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)

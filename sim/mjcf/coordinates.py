@@ -1,9 +1,9 @@
 """Where the state sits in MuJoCo's coordinates: in sliding joints, or in the pose of a body on wheels.
 
 A robot that slides has one joint per state that is its place; states "vx" and "vy" are the speeds of its slides, and
-"speed" is that of its body ahead, with which it is placed as it stands. One that rolls has a free joint and wheels; its state is x, y and
-the unwrapped heading of its body, and it is placed at rest on its wheels, yet already at its speed: the
-stochastic equation knows no start from standstill.
+"speed" is that of its body ahead, with which it is placed as it stands. One that rolls has a free joint and wheels; its
+state is x, y and the unwrapped heading of its body, and it is placed at rest on its wheels, yet already at its speed:
+the stochastic equation knows no start from standstill.
 """
 
 from __future__ import annotations

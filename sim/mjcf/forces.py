@@ -142,8 +142,8 @@ def _check_step(model: mujoco.MjModel, system: str, dynamics: Dynamics, command:
             raise OptionError(
                 f"at 1 m/s, under the control {_told(u)} of a {system} for {h:g} s, the robot comes to the heading and "
                 f"speed {_told(made)} instead of {_told(meant)}: make pirrht_command its mass over the gears of its "
-                "motors, let half of the sideways acceleration keep its speed in turns, and leave out damping, friction, "
-                "gravity and narrow ctrlranges"
+                "motors, let half of the sideways acceleration keep its speed in turns, and leave out damping, "
+                "friction, gravity and narrow ctrlranges"
             )
 
 

@@ -61,8 +61,8 @@ PLAN = (
 
 ESTIMATE = (
     Option(
-        name="at", text="state: X Y, X Y TH of a unicycle, X Y VX VY of a hover, X Y TH V of a car; what is not said is 0", kind=float,
-        count="+", metavar="X", commands=("estimate",), required=True,
+        name="at", text="state: X Y, X Y TH of a unicycle, X Y VX VY of a hover, X Y TH V of a car; what is not said "
+        "is 0", kind=float, count="+", metavar="X", commands=("estimate",), required=True,
     ),
     Option(
         name="repeat", text="repeats with independent samples", kind=int, metavar="N", commands=("estimate",),

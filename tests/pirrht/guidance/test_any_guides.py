@@ -177,7 +177,9 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
 
     z = np.array([0.3, -0.4, 0.8, 1.1, 2.0, -3.0, 1.0, 0.5])
     J, S = np.zeros((5, 8)), np.zeros((8, 8))
-    guidance_of(integral).passes.expand(integral.setup, z[:4], z[4:], STEP, costate, guidance_of(integral).active, True, J, S)
+    guidance_of(integral).passes.expand(
+        integral.setup, z[:4], z[4:], STEP, costate, guidance_of(integral).active, True, J, S
+    )
     np.testing.assert_allclose(J[:4], jacobian(z), atol=1e-7)
     np.testing.assert_allclose(J[4], 0.0, atol=1e-9)
     exact = np.array([costate @ (jacobian(z + 1e-5 * e) - jacobian(z - 1e-5 * e)) / 2e-5 for e in np.eye(8)])

@@ -60,7 +60,7 @@ def wander(x: Array, s: float) -> Array:
 @pytest.mark.parametrize("b", [QUIET, 0.3])
 @pytest.mark.parametrize("timestep", [0.001, STEP, 0.01])
 def test_a_step_of_mujoco_is_that_of_the_equation_along_the_heading_half_way(tmp_path, timestep, b):
-    """The heading exactly; speed and place but for shares of dtheta^2 |dv| and dtheta^3 of it, which shrink as dt does."""
+    """The heading exactly; speed and place but for terms of dtheta^2 dv and dtheta^4, which shrink faster than dt."""
     option = f'<option timestep="{timestep}" integrator="implicitfast" density="1000" gravity="0 0 -9.81"/>'
     plant, _ = pair(tmp_path, b, option=option)
     start = np.array([1.0, -2.0, 0.7, 1.4])
@@ -85,7 +85,7 @@ def test_a_step_of_mujoco_is_that_of_the_equation_along_the_heading_half_way(tmp
 def test_drift_and_covariance_are_those_of_the_equation_up_to_the_step(tmp_path):
     """Heading, speed and both displacements after 0.2 s at 1 m/s, within 3 errors and the share of a step; seed 11.
 
-    The mean speed tells a robot that white noise on its heading brakes: it would lose b^2 t / 2 = 0.009 of it, 3.3 errors.
+    The mean speed tells a robot that white noise on its heading brakes: that would lose b^2 t / 2 = 0.009, 2.6 errors.
     """
     steps, count, b = 100, 1500, 0.3
     plant = pair(tmp_path, b, steps=steps)[0]
@@ -112,7 +112,9 @@ def test_neither_turns_nor_noise_on_the_heading_slow_it_down(tmp_path):
     plant = Executor(loaded, problem_of(loaded, QUIET), period=4.0)
     plant.reset(np.array([0.0, 0.0, 0.0, 1.0]))
     shaken = 0.5 * np.random.default_rng(3).standard_normal(2000) / np.sqrt(STEP)
-    end = plant.advance(lambda x, s: np.array([3.0 + shaken[round(s / STEP)], 0.0]), np.random.default_rng(0)).states[-1]
+    end = plant.advance(lambda x, s: np.array([3.0 + shaken[round(s / STEP)], 0.0]), np.random.default_rng(0)).states[
+        -1
+    ]
     assert end[3] == pytest.approx(1.0, abs=3e-4)
     assert end[2] == pytest.approx(12.0 + STEP * shaken.sum(), abs=1e-6)
 
