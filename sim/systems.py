@@ -12,11 +12,17 @@ make one:
         R=2 * np.eye(2),
         defaults={"samples": 300},
     )
+
+Without `steering` its references are those of a point that moves straight at a pace, on a tree of positions alone, and
+guides make them feasible. That costs: references are not the system's optimum, their classes are ordered by what they
+cost the point, whatever its start faces, and a guide takes about three times the passes of one from references of its
+own. The pace is where the system's cost per meter is least, if that tells one; else declare `pace`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import importlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,6 +35,7 @@ from sim.settings import PRESETS, Settings
 
 POSE = ("x", "y", "heading")  # states that are the place of a robot; the others move with it
 VELOCITIES = ("vx", "vy")  # those that are its speeds along x and y [m/s]
+SPEED = ("speed",)  # that of its body along its heading [m/s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,17 +48,20 @@ class System:
 
     name: str  # as in `<text name="pirrht_dynamics" data="NAME"/>`
     dynamics: Callable[[Settings], Any]  # the `pirrht.Dynamics`, of which `states` must be the same
-    steering: Callable[[Any], Any]  # a `pirrht.Problem` -> its `pirrht.Steering`
     R: Array | Callable[[Array], Array]  # control cost, as in `pirrht.Problem`
-    q: float | Callable[..., float] = 1.0  # state cost rate [cost/s], likewise
+    steering: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> its `pirrht.Steering`; None: guides find a way
+    pace: float | None = None  # of references without steering [m/s]; None: what the cost says
+    q: float | Callable[..., float] | str = 1.0  # state cost rate [cost/s], likewise; or MODULE:NAME of a function
     q_min: float | None = None
     states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
     home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> `beyond` of `pirrht.control.mppi`; None: straight
+    twists: int = 2  # numbers of `Dynamics.twist`, which a robot's `pirrht_command` turns into commands
     paper_samples: int = 200  # N under `--preset paper`
     heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
     own: tuple[str, ...] = ()  # fields of `Settings` that scenes meant for other systems do not set
     robots: str = ""  # what the help calls its robots; empty: it says nothing of them
+    noise_in: str = ""  # the unit of `--noise`, for the help
 
     def __post_init__(self) -> None:
         for name, known, what in (
@@ -77,6 +87,11 @@ class System:
     def joints(self) -> tuple[str, ...]:
         """States that are the place of a robot, which its joints must be."""
         return tuple(name for name in self.states if name in POSE)
+
+    @property
+    def coordinates(self) -> str:
+        """Its states, as they are typed after `--at`."""
+        return typed(self.states)
 
     def heard(self, scene: Mapping[str, float], meant: str) -> dict[str, float]:
         """What a scene says of options, by name of the option, less what it says for the system that it is meant for.
@@ -126,7 +141,7 @@ class System:
                 f"system {self.name}: {type(dynamics).__name__} has the states {getattr(dynamics, 'states', None)} and "
                 f"the system says {self.states}; make them the same"
             )
-        return Problem(dynamics=dynamics, scene=scene, R=self.R, q=self.q, q_min=self.q_min, phi=settings.phi)
+        return Problem(dynamics=dynamics, scene=scene, R=self.R, q=self._rate(), q_min=self.q_min, phi=settings.phi)
 
     def steered(self, problem: Any) -> Any:
         """The `pirrht.Steering` of a problem.
@@ -134,7 +149,7 @@ class System:
         Raises:
             OptionError: there is none.
         """
-        return self._asked("steering", problem)
+        return self._asked("steering", problem) if self.steering is not None else self._tracked(problem)
 
     def way_home(self, problem: Any) -> Any:
         """What the way from states (k, n) to the goal costs, as `pirrht.control.mppi` takes it; None: a straight one.
@@ -142,7 +157,33 @@ class System:
         Raises:
             OptionError: it cannot be told.
         """
+        if self.home is None and self.steering is None:
+            return self._straight_home(problem)
         return None if self.home is None else self._asked("home", problem)
+
+    def _straight_home(self, problem: Any) -> Any:
+        steering, goal = self.steered(problem), problem.scene.goal
+
+        def beyond(states: Array) -> Array:
+            away = np.hypot(*(states[:, :2] - goal.center).T) - goal.radius
+            return np.asarray(steering.cost_per_meter * np.maximum(away, 0.0))
+
+        return beyond
+
+    def _rate(self) -> float | Callable[..., float]:
+        if not isinstance(self.q, str):
+            return self.q
+        module, _, name = self.q.partition(":")
+        found: Callable[..., float] = getattr(importlib.import_module(module), name)
+        return found
+
+    def _tracked(self, problem: Any) -> Any:
+        from pirrht.steering.tracked import Tracked
+
+        try:
+            return Tracked.of(problem, self.pace)
+        except OptionError as error:
+            raise OptionError(f"system {self.name}: {error}") from None
 
     def _asked(self, what: str, argument: Any) -> Any:
         try:
@@ -152,6 +193,11 @@ class System:
         except Exception as error:
             told = " ".join(f"{type(error).__name__}: {error}".split())
             raise OptionError(f"system {self.name}: {told} in its {what}; mend it") from error
+
+
+def typed(states: Sequence[str]) -> str:
+    """Names of states as the command line calls them."""
+    return " ".join({"heading": "TH", "speed": "V"}.get(name, name.upper()) for name in states)
 
 
 _known: dict[str, System] = {}
@@ -211,6 +257,12 @@ def _rover(settings: Settings) -> Any:
     return Rover(b=settings.noise)
 
 
+def _second_order_car(settings: Settings) -> Any:
+    from pirrht.systems.second_order_car import SecondOrderCar
+
+    return SecondOrderCar(b=settings.noise)
+
+
 def _straight(problem: Any) -> Any:
     from pirrht.steering.straight_line import StraightLine
 
@@ -258,6 +310,7 @@ for _system in (
         R=2.0 * np.eye(2),
         paper_samples=200,
         robots="puck",
+        noise_in="in m/sqrt(s)",
     ),
     System(
         name="unicycle",
@@ -277,7 +330,8 @@ for _system in (
         },
         paper_samples=300,
         heeds=("noise", "speed", "rho"),
-        robots="car",
+        robots="unicycle",
+        noise_in="in rad/sqrt(s)",
     ),
     System(
         name="double_integrator",
@@ -288,14 +342,9 @@ for _system in (
         defaults={"vertices": 2000, "samples": 300, "period": 0.05},
         home=_pushed_home,
         paper_samples=300,
-        own=(
-            "noise",
-            "vertices",
-            "samples",
-            "dt",
-            "period",
-        ),  # its noise has a unit, and its paths a pace, of their own
+        own=("noise", "vertices", "samples", "dt", "period"),  # its noise has a unit, its paths a pace of their own
         robots="hover",
+        noise_in="in m/s/sqrt(s)",
     ),
     System(
         name="rover",
@@ -307,6 +356,21 @@ for _system in (
         paper_samples=300,
         own=("vertices", "samples", "dt", "period"),  # its paths have a pace of their own
         robots="rover",
+        noise_in="in m/sqrt(s) of the speed and half the rad/sqrt(s) of the turn rate",
+    ),
+    System(
+        name="second_order_car",
+        dynamics=_second_order_car,
+        R=np.eye(2),
+        q="pirrht.systems.second_order_car:cruising",
+        q_min=1.0,
+        states=(*POSE, "speed"),
+        defaults={"samples": 300, "period": 0.1, "phi": 1000.0, "max_time": 60.0},
+        twists=3,
+        paper_samples=300,
+        own=("noise", "vertices", "samples", "dt", "period"),
+        robots="car",
+        noise_in="in both rad/sqrt(s) and m/s/sqrt(s)",
     ),
 ):
     register(_system)

@@ -68,7 +68,7 @@ class Controller(Policy):
         self.method = SAMPLING[method]
         if tree is None and self.method.most != 0:
             raise OptionError(f"the method {method!r} needs a tree")
-        if tree is not None and tree.steering.n != problem.dynamics.n:
+        if tree is not None and len(tree.steering.vertex_of(np.zeros(problem.dynamics.n))) != tree.steering.n:
             moves, bends = type(problem.dynamics).__name__, type(tree.steering).__name__
             raise OptionError(
                 f"{bends} connects states of {tree.steering.n} numbers and {moves} has {problem.dynamics.n}; "
@@ -76,6 +76,11 @@ class Controller(Policy):
             )
         self.problem, self.space, self.tree, self.consistency = problem, space, tree, consistency
         self.path_integral = PathIntegral(problem, space, sampling)
+        if tree is not None and not (tree.steering.drives or self.path_integral.leads_itself):
+            raise OptionError(
+                f"{type(problem.dynamics).__name__} has no steering of its own, and its references no controls that "
+                'samples could follow: guide them by "feedback", not "open-loop"'
+            )
         self.polished, self.rng, self.between = polished, rng, between
         shared = self.method.mixes and sampling.allocation == "contribution" and self.path_integral.guidance is None
         self.allocation = Allocation(sampling.samples) if shared else None

@@ -134,6 +134,11 @@ class PathIntegral:
         d = self.problem.dynamics
         return self.sampling.guide == "feedback" and d.n == d.m == 2
 
+    @property
+    def leads_itself(self) -> bool:
+        """Whether what samples follow is made here, so that references need no controls."""
+        return self.guidance is not None or self.climbs
+
     def leads(
         self, x: Array, times: Array, trajectories: Sequence[Trajectory], shortfalls: Sequence[float] | None = None
     ) -> Sequence[Lead]:

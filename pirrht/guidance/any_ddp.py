@@ -23,6 +23,7 @@ from pirrht.guidance.step_map import NUDGE, step_of
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
 from pirrht.rollouts.general.path import Kind, diffusion_of
 from pirrht.rollouts.homing import wrapped
+from pirrht.systems.dynamics import no_homing
 
 
 class Task(NamedTuple):
@@ -36,7 +37,9 @@ class Task(NamedTuple):
     tolerance: float  # an expected gain below this ends the iterations [cost]
     steep: float  # |a| stays below this [1/sqrt(s)]
     far: float  # cost per meter that is left to the goal where noise acts on the position [cost/m]
+    active: int  # bit k tells whether drift or q depends on the k-th state
     curved: bool  # whether steps have second derivatives
+    hold: float = 0.0  # cost rate of being 1 m off the course's aims, over a fixed time [cost/s]; 0: to the goal
 
 
 class Course(NamedTuple):
@@ -49,6 +52,7 @@ class Course(NamedTuple):
     inverse: Array  # (T, modes, modes) of L
     volume: Array  # (T,) log det L
     change: Array  # (T, modes) the best change of each control
+    aims: Array  # (T+1, 2) where to be at which time, if that is held to [m]
 
 
 def empty_course(T: int, n: int, modes: int) -> Course:
@@ -57,6 +61,7 @@ def empty_course(T: int, n: int, modes: int) -> Course:
     return Course(
         states=np.zeros((T + 1, n)), control=np.zeros((T, modes)), gains=np.zeros((T, modes, n)), share=unit,
         inverse=unit.copy(), volume=np.zeros(T), change=np.zeros((T, modes)),
+        aims=np.zeros((T + 1, 2)),
     )  # fmt: skip
 
 
@@ -80,6 +85,8 @@ def optimiser(kind: Kind) -> Optimiser:
     n, m, noisy_position, angles, homing_of = kind.n, kind.m, kind.noisy_position, kind.angles, kind.homing
     rows, through_inputs = kind.rows, kind.input_form and kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if through_inputs else kind.drift
+
+    stranded = noisy_position and homing_of is no_homing
 
     @kernel
     def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
@@ -107,10 +114,12 @@ def optimiser(kind: Kind) -> Optimiser:
         """Write the modes of step i at x (n,) to u: the law's, or past its length what homes in on the goal."""
         modes = u.shape[0]
         if i >= length:
-            u[:] = 0.0
+            for j in range(modes):  # what neither drifts nor knows its way home goes on as before
+                u[j] = course.control[length - 1, j] if stranded and length > 0 else 0.0
             if through_inputs:
                 noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
-            homing_of(x, setup.parameters, B[0], setup.arena.goal, setup.arena.radius, setup.pace, u[:m])
+            if not stranded:
+                homing_of(x, setup.parameters, B[0], setup.arena.goal, setup.arena.radius, setup.pace, u[:m])
         else:
             for j in range(modes):
                 u[j] = course.control[i, j] + step * course.change[i, j]
@@ -127,20 +136,24 @@ def optimiser(kind: Kind) -> Optimiser:
     def forward(setup, task, times, course, length, step, points, tried):  # type: ignore[no-untyped-def]
         """Drive from the start under a = control + step * change + K (x - states), and past `length` as `homing` does.
 
+        Where aims are held to (`Task.hold`) it ends after `length` steps, wherever that is.
+
         States (T+1, n) and controls (T, modes) go to `tried`, whose first state is the start; `times` (T+1,) [s];
         the clearance of each step is priced at so many points.
         Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced [cost].
         """
         states, applied = tried.states, tried.control
         f, B, x = np.zeros(n), np.zeros((2, rows, m)), np.empty(n)
-        cost, priced = 0.0, 0.0
+        cost, priced, held = 0.0, 0.0, task.hold > 0.0
         advance(setup, states[0], applied[0], 0.0, B, f, x)  # for B
         for i in range(times.shape[0] - 1):
+            if held and i >= length:
+                return i, cost, priced
             dt = times[i + 1] - times[i]
             for j in range(n):
                 x[j] = states[i, j]
             ahead = False
-            if not noisy_position:
+            if not noisy_position and not held:
                 velocity(setup, x, f)
                 ahead = _enters(setup, x[0], x[1], f[0] * dt, f[1] * dt)
             if not ahead:
@@ -148,7 +161,7 @@ def optimiser(kind: Kind) -> Optimiser:
                 _control(setup, task, course, length, i, step, x, B, u)
                 running = advance(setup, x, u, dt, B, f, states[i + 1])
                 dx, dy = states[i + 1, 0] - x[0], states[i + 1, 1] - x[1]
-                ahead = _enters(setup, x[0], x[1], dx, dy)
+                ahead = not held and _enters(setup, x[0], x[1], dx, dy)
             if ahead:
                 rest = arrival(setup, task, x, f)
                 applied[i] = 0.0
@@ -160,8 +173,13 @@ def optimiser(kind: Kind) -> Optimiser:
                 t = k / points
                 value, _, _, _, _, _ = _price(setup.arena.field, task.margin, task.least, x[0] + t * dx, x[1] + t * dy)
                 priced += task.price * value * dt / points
+            if held:
+                off_x, off_y = states[i + 1, 0] - course.aims[i + 1, 0], states[i + 1, 1] - course.aims[i + 1, 1]
+                priced += task.hold * (off_x * off_x + off_y * off_y) * dt
             if not priced < 1e12:
-                break
+                return -1, np.inf, np.inf
+        if held:
+            return times.shape[0] - 1, cost, priced
         return -1, np.inf, np.inf
 
     @kernel
@@ -192,14 +210,15 @@ def optimiser(kind: Kind) -> Optimiser:
         Written are the first `length` rows of change, gains, share, inverse and volume; `times` (T+1,) are ends of
         steps [s], `damping` is what is added to the controls' curvature, as a share of lambda dt.
         """
-        states, control, gains, share, inverse, volume, change = course
+        states, control, gains, share, inverse, volume, change, aims = course
         modes = control.shape[1]
         N = n + modes
         v, W, costate, P = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
         J, S, Q, g = np.zeros((n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
         lead, stiff, bows = np.zeros((n, N)), np.zeros((modes, modes)), np.zeros(modes)
         vectors, inverted = stiff.copy(), stiff.copy()
-        _end(setup, task, states[length], v, W)
+        if task.hold == 0.0:
+            _end(setup, task, states[length], v, W)
         expected = 0.0
         for i in range(length - 1, -1, -1):
             dt = times[i + 1] - times[i]
@@ -223,9 +242,13 @@ def optimiser(kind: Kind) -> Optimiser:
                 costate[j] = v[j]
                 for k in range(n):
                     P[j, k] = W[j, k]
+            if task.hold > 0.0:
+                w = 2.0 * task.hold * dt
+                t1x, t1y = t1x + w * (states[i + 1, 0] - aims[i + 1, 0]), t1y + w * (states[i + 1, 1] - aims[i + 1, 1])
+                c00, c11 = c00 + w, c11 + w
             costate[0], costate[1] = costate[0] + t1x, costate[1] + t1y
             P[0, 0], P[0, 1], P[1, 0], P[1, 1] = P[0, 0] + c00, P[0, 1] + c01, P[1, 0] + c01, P[1, 1] + c11
-            expand(setup, states[i], control[i], dt, costate, task.curved, J, S)
+            expand(setup, states[i], control[i], dt, costate, task.active, task.curved, J, S)
             for j in range(n):
                 for k in range(N):
                     total = 0.0
@@ -321,7 +344,7 @@ def optimiser(kind: Kind) -> Optimiser:
 
         Args:
             times: (T+1,) ends of the steps [s].
-            key: additive class key that the result must have.
+            key: additive class key that the result must have; asked unless aims are held to.
             rounds: at most so many backward passes.
             course: the trajectory followed, its gains used until the first backward pass; overwritten.
             length: steps that it prescribes.
@@ -331,7 +354,9 @@ def optimiser(kind: Kind) -> Optimiser:
         """
         states, control = course.states, course.control
         other, tried = np.zeros(states.shape), np.zeros(control.shape)
-        trial = COURSE(other, tried, course.gains, course.share, course.inverse, course.volume, course.change)
+        trial = COURSE(
+            other, tried, course.gains, course.share, course.inverse, course.volume, course.change, course.aims
+        )
         other[0] = states[0]
         steps, _, _ = forward(setup, task, times, course, length, 0.0, 1, trial)
         if steps < 0:
@@ -343,8 +368,9 @@ def optimiser(kind: Kind) -> Optimiser:
         points = max(1, min(8, math.ceil(1.2 * fastest / task.spacing)))
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
         control[:], states[:] = tried, other
-        right = class_of(setup, states, steps) == key
-        sound = right and _is_free(setup, states, steps)
+        held = task.hold > 0.0
+        right = held or class_of(setup, states, steps) == key
+        sound = right and (held or _is_free(setup, states, steps))
         damping, done, again = 0.0, 0, False
         for _ in range(rounds):
             done += 1
@@ -355,8 +381,8 @@ def optimiser(kind: Kind) -> Optimiser:
             for _ in range(HALVINGS):
                 k, c, p = forward(setup, task, times, course, steps, step, points, trial)
                 if k >= 0 and p < priced - 0.1 * step * expected:
-                    same = class_of(setup, other, k) == key
-                    clear = same and _is_free(setup, other, k)
+                    same = held or class_of(setup, other, k) == key
+                    clear = same and (held or _is_free(setup, other, k))
                     if clear or (not sound and (same or not right)):
                         better, right, sound, steps, cost, priced = True, same, clear, k, c, p
                         break

@@ -28,8 +28,12 @@ COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda,
 WARM = ((1.0, 8),)  # from the last guide
 NONE = ((1.0, 0),)
 ON = 2  # steps for which what nothing homes in holds its last control, so that it does not halt on the goal's rim
+HOLD = 10.0  # time spent as far off a reference without controls as walls are wide costs so many times its q
+HEAD, ROUNDS = 10, 20  # steps by which more of it is tracked, and backward passes at most for each
+RAMP = 0.5  # of the slack of such a reference it takes to get up to its pace
 STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
-BARRIER = 0.75  # lambda / (time in which noise carries the position over its clearance) costs so much; a car's is 3
+BARRIER = 0.75  # lambda / (time in which noise carries the position over its clearance) costs so much
+STEERED = 3.0  # likewise where the way bends with the state, as that of cars does; both tuned for even weights
 SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
 PIECES = 5  # steps of it
 PROBES = 8  # states at which this is asked
@@ -122,12 +126,15 @@ class AnyGuidance:
         self.problem, self.setup = problem, setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         self.passes, self.halts = optimiser(kind_of(problem)), d.homing is no_homing
+        self.active = self._asked()
         spread, curved, at_once = self._noise()
         most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
         strength, pace = math.sqrt(3.0 * most / SPREADING**3), math.sqrt(at_once if at_once else most / SPREADING)
         squares = np.diag(spread)
         self.metric = np.divide(squares[0], squares, out=np.zeros(d.n), where=squares > 1e-9 * squares.max())
         self.tasks = {warmth: self._task(warmth, strength, pace, curved) for warmth, _ in COLD}
+        hold = HOLD * problem.least_rate / wall_radius(problem) ** 2
+        self.tracking = self.tasks[COLD[0][0]]._replace(hold=hold)
 
     @property
     def law_width(self) -> int:
@@ -149,11 +156,12 @@ class AnyGuidance:
             temperature=temperature,
             margin=MARGIN * layer,
             least=PARABOLA * layer,
-            price=BARRIER * push,
+            price=(STEERED if curved and not self.problem.dynamics.noisy_position else BARRIER) * push,
             spacing=math.sqrt(8.0 * wall_radius(self.problem) * SAG * layer),
             tolerance=TOLERANCE * warmth * temperature,
             steep=STEEP * math.sqrt(2.0 * rate / temperature),
             far=math.sqrt(2.0 * rate * temperature) / pace,
+            active=self.active,
             curved=curved,
         )
 
@@ -166,18 +174,15 @@ class AnyGuidance:
         """
         d, h = self.problem.dynamics, SPREADING / PIECES
         asked, at_once = math.sqrt(2.0 * self.problem.least_rate / self.problem.temperature), 0.0
-        lower, upper = d.box(self.problem.scene)
         spread, bend = np.zeros((d.n, d.n)), 0.0
-        for k in range(PROBES):
-            fraction = (np.arange(1, d.n + 1) * 0.7548776662 + (k + 1) * 0.5698402910) % 1.0
-            x = lower + fraction * (upper - lower)
+        for k, x in enumerate(self._probes()):
             J, S = np.zeros((d.n + 1, d.n + self.width)), np.zeros((d.n + self.width,) * 2)
             control = np.full(self.width, 0.5)
             if d.input_form:
                 control = asked * np.eye(self.width)[k % d.m]
                 B = d.B_c(x)[:2]
                 at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
-            self.passes.expand(self.setup, x, control, h, np.ones(d.n), True, J, S)
+            self.passes.expand(self.setup, x, control, h, np.ones(d.n), self.active, True, J, S)
             A, C = J[:-1, : d.n], J[:-1, d.n :]
             bend = max(bend, float(np.abs(S).max()))
             P = np.zeros((d.n, d.n))
@@ -185,6 +190,23 @@ class AnyGuidance:
                 P = A @ P @ A.T + C @ C.T / h
             spread += P / PROBES
         return spread, bend > STRAIGHT, at_once
+
+    def _probes(self) -> list[Array]:
+        d = self.problem.dynamics
+        lower, upper = d.box(self.problem.scene)
+        fractions = np.arange(1, d.n + 1) * 0.7548776662 + np.arange(1, PROBES + 1)[:, None] * 0.5698402910
+        return list(lower + fractions % 1.0 * (upper - lower))
+
+    def _asked(self) -> int:
+        """Bits of the states that drift or q depend on anywhere."""
+        problem, found = self.problem, 0
+        for x in self._probes():
+            here, rate = problem.dynamics.f(x), problem.rate(x)
+            for i, off in enumerate(np.eye(problem.dynamics.n)):
+                other = x + off * SPREADING
+                if np.any(problem.dynamics.f(other) != here) or problem.rate(other) != rate:
+                    found |= 1 << i
+        return found
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
@@ -216,10 +238,11 @@ class AnyGuidance:
                 return guide
         if guide is not None and not clearance(self.setup.arena.field, x[0], x[1]) > 0.0:
             return guide
-        guide = self._from(x, times, key, self._along(x, trajectory, times), COLD)
+        begun = self._along if trajectory.slack is None else self._tracked
+        guide = self._from(x, times, key, begun(x, trajectory, times), COLD)
         if guide is None or guide.valid:
             return guide
-        return self._from(x, times, key, self._along(x, trajectory, times), NONE)
+        return self._from(x, times, key, begun(x, trajectory, times), NONE)
 
     def counts(self, guides: Sequence[AnyGuide | None], samples: int) -> list[int]:
         """Samples around each reference, (H,): N, or few where a class can hardly carry any weight (`worth`)."""
@@ -279,6 +302,31 @@ class AnyGuidance:
             if not (d.constant or d.input_form):
                 state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
         return course, min(ends, len(tape))
+
+    def _tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
+        """What stays near where a reference is when, from x (n,); more and more of it is tracked from its start on.
+
+        What is tracked sets off gently, since the system may have to turn about or to get up to speed.
+        """
+        arena, start = self.setup.arena, trajectory.path.start
+        pace = trajectory.length / float(trajectory.durations.sum())
+        ahead = np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])  # on through the goal, without a halt
+        corners = np.vstack([start[:, :2], start[-1, :2] + ahead * pace * (trajectory.durations[-1] + times[-1])])
+        passed = np.cumsum([0.0, *trajectory.durations[:-1], trajectory.durations[-1] + times[-1]])
+        course = self._empty(len(times) - 1)
+        ramp = RAMP * trajectory.slack if trajectory.slack else 0.0
+        along = self.problem.dynamics.f(x)[:2] @ np.array([math.cos(start[0, 2]), math.sin(start[0, 2])])
+        short = 1.0 - min(max(along / pace, 0.0), 1.0)  # of its pace at the start
+        then = times + short * ramp * np.expm1(-times / ramp) if ramp else times
+        course.aims[:] = np.column_stack([np.interp(then, passed, column) for column in corners.T])
+        course.states[0] = x
+        end = float(trajectory.durations.sum()) + arena.radius / pace + short * ramp
+        whole = min(len(times) - 1, int(np.searchsorted(times, end)))
+        length = 0
+        while length < whole:
+            length = min(whole, length + HEAD)
+            self.passes.optimise(self.setup, self.tracking, times, 0, ROUNDS, course, length)
+        return course, length
 
     def _shifted(self, last: AnyGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """What is left of a guide after some time, on a new grid."""

@@ -76,12 +76,116 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
 
     @kernel
-    def expand(setup, x, a, dt, costate, curved, J, S):  # type: ignore[no-untyped-def]
+    def inside(setup, x, a, dt, B, z):  # type: ignore[no-untyped-def]
+        """Write the state at which the drift of a step from x (n,) is taken to z (n,); B (rows, m) is constant."""
+        for j in range(n):
+            z[j] = x[j]
+        if setup.bridge and not noisy_position:
+            for j in range(rows):
+                for k in range(m):
+                    mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
+                    z[fixed + j] += dt * B[j, k] * mean
+
+    @kernel
+    def expand(setup, x, a, dt, costate, active, curved, J, S):  # type: ignore[no-untyped-def]
+        """Derivatives of `advance` in (x, a), N = n + modes, where B is constant: by differences of drift and q alone.
+
+        Args, from `costate` on: (n,) weights of the next state's components; bits of the states that drift or q depend
+        on; whether second derivatives are asked for; J (n+1, N) and S (N, N), filled with the first derivatives of the
+        next state and of q dt, and the second ones of the weighted sum and q dt.
+        """
+        modes = a.shape[0]
+        N, B, p = n + modes, setup.diffusion, setup.parameters
+        z, mid, f, up, down = np.empty(n), np.empty(n), np.zeros(n), np.zeros(n), np.zeros(n)
+        D, which = np.zeros((n, N)), np.empty(n, np.int64)
+        inside(setup, x, a, dt, B, mid)
+        z[:] = mid
+        drift(mid, p, f)
+        here, rate = 0.0, q(x, p) if varying_rate else 0.0
+        for j in range(n):
+            here += costate[j] * f[j]
+        J[:, :], S[:, :] = 0.0, 0.0
+        count = 0
+        for i in range(n):
+            J[i, i] = 1.0
+            D[i, i] = 1.0
+            if (active >> i) & 1:
+                which[count] = i
+                count += 1
+        halfway = setup.bridge and not noisy_position
+        for j in range(rows):
+            for k in range(m):
+                J[fixed + j, n + k] = dt * B[j, k]
+                if halfway:
+                    D[fixed + j, n + k] = 0.5 * dt * B[j, k]
+                    if modes > m:
+                        D[fixed + j, n + m + k] = -SWAY * dt * B[j, k]
+        sums, rates = np.zeros((n, 2)), np.zeros((n, 2))
+        for c in range(count):
+            i = which[c]
+            z[i] = mid[i] + NUDGE
+            drift(z, p, up)
+            z[i] = mid[i] - NUDGE
+            drift(z, p, down)
+            z[i] = mid[i]
+            for j in range(n):
+                slope = 0.5 * dt * (up[j] - down[j]) / NUDGE
+                if slope != 0.0:
+                    for k in range(N):
+                        J[j, k] += slope * D[i, k]
+                sums[i, 0] += costate[j] * up[j]
+                sums[i, 1] += costate[j] * down[j]
+            if varying_rate:
+                keep = x[i]
+                x[i] = keep + NUDGE
+                rates[i, 0] = q(x, p)
+                x[i] = keep - NUDGE
+                rates[i, 1] = q(x, p)
+                x[i] = keep
+                J[n, i] = 0.5 * dt * (rates[i, 0] - rates[i, 1]) / NUDGE
+        if not curved:
+            return
+        scale = dt / (NUDGE * NUDGE)
+        for c in range(count):
+            i = which[c]
+            for e in range(c + 1):
+                k = which[e]
+                if e == c:
+                    bend = sums[i, 0] - 2.0 * here + sums[i, 1]
+                    own = rates[i, 0] - 2.0 * rate + rates[i, 1]
+                else:
+                    bend = 2.0 * here - sums[i, 0] - sums[i, 1] - sums[k, 0] - sums[k, 1]
+                    own = 2.0 * rate - rates[i, 0] - rates[i, 1] - rates[k, 0] - rates[k, 1]
+                    for sign in (1.0, -1.0):
+                        z[i], z[k] = mid[i] + sign * NUDGE, mid[k] + sign * NUDGE
+                        drift(z, p, up)
+                        z[i], z[k] = mid[i], mid[k]
+                        for j in range(n):
+                            bend += costate[j] * up[j]
+                        if varying_rate:
+                            at_i, at_k = x[i], x[k]
+                            x[i], x[k] = at_i + sign * NUDGE, at_k + sign * NUDGE
+                            own += q(x, p)
+                            x[i], x[k] = at_i, at_k
+                    bend, own = 0.5 * bend, 0.5 * own
+                bend, own = scale * bend, scale * own
+                if varying_rate:
+                    S[i, k] += own
+                    if i != k:
+                        S[k, i] += own
+                for r in range(N):
+                    left, right = bend * D[i, r], bend * D[k, r]
+                    if left != 0.0 or right != 0.0:
+                        for s in range(N):
+                            S[r, s] += left * D[k, s]
+                            if i != k:
+                                S[r, s] += right * D[i, s]
+
+    @kernel
+    def expand_any(setup, x, a, dt, costate, active, curved, J, S):  # type: ignore[no-untyped-def]
         """Derivatives of `advance` in (x, a), N = n + modes.
 
-        Args, from `costate` on: (n,) weights of the next state's components; whether second derivatives are asked for;
-        J (n+1, N) and S (N, N), filled with the first derivatives of the next state and of q dt, and the second ones
-        of the weighted sum and q dt.
+        What `expand` takes and writes, for any B.
         """
         modes = a.shape[0]
         N = n + modes
@@ -136,4 +240,4 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
                     S[i, k] = 0.5 * total / (nudge[i] * nudge[k])
                 S[k, i] = S[i, k]
 
-    return velocity, advance, expand
+    return velocity, advance, expand_any if varying or midway else expand

@@ -33,6 +33,7 @@ class Steering(ABC):
 
     n: int  # states of a vertex; the first two are the position [m]
     symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
+    drives: bool = True  # whether references come with the controls that drive them; else guides must find those
     motion: Motion = ARCS  # what `connect` makes
 
     @abstractmethod
@@ -50,6 +51,10 @@ class Steering(ABC):
     @abstractmethod
     def roots(self, goal: Array) -> Array:
         """States (k, n) at the goal point (2,) [m] that the tree starts from."""
+
+    def vertex_of(self, x: Array) -> Array:
+        """What a vertex of the tree has of a state (..., n) of the system; here all of it."""
+        return x
 
     def states_along(self, way: Array, scene: Scene) -> Array:
         """States (l, n) that lead both ways along a way whose points and headings are given, (k, 3) [m], [m], [rad].

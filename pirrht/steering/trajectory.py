@@ -24,6 +24,7 @@ class Trajectory:
     path: Any  # consecutive motions (`Motions`): along arcs, `Curves`
     cost: float  # steering cost [cost]
     length: float  # [m]
+    slack: float | None = None  # where controls are not known but only the path: time to get under way at most [s]
 
     @cached_property
     def points(self) -> Array:
@@ -39,7 +40,12 @@ class Trajectory:
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
-    """Integral of q + u'Ru/2 along a trajectory from x (n,) [cost]; a callable q with its mean over the points."""
+    """Integral of q + u'Ru/2 along a trajectory from x (n,) [cost]; a callable q with its mean over the points.
+
+    Where the controls are not known it is the steering's cost, and what getting under way may cost at most.
+    """
+    if trajectory.slack is not None:
+        return trajectory.cost + 2.0 * problem.least_rate * trajectory.slack
     R = problem.control_cost(x)
     effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, R, trajectory.controls)
     rate = problem.rate(x)

@@ -204,9 +204,13 @@ class HomologyTree:
     def references(self, x: Array, *, polished: bool = True) -> list[Reference]:
         """The best path of every allowed class from x (n,), least [cost] first; the tree is not changed (Algorithm 5).
 
+        Args:
+            x: a state of the system, of which vertices may have but a part (`Steering.vertex_of`).
+
         Raises:
             NoReference: no allowed class reaches the goal from x.
         """
+        x = self.steering.vertex_of(x)
         edges = self._edges_from(x)
         best = Best.room(self.classes or max(1, int(self.graph.nodes[edges.near[edges.free]].sum())))
         weights = self.space.homology.hash_weights

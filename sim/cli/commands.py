@@ -30,7 +30,7 @@ from sim.options import table as options
 from sim.rehearsal import rehearse
 from sim.result import estimate_json, passages_json, plan_json, run_json, settings_json
 from sim.scenario import Scenario, prepare
-from sim.systems import POSE
+from sim.systems import POSE, typed
 from sim.text import say, table, width
 
 
@@ -278,7 +278,7 @@ def _state(at: list[float], scenario: Scenario) -> Array:
     bare = set(system.states) <= set(POSE)  # then a heading is taken, and left where there is none
     whole, place = (POSE, POSE) if bare else (system.states, system.joints)
     if len(at) not in (2, len(place), len(whole)) or not np.all(np.isfinite(at)):
-        rest = " ".join("TH" if name == "heading" else name.upper() for name in whole[2:])
+        rest = typed(whole[2:])
         found = f"has {len(at)} numbers" if np.all(np.isfinite(at)) else f"is {' '.join(f'{v:g}' for v in at)}"
         raise OptionError(f"--at {found}; it must be X Y or X Y {rest}, all finite")
     x = scenario.problem.dynamics.state_of(np.array([*at, 0.0])) if len(at) <= len(place) else np.array(at)

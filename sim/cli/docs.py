@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from pirrht.files import replaced
-from sim.cli.parser import COMMANDS, default_of
+from sim.cli.parser import COMMANDS, default_of, meaning
 from sim.options.record import Option, shown
 from sim.options.table import NUMERICS, options_of
 
@@ -50,7 +50,7 @@ def _row(option: Option) -> str:
     typed = option.flag if option.positional else f"{option.flag} {metavar}".rstrip()
     short = f"-{option.short}, " if option.short else ""
     mark = " \N{BULLET}" if option.name in NUMERICS and NUMERICS[option.name].dest == option.dest else ""
-    cells = (f"`{short}{typed}{several}`{mark}", option.text, default_of(option), _values(option))
+    cells = (f"`{short}{typed}{several}`{mark}", meaning(option), default_of(option), _values(option))
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 

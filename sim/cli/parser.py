@@ -108,9 +108,19 @@ def _add(group: Any, option: Option) -> None:
 
 
 def helped(option: Option) -> str:
-    """What the help says of an option: its text, then its default."""
+    """What the help says of an option: what it means, then its default."""
     known = default_of(option)
-    return f"{option.text}; default: {known}" if known else option.text
+    return f"{meaning(option)}; default: {known}" if known else meaning(option)
+
+
+def meaning(option: Option) -> str:
+    """An option's text, and what it is of each kind of robot, alike ones together."""
+    told: dict[str, list[str]] = {}
+    for system in map(named, names() if option.of_robots else ()):
+        if system.robots and getattr(system, option.of_robots):
+            told.setdefault(getattr(system, option.of_robots), []).append(system.robots)
+    of_each = ", ".join(f"{what} of a {' or '.join(robots)}" for what, robots in told.items())
+    return f"{option.text}: {of_each}" if of_each else option.text
 
 
 def default_of(option: Option) -> str:

@@ -118,6 +118,7 @@ class OneWay:
         from pirrht.shortening.shorten import polish
         from pirrht.tree.homology_tree import Reference
 
+        x = self.steering.vertex_of(x)
         goal = x.copy()
         goal[:2] = self.space.scene.goal.center
         path = self.steering.connect(x[None], goal[None])
@@ -142,7 +143,7 @@ def compile_rest(dynamics_name: str, *, sampling: bool) -> None:
     system, space = named(dynamics_name), FreeSpace.of(ROOM)
     settings = system.settings
     problem = system.problem(ROOM, settings)
-    tree = OneWay(space, system.steering(problem), shortened=not sampling)
+    tree = OneWay(space, system.steered(problem), shortened=not sampling)
     x = problem.dynamics.state_of(ROOM.start)
     if not sampling:
         tree.references(x)

@@ -1,9 +1,9 @@
 """Where the state sits in MuJoCo's coordinates: in sliding joints, or in the pose of a body on wheels.
 
-A robot that slides has one joint per state that is its place; states "vx" and "vy" are the speeds of its slides, with
-which it is placed as it stands. One that rolls has a free joint and wheels; its state is x, y and
-the unwrapped heading of its body, and it is placed at rest on its wheels, yet already at its speed: the
-stochastic equation knows no start from standstill.
+A robot that slides has one joint per state that is its place; states "vx" and "vy" are the speeds of its slides, and
+"speed" is that of its body ahead, with which it is placed as it stands. One that rolls has a free joint and wheels; its
+state is x, y and the unwrapped heading of its body, and it is placed at rest on its wheels, yet already at its speed:
+the stochastic equation knows no start from standstill.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from sim.systems import POSE, VELOCITIES
+from sim.systems import POSE, SPEED, VELOCITIES
 
 GROUND = "ground"  # the plane a rolling robot brings along, in its worldbody
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
@@ -39,7 +39,7 @@ def stance_of(model: mujoco.MjModel, states: Sequence[str] = POSE) -> Stance:
 
 def unread(model: mujoco.MjModel, states: Sequence[str]) -> list[str]:
     """Those of the states (n,) that a model's robot does not have."""
-    has = POSE if rolls(model) else (*POSE[: model.nq], *VELOCITIES)
+    has = POSE if rolls(model) else (*POSE[: model.nq], *VELOCITIES, *(SPEED if model.nq > 2 else ()))
     return [name for name in states if name not in has]
 
 
@@ -61,20 +61,27 @@ class Sliding:
         self._places = [i for i, name in pairs if name in POSE]
         self._speeds = [i for i, name in pairs if name in VELOCITIES]
         self._dofs = [VELOCITIES.index(name) for _, name in pairs if name in VELOCITIES]
+        self._ahead = [i for i, name in pairs if name in SPEED]
 
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
         """Stand, at the state's velocities if it has some; see `Stance.place`."""
         data.qpos[:] = state[self._places[: data.qpos.size]]
         data.qvel[:] = 0
         data.qvel[self._dofs] = state[self._speeds]
+        for i in self._ahead:
+            heading = data.qpos[2]
+            data.qvel[:2] = state[i] * cos(heading), state[i] * sin(heading)
 
     def read(self, data: mujoco.MjData, before: Array) -> Array:
         """Joint positions and speeds as the state has them, (n,)."""
-        if not self._speeds:
+        if not self._speeds and not self._ahead:
             return data.qpos.copy()  # type: ignore[no-any-return]
         state = before.copy()
         state[self._places] = data.qpos
         state[self._speeds] = data.qvel[self._dofs]
+        for i in self._ahead:
+            heading = data.qpos[2]
+            state[i] = data.qvel[0] * cos(heading) + data.qvel[1] * sin(heading)
         return state
 
 

@@ -12,8 +12,9 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf.coordinates import rolls, stance_of, unread
-from sim.systems import POSE, VELOCITIES, System
+from sim.systems import POSE, SPEED, VELOCITIES, System
 
+TURN = 0.05  # by which heading and speed change in the step that is tried [rad], [m/s]
 TOLERANCE = 1e-6  # relative to the acceleration, or in m/s^2 if that is more
 
 
@@ -30,6 +31,13 @@ def check_actuators(model: mujoco.MjModel, system: System, path: Path) -> None:
 def _wrong_actuator(model: mujoco.MjModel, states: Sequence[str], system: str) -> str:
     """What is wrong with actuators; empty if nothing is."""
     motors = [_is_motor(model, i) for i in range(model.nu)]
+    if set(states) & set(SPEED):
+        if any(motors):
+            return ""
+        return (
+            f"no actuator is a motor, and the speed is a state of {system}, which forces change; write one that drives "
+            'the body ahead, <motor name="..." site="..." gear="1 0 0 0 0 0"/>'
+        )
     if set(states) & set(VELOCITIES):
         if all(motors):
             return ""
@@ -69,15 +77,26 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     """
     missing = unread(model, dynamics.states)
     if missing:
+        able = () if rolls(model) else (*VELOCITIES, *(SPEED if model.nq > 2 else ()))
         raise OptionError(
             f"in MuJoCo this robot has no {missing[0]}, which is a state of {system}; states that it can have are "
-            f"{', '.join((*POSE, *(() if rolls(model) else VELOCITIES)))}: drive it with --plant sde"
+            f"{', '.join((*POSE, *able))}: drive it with --plant sde"
         )
     if wrong := _wrong_actuator(model, dynamics.states, system):
         raise OptionError(wrong)
+    x = dynamics.state_of(np.zeros(3))
+    twists = len(dynamics.twist(x, dynamics.idle(x)))
+    if command.shape[1] != twists:
+        raise OptionError(
+            f"the robot's pirrht_command has {command.shape[1]} columns, and the twist of a {system} has {twists} "
+            "numbers: give it a column for each"
+        )
     actuated = dynamics.states[dynamics.n - dynamics.m :]
     if dynamics.input_form:
         actuated = tuple(name for name in dynamics.states if name in VELOCITIES)
+    if set(dynamics.states) & set(SPEED) and not rolls(model):
+        _check_step(model, system, dynamics, command)
+        return
     if not actuated or set(actuated) - set(VELOCITIES):
         return
     data, stance = mujoco.MjData(model), stance_of(model, dynamics.states)
@@ -101,6 +120,31 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
                     f"accelerates by {_told(made)} m/s^2: make pirrht_command its mass over the gears of its motors, "
                     "and leave out damping, friction, gravity and narrow ctrlranges along its slides"
                 )
+
+
+def _check_step(model: mujoco.MjModel, system: str, dynamics: Dynamics, command: Array) -> None:
+    """Refuse robots whose step, as far as heading and speed go, is not that of the equation, in a turn as well."""
+    data, h = mujoco.MjData(model), model.opt.timestep
+    stance = stance_of(model, dynamics.states)
+    kept = [dynamics.states.index(name) for name in ("heading", "speed") if name in dynamics.states]
+    for wanted in np.vstack([np.zeros(dynamics.m), np.eye(dynamics.m)]):
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        x = dynamics.state_of(np.array([*data.qpos[:2], 0.0]))
+        x[dynamics.states.index("speed")] = 1.0
+        u = wanted * TURN / h / max(1.0, float(np.abs(dynamics.G_c(x)).max()))
+        rate = dynamics.rate(x, u, np.zeros(dynamics.m), h)
+        ctrl = command.dot(dynamics.twist(x, rate))
+        stance.place(data, x, np.zeros(2), ctrl)
+        data.ctrl[:] = ctrl
+        mujoco.mj_step(model, data)
+        made, meant = stance.read(data, x)[kept], dynamics.step(x, u, np.zeros(dynamics.m), h)[kept]
+        if not np.allclose(made, meant, rtol=0.0, atol=0.1 * TURN**2):
+            raise OptionError(
+                f"at 1 m/s, under the control {_told(u)} of a {system} for {h:g} s, the robot comes to the heading and "
+                f"speed {_told(made)} instead of {_told(meant)}: make pirrht_command its mass over the gears of its "
+                "motors, let half of the sideways acceleration keep its speed in turns, and leave out damping, "
+                "friction, gravity and narrow ctrlranges"
+            )
 
 
 def _told(numbers: Array) -> str:

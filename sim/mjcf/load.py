@@ -18,12 +18,12 @@ A robot file declares
   geom `footprint`  a sphere: radius and height with which the robot plans; if it collides, another radius
                     scales the robot as a whole, else whatever collides must lie inside it
   actuators         velocity servos tuned for the file's own timestep and integrator; `motor`s where velocities
-                    (vx, vy) are states of the system: a force must accelerate the robot as the command says
+                    (vx, vy, speed) are states of the system: a force must accelerate the robot as the command says
   custom            `<text name="pirrht_dynamics" data="single_integrator"/>`, "unicycle" or
                     whatever else is registered (`sim.systems`);
-                    `<numeric name="pirrht_command" size="2*nu" data="..."/>`: row by row the (nu, 2) matrix
+                    `<numeric name="pirrht_command" size="k*nu" data="..."/>`: row by row the (nu, k) matrix
                     M of ctrl = M @ twist with `Dynamics.twist`: (vx, vy), (forward speed, turn rate),
-                    or accelerations along x and y
+                    accelerations along x and y, or (acceleration ahead, to the left, turn rate), k = 3
 
 The joined model takes timestep and looks from the scene; gravity, contact model, integrator, flags and medium
 (none) from the robot, whose servos are carried over to the timestep. The robot's elements get the prefix
@@ -71,7 +71,7 @@ class Loaded:
     robot_geoms: Mask  # (ngeom,)
     dynamics_name: str  # name of a registered system
     states: tuple[str, ...]  # (n,) of that system
-    command: Array  # (nu, 2) M of ctrl = M @ twist
+    command: Array  # (nu, k) M of ctrl = M @ twist
     robot: str  # name of the robot
     meant: str  # name of the system that the scene's numbers are meant for
     path: Path  # the scene's file

@@ -29,7 +29,7 @@ class Robot:
     path: Path
     spec: mujoco.MjSpec
     system: System  # what moves
-    command: Array  # (nu, 2) M of ctrl = M @ twist
+    command: Array  # (nu, k) M of ctrl = M @ twist
     radius: float  # of the footprint [m]
     height: float  # of the footprint's centre above the ground [m]
     rest: Array  # (nq,) joint positions at the origin, heading along x
@@ -78,7 +78,7 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         path=path,
         spec=spec,
         system=system,
-        command=_command(spec, int(model.nu), path),
+        command=_command(spec, int(model.nu), system.twists if named_here else None, path),
         radius=float(model.geom("footprint").size[0]),
         height=float(centre[2]),
         rest=_rest(model, path),
@@ -136,15 +136,18 @@ def _named_system(spec: mujoco.MjSpec, path: Path) -> System:
     return named(name)
 
 
-def _command(spec: mujoco.MjSpec, nu: int, path: Path) -> Array:
+def _command(spec: mujoco.MjSpec, nu: int, twists: int | None, path: Path) -> Array:
+    """The robot's command matrix (nu, k), of as many columns as a twist has numbers, if that is known."""
     data = next((np.array(list(n.data)) for n in spec.numerics if n.name == "pirrht_command"), None)
-    if data is None or data.size != 2 * nu or nu == 0:
+    if twists is None:
+        twists = max(2, data.size // nu) if data is not None and nu else 2
+    if data is None or nu == 0 or data.size != twists * nu:
         found = "missing" if data is None else f"of {data.size} numbers"
         raise SceneError(
-            f'{path}: custom numeric "pirrht_command" is {found}; write {2 * nu} numbers, row by row the '
-            f"({nu}, 2) matrix M of ctrl = M @ (twist of the dynamics) for the robot's {nu} actuators"
+            f'{path}: custom numeric "pirrht_command" is {found}; write {twists * nu} numbers, row by row the '
+            f"({nu}, {twists}) matrix M of ctrl = M @ (twist of the dynamics) for the robot's {nu} actuators"
         )
-    return data.reshape(nu, 2)
+    return data.reshape(nu, twists)
 
 
 def _check_joints(model: mujoco.MjModel, system: System, path: Path) -> None:

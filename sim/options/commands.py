@@ -38,10 +38,14 @@ TASK = (
         name="scenes", text="built-in names or MJCF files", metavar="SCENE", commands=("sweep",), positional=True,
         count="+",
     ),
-    _task("robot", "puck, unicycle, diffdrive, hover, rover or an MJCF file", metavar="NAME", unset="the scene's own"),
+    _task(
+        "robot", "puck, unicycle, diffdrive, hover, rover, car or an MJCF file", metavar="NAME", unset="the scene's own"
+    ),
     _task(
         "system", "what moves, in place of what the robot's file names: a `sim.systems.System`, or a function that "
-        "returns one, of a module in this folder or installed", metavar="MODULE:NAME", unset="the robot's own",
+        "returns one, of a module in this folder or installed; one without steering of its own gets references of a "
+        "point at its pace, which are no optimum of it: classes are ordered by what they cost the point, and guides "
+        "take more passes to make them feasible", metavar="MODULE:NAME", unset="the robot's own",
     ),
     _task(
         "radius", "footprint radius of the robot", kind=float, metavar="M", numeric=True, unset="the robot's own",
@@ -59,8 +63,8 @@ PLAN = (
 
 ESTIMATE = (
     Option(
-        name="at", text="state: X Y, X Y TH of a car or rover, X Y VX VY of a hover; what is not said is 0", kind=float,
-        count="+", metavar="X", commands=("estimate",), required=True,
+        name="at", text="state, what is not said is 0", kind=float, count="+", metavar="X", commands=("estimate",),
+        required=True, of_robots="coordinates",
     ),
     Option(
         name="repeat", text="repeats with independent samples", kind=int, metavar="N", commands=("estimate",),

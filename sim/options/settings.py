@@ -28,20 +28,17 @@ def _number(name: str, text: str, unit: str, low: float, high: float, why: str, 
 
 PROBLEM_OPTIONS = (
     _number(
-        "speed", "speed V of a car", "M/S", 1e-3, 1e3,
+        "speed", "speed V of a unicycle", "M/S", 1e-3, 1e3,
         "slower cars never arrive, and faster ones cross a room in a step", group=PROBLEM, numeric=True, special=True,
     ),
     _number(
-        "rho", "turning radius of a car at |u| = 1 and V = 1", "M", 1e-3, 1e4,
+        "rho", "turning radius of a unicycle at |u| = 1 and V = 1", "M", 1e-3, 1e4,
         "tighter turns are spins on the spot, and wider ones straight lines", group=PROBLEM, numeric=True, special=True,
     ),
     _number(
-        "noise",
-        "noise b, in m/sqrt(s) of a puck, in rad/sqrt(s) of a car, in m/s/sqrt(s) of a hover, in m/sqrt(s) of a "
-        "rover's speed (with 2 b rad/sqrt(s) of its turn rate)",
-        "B", 1e-6, 1e3,
+        "noise", "noise b", "B", 1e-6, 1e3,
         "less is none to a computer, and more throws a robot across any scene", group=PROBLEM, numeric=True,
-        commands=SINGLE, special=True,
+        commands=SINGLE, special=True, of_robots="noise_in",
     ),
     _number(
         "phi", "final cost off the goal", "COST", 0.0, 1e12, "beyond it costs of paths are lost beside it",

@@ -63,6 +63,7 @@ COLUMNS = (
     Column("heading", "rad", "heading of a car at its start, counter-clockwise from x", lambda r: r.state, "state", 2),
     Column("vx", "m/s", "velocity along x of a mass at its start", lambda r: r.state, "state", 2),
     Column("vy", "m/s", "velocity along y of a mass at its start", lambda r: r.state, "state", 3),
+    Column("speed", "m/s", "speed of a car ahead at its start, where that is state", lambda r: r.state, "state", 3),
     Column(
         "state_K",
         "",
@@ -84,6 +85,7 @@ COLUMNS = (
     Column("end_heading", "rad", "heading of a car at its end", _end, "end", 2),
     Column("end_vx", "m/s", "velocity along x of a mass at its end", _end, "end", 2),
     Column("end_vy", "m/s", "velocity along y of a mass at its end", _end, "end", 3),
+    Column("end_speed", "m/s", "speed of a car ahead at its end, where that is state", _end, "end", 3),
     Column("end_state_K", "", "entry K of the state at its end, from 1, where it has no name here", _end, "end", 3),
     Column(
         "cost", "cost", "integral of q + u'Ru/2 from the start of the drive to the end of the step", lambda r: [r.cost]

@@ -78,7 +78,8 @@ def test_a_robot_names_any_registered_system(folder):
     robot = folder / "machine.xml"
     robot.write_text(robot_mjcf(dynamics=ROBOT["dynamics"].replace("single_integrator", "raft")))
     with pytest.raises(
-        Exception, match='"raft"; write "single_integrator" or "unicycle" or "double_integrator", or choose a system'
+        Exception,
+        match='"raft"; write "single_integrator" or "unicycle" or "double_integrator" or "second_order_car", or',
     ):
         load("slit", robot=robot)
     register(raft())
@@ -195,7 +196,7 @@ def test_a_built_in_name_is_taken_and_another_one_may_be_given_anew(folder):
     assert register(raft()) is named("raft")
 
 
-@pytest.mark.parametrize(("option", "who"), [("speed", "car"), ("rho", "car")])
+@pytest.mark.parametrize(("option", "who"), [("speed", "unicycle"), ("rho", "unicycle")])
 def test_numbers_that_a_system_has_none_of_are_refused(option, who):
     with pytest.raises(OptionError, match=f"--{option} is for {who}.*single_integrator"):
         prepare("slit", given={option: 2.0})

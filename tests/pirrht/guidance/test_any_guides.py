@@ -115,7 +115,7 @@ def mean_and_error(log_weight: Array) -> tuple[float, float, float]:
 def course_of(guide: AnyGuide) -> Course:
     return Course(
         guide.states.copy(), guide.modes.copy(), guide.gains.copy(), guide.share.copy(), guide.inverse.copy(),
-        guide.volume.copy(), np.zeros_like(guide.modes),
+        guide.volume.copy(), np.zeros_like(guide.modes), np.zeros_like(guide.states[:, :2]),
     )  # fmt: skip
 
 
@@ -177,11 +177,14 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
 
     z = np.array([0.3, -0.4, 0.8, 1.1, 2.0, -3.0, 1.0, 0.5])
     J, S = np.zeros((5, 8)), np.zeros((8, 8))
-    guidance_of(integral).passes.expand(integral.setup, z[:4], z[4:], STEP, costate, True, J, S)
+    guidance_of(integral).passes.expand(
+        integral.setup, z[:4], z[4:], STEP, costate, guidance_of(integral).active, True, J, S
+    )
     np.testing.assert_allclose(J[:4], jacobian(z), atol=1e-7)
     np.testing.assert_allclose(J[4], 0.0, atol=1e-9)
     exact = np.array([costate @ (jacobian(z + 1e-5 * e) - jacobian(z - 1e-5 * e)) / 2e-5 for e in np.eye(8)])
     np.testing.assert_allclose(S, exact, atol=1e-4)
+    assert guidance_of(integral).active == 0b1100
     assert guidance_of(integral).tasks[1.0].curved
 
 

@@ -41,7 +41,7 @@ def test_slit_is_read_as_it_is_written(robot):
     assert scene.defaults["noise"] == 0.1
     assert scene.defaults["limit"] == 0.6
     assert scene.defaults["max-time"] == 30
-    assert loaded.command.shape == (loaded.model.nu, 2)
+    assert loaded.command.shape == (loaded.model.nu, 3 if robot == "car" else 2)
     assert not np.any(loaded.obstacle_geoms & loaded.robot_geoms)
 
 

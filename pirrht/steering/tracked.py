@@ -1,0 +1,164 @@
+"""References of systems without steering of their own: lines in the plane, that guides make feasible.
+
+The tree is that of a point which moves straight at a pace; its vertices are positions, whatever else a state has.
+Costs are the point's, so classes are ordered by length, and what the system's own optimum would be is found by guides
+alone: they track a reference first, from the state that the system has, and then save what the true cost allows.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError
+from pirrht.geometry.arcs import Curves
+from pirrht.geometry.scene import Scene
+from pirrht.problem import Problem
+from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.straight_line import StraightLine
+from pirrht.steering.trajectory import Trajectory
+
+SPEEDS = np.geomspace(1e-3, 1e3, 6001)  # at which the cost per meter is asked [m/s]
+PROBES = 8  # states at which a constant speed is asked
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked(Steering):
+    """Straight lines at one pace between positions, for systems that move otherwise.
+
+    Args:
+        pace: speed [m/s].
+        cost_per_meter: of it [cost/m].
+        slack: time that getting under way, or turning about, may take [s].
+        m: controls of the system.
+    """
+
+    pace: float
+    cost_per_meter: float
+    slack: float
+    m: int
+
+    n = 2
+    symmetric = True
+    drives = False
+
+    @classmethod
+    def of(cls, problem: Problem, pace: float | None = None) -> Tracked:
+        """Lines for any problem.
+
+        Args:
+            pace: speed [m/s]; without one, that at which the problem's cost per meter is least.
+
+        Raises:
+            OptionError: the pace is not positive, or the cost tells none.
+        """
+        pace = pace_of(problem) if pace is None else pace
+        if not (np.isfinite(pace) and pace > 0):
+            raise OptionError(f"the pace of references is {pace:g}; it must be a positive number [m/s]")
+        d = problem.dynamics
+        x = moving(problem, pace)
+        rate = max(problem.rate(d.state_of(problem.scene.start) if x is None else x), problem.least_rate)
+        rate = 2.0 * rate if x is None or not callable(problem.q) else rate
+        return cls(pace=pace, cost_per_meter=rate / pace, slack=_delay(problem, pace), m=d.m)
+
+    @property
+    def line(self) -> StraightLine:
+        """The steering of the point."""
+        return StraightLine(pace=self.pace, cost_rate=self.cost_per_meter * self.pace)
+
+    @property
+    def compiled(self) -> Compiled:
+        """Straight lines as kernels."""
+        return self.line.compiled
+
+    def vertex_of(self, x: Array) -> Array:
+        """The position (..., 2) [m] of a state (..., n)."""
+        return np.ascontiguousarray(x[..., :2])
+
+    def distance(self, tails: Array, heads: Array) -> Array:
+        """Cost of the way from tails to heads, (..., 2) x 2 -> (...,) [cost]."""
+        return self.line.distance(tails, heads)
+
+    def connect(self, tails: Array, heads: Array) -> Curves:
+        """One straight piece each from tails (k, 2) to heads (k, 2) [m]."""
+        return self.line.connect(tails, heads)
+
+    def roots(self, goal: Array) -> Array:
+        """The goal point (2,) [m] itself, (1, 2)."""
+        return self.line.roots(goal)
+
+    def states_along(self, way: Array, scene: Scene) -> Array:
+        """The points (k, 2) [m] themselves."""
+        return self.line.states_along(way, scene)
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """A point (2,) [m], uniform in the workspace."""
+        return self.line.sample(scene, rng)
+
+    def trajectory(self, path: Any) -> Trajectory:
+        """When a path is where; it has no controls that would drive along it."""
+        found = self.line.trajectory(path)
+        still = np.zeros((len(found.durations), self.m))
+        return replace(found, controls=still, slack=self.slack)
+
+
+def pace_of(problem: Problem) -> float:
+    """The speed at which a meter costs least [m/s].
+
+    That is where q and u'Ru/2 balance if positions are actuated, the system's own if it has but one, and where q has
+    its least value per meter if it tells speeds apart.
+
+    Raises:
+        OptionError: the cost tells none.
+    """
+    d = problem.dynamics
+    here = d.state_of(problem.scene.start)
+    moved = np.linalg.eigvalsh(_yield(problem, here)[:2, :2])
+    if moved[-1] > 0:  # in the direction in which positions yield least, of those in which they do
+        return float(math.sqrt(2.0 * problem.least_rate * moved[moved > 1e-9 * moved[-1]][0]))
+    lower, upper = d.box(problem.scene)
+    fractions = (np.arange(1, d.n + 1) * 0.7548776662 + np.arange(PROBES)[:, None] * 0.5698402910) % 1.0
+    speeds = [math.hypot(*d.f(lower + fraction * (upper - lower))[:2]) for fraction in fractions]
+    if max(speeds) > 0 and np.ptp(speeds) < 1e-6 * max(speeds):
+        return speeds[0]
+    if callable(problem.q) and moving(problem, 1.0) is not None:
+        costs = np.array([problem.rate(moving(problem, v)) for v in SPEEDS]) / SPEEDS  # type: ignore[arg-type]
+        best = int(np.argmin(costs))
+        if 0 < best < len(SPEEDS) - 1:
+            return float(SPEEDS[best])
+    raise OptionError(
+        f"the cost of {type(d).__name__} does not tell how fast its references should be; declare a pace [m/s]"
+    )
+
+
+def moving(problem: Problem, speed: float) -> Array | None:
+    """The start at a speed [m/s], (n,); None if the states have none."""
+    d = problem.dynamics
+    x = d.state_of(problem.scene.start)
+    for name in ("speed", "vx"):
+        if name in d.states:
+            x[d.states.index(name)] = speed
+            return x
+    return None
+
+
+def _delay(problem: Problem, pace: float) -> float:
+    """Time to turn about or to get up to the pace under a control that costs what time does [s]."""
+    d = problem.dynamics
+    strength = np.sqrt(2.0 * problem.least_rate * np.diag(_yield(problem, d.state_of(problem.scene.start))))
+    change = np.array([math.pi if i in d.angles else pace for i in range(d.n)])
+    turned = [change[i] / strength[i] for i in range(2, d.n) if strength[i] > 0]
+    return float(max(turned, default=0.0))
+
+
+def _yield(problem: Problem, x: Array) -> Array:
+    """G R^-1 G' at x (n,), (n, n): what states yield to a control of a given cost."""
+    d = problem.dynamics
+    G = np.zeros((d.n, d.m))
+    block = d.G_c(x)
+    G[d.n - len(block) :] = block
+    return np.asarray(G @ np.linalg.solve(problem.control_cost(x), G.T))

@@ -1,0 +1,80 @@
+"""A car with inertia: it turns and accelerates, so heading and speed are state and both are noisy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import jitable
+from pirrht.systems.dynamics import Dynamics, _check_noise
+
+AIM = 0.9  # share of the goal's radius that is aimed at
+GAIN = 3.0  # turn rate per heading error, and acceleration per error of the speed, of what homes in [1/s]
+CRUISE = 1.0  # speed at which a meter costs least [m/s]
+
+
+@jitable
+def rolling(x, p, out):  # type: ignore[no-untyped-def]
+    """f = [v cos theta, v sin theta, 0, 0] at x (4,), written to out (4,) [m/s, m/s, rad/s, m/s^2]."""
+    out[0], out[1] = x[3] * math.cos(x[2]), x[3] * math.sin(x[2])
+    out[2], out[3] = 0.0, 0.0
+
+
+@jitable
+def cruising(x, p):  # type: ignore[no-untyped-def]
+    """q = 1 + (v / CRUISE)^2 [cost/s] at x (4,), for parameters p (0,): what a puck of q = 1, R = 2I pays at v."""
+    return 1.0 + (x[3] / CRUISE) ** 2
+
+
+@jitable
+def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """Turn until the goal's disc lies ahead and drive at CRUISE, slower as long as it lies aside; out (2,)."""
+    dx, dy = aim[0] - x[0], aim[1] - x[1]
+    off = math.atan2(dy, dx) - x[2]
+    off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)
+    within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
+    off = max(0.0, off - within) + min(0.0, off + within)
+    out[0] = GAIN * off / B[0, 0]
+    out[1] = GAIN * (CRUISE * max(0.2, math.cos(off)) - x[3]) / B[1, 1]
+
+
+@dataclass(frozen=True, eq=False)
+class SecondOrderCar(Dynamics):
+    """A car that turns and accelerates: dtheta = u_1 dt + b dw_1, dv = u_2 dt + b dw_2, and it moves along theta at v.
+
+    The state is x, y [m], heading theta [rad] and speed v [m/s], (4,), negative where it reverses; u (2,) is the turn
+    rate [rad/s] and the acceleration [m/s^2].
+
+    Raises:
+        OptionError: b is not a positive number.
+    """
+
+    b: float = 0.1  # noise [rad/sqrt(s)] and [m/s/sqrt(s)]
+
+    n = 4
+    m = 2
+    states = ("x", "y", "heading", "speed")
+    parameters = np.zeros(0)
+    drift = staticmethod(rolling)
+    homing = staticmethod(towards_goal)
+
+    def __post_init__(self) -> None:
+        _check_noise(self.b)
+
+    @cached_property
+    def control_block(self) -> Array:  # type: ignore[override]
+        """G_c = I, (2, 2)."""
+        return np.eye(2)
+
+    @cached_property
+    def diffusion_block(self) -> Array:  # type: ignore[override]
+        """B_c = b I, (2, 2) [rad/sqrt(s), m/s/sqrt(s)]."""
+        return self.b * np.eye(2)
+
+    def twist(self, x: Array, rate: Array) -> Array:
+        """Acceleration ahead and to the left [m/s^2] and turn rate [rad/s], (3,)."""
+        return np.array([rate[1], x[3] * rate[0], rate[0]])
