@@ -216,7 +216,9 @@ class AnyGuidance:
                 return guide
         if guide is not None and not clearance(self.setup.arena.field, x[0], x[1]) > 0.0:
             return guide
-        guide = self._from(x, times, key, self._along(x, trajectory, times), COLD)
+        # Where noise acts on the position, walls are met so soon that 100 lambda would price all of a room.
+        stages = COLD[1:] if self.problem.dynamics.noisy_position else COLD
+        guide = self._from(x, times, key, self._along(x, trajectory, times), stages)
         if guide is None or guide.valid:
             return guide
         return self._from(x, times, key, self._along(x, trajectory, times), NONE)
