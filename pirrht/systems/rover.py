@@ -15,6 +15,7 @@ from pirrht.systems.dynamics import Dynamics, _check_noise, no_drift
 
 AIM = 0.9  # share of the goal's radius that is aimed at
 TURN_GAIN = 3.0  # turn rate of homing per heading error [1/s]
+NARROW = 3.0  # it drives where the disc lies less than pi / 2 over this aside: faster it would circle around it
 QUICK = 1.5  # times what the rate of cost asks for, homing turns at most
 
 
@@ -35,7 +36,7 @@ def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-de
     within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
     beyond = max(0.0, off - within) + min(0.0, off + within)
     asked = math.sqrt(2.0 * rate)  # |a| under which control costs what time does
-    out[0] = asked * max(0.0, math.cos(beyond))
+    out[0] = asked * math.cos(min(NARROW * abs(beyond), 0.5 * math.pi))
     out[1] = max(-QUICK * asked, min(QUICK * asked, TURN_GAIN * beyond / B[2, 1]))
 
 

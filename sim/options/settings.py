@@ -36,7 +36,10 @@ PROBLEM_OPTIONS = (
         "tighter turns are spins on the spot, and wider ones straight lines", group=PROBLEM, numeric=True, special=True,
     ),
     _number(
-        "noise", "noise b, in m/sqrt(s) of a puck, in rad/sqrt(s) of a car, in m/s/sqrt(s) of a hover", "B", 1e-6, 1e3,
+        "noise",
+        "noise b, in m/sqrt(s) of a puck, in rad/sqrt(s) of a car, in m/s/sqrt(s) of a hover, in m/sqrt(s) of a "
+        "rover's speed (with 2 b rad/sqrt(s) of its turn rate)",
+        "B", 1e-6, 1e3,
         "less is none to a computer, and more throws a robot across any scene", group=PROBLEM, numeric=True,
         commands=SINGLE, special=True,
     ),

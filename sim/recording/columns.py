@@ -74,7 +74,8 @@ COLUMNS = (
     Column(
         "control_K",
         CONTROL,
-        "u at its start: velocity of a point, steering of a car, acceleration of a mass",
+        "u at its start: velocity of a point, steering of a car, acceleration of a mass, speed and turn rate "
+        "of a rover",
         lambda r: r.control,
     ),
     Column("noise_K", "sqrt(s)", "sum of the Brownian increments over the step", lambda r: r.noise.sum(axis=0)),

@@ -203,7 +203,7 @@ def test_help_tells_the_default_of_each_robot_and_that_a_scene_wins(capsys, monk
     with pytest.raises(SystemExit):
         main(["run", "--help"])
     told = capsys.readouterr().out
-    assert "puck 0.01, car 0.1, hover 0.05, or the scene's" in told
+    assert "puck 0.01, car 0.1, hover 0.05, rover 0.05, or the scene's" in told
     for name in names():
         assert f"{named(name).robots} {named(name).settings.noise:g}" in told
     assert "a scene's own (custom numerics pirrht_NAME) win over these" in told

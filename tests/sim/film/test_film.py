@@ -51,7 +51,7 @@ def test_a_film_shows_the_drive_and_a_still_its_end(graphics, tmp_path, capsys, 
     assert sorted(tmp_path.iterdir()) == [video, still]
 
 
-@pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive", "hover"])
+@pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive", "hover", "rover"])
 def test_every_robot_is_drawn_where_it_is(graphics, robot):
     loaded = load("slit", robot=robot)
     eye = offscreen.Offscreen(loaded.model, width=320, height=180, option="--video")
