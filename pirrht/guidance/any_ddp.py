@@ -83,7 +83,8 @@ def optimiser(kind: Kind) -> Optimiser:
     """Kernels that optimise trajectories of one kind of dynamics; built once per kind."""
     velocity, advance, expand = step_of(kind)
     n, m, noisy_position, angles, homing_of = kind.n, kind.m, kind.noisy_position, kind.angles, kind.homing
-    rows, through_inputs = kind.rows, kind.input_form and kind.diffusion_block is not None
+    rows, by_inputs = kind.rows, kind.input_form
+    through_inputs = by_inputs and kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if through_inputs else kind.drift
 
     stranded = noisy_position and homing_of is no_homing
@@ -93,7 +94,9 @@ def optimiser(kind: Kind) -> Optimiser:
         """Cost of what is left to the goal's rim from x (n,): straight ahead, or where noise acts, per meter [cost]."""
         gx, gy = setup.arena.goal[0] - x[0], setup.arena.goal[1] - x[1]
         if noisy_position:
-            return task.far * max(math.sqrt(gx * gx + gy * gy) - setup.arena.radius, 0.0)
+            gap = math.sqrt(gx * gx + gy * gy) - setup.arena.radius
+            # A kink at the rim would be a wall to a guide whose last step ends on it.
+            return task.far * (gap if by_inputs else max(gap, 0.0))
         rate = velocity(setup, x, f)
         speed = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-3)
         along, square = (gx * f[0] + gy * f[1]) / speed, setup.arena.radius**2

@@ -239,7 +239,9 @@ class AnyGuidance:
         if guide is not None and not clearance(self.setup.arena.field, x[0], x[1]) > 0.0:
             return guide
         begun = self._along if trajectory.slack is None else self._tracked
-        guide = self._from(x, times, key, begun(x, trajectory, times), COLD)
+        # Where noise acts on the position, walls are met so soon that 100 lambda would price all of a room.
+        stages = COLD[1:] if self.problem.dynamics.noisy_position else COLD
+        guide = self._from(x, times, key, begun(x, trajectory, times), stages)
         if guide is None or guide.valid:
             return guide
         return self._from(x, times, key, begun(x, trajectory, times), NONE)

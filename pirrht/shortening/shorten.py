@@ -18,6 +18,7 @@ from pirrht.shortening.dubins_shortcut import shortcut
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.motion import Surroundings
+from pirrht.steering.rover import RoverSteering
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.cuts import key_of_segment
@@ -66,6 +67,13 @@ def _straight(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
 @shorten.register
 def _(steering: Dubins, path: Curves, space: FreeSpace) -> Curves:
     return shortcut(path, steering, space)
+
+
+@shorten.register
+def _(steering: RoverSteering, path: Curves, space: FreeSpace) -> Curves:
+    """The cheapest of those that are shortened like a car's, by the rover's radii; its guides do the rest."""
+    found = [steering.priced(shortcut(path, Dubins(V=1.0, rho=radius), space)) for radius in steering.radii]
+    return min([path, *found], key=lambda one: float(one.cost.sum()))
 
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:

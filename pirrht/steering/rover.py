@@ -12,7 +12,7 @@ at 0.3 m, but ways have headings of their own: facing along the way it saves not
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,11 +46,12 @@ def _cheapest(tail, head, numbers, limit, curvature, length):  # type: ignore[no
         arc, line = radius * price_of(numbers[0], numbers[1], 1.0 / radius), radius * straight
         for s in (1.0, -1.0):
             for opposite in (False, True):
+                most = best / line  # no word is cheaper than as many meters straight ahead
                 if opposite:
-                    total, t, p, q = _opposite_turns(s, ends, sb + sa, cb + ca, np.inf)
+                    total, t, p, q = _opposite_turns(s, ends, sb + sa, cb + ca, most)
                     arcs = False
                 else:
-                    total, arcs, t, p, q = _same_turns(s, ends, sb - sa, cb - ca, np.inf)
+                    total, arcs, t, p, q = _same_turns(s, ends, sb - sa, cb - ca, most)
                 cost = (t + q) * arc + p * (arc if arcs else line)
                 if total < np.inf and cost < best:
                     best = cost
@@ -160,6 +161,16 @@ class RoverSteering(Steering):
     def compiled(self) -> Compiled:
         """The words as kernels; their numbers are 2 q r_v, 2 q r_w and the radii [m]."""
         return Compiled(_nearest, _connect, self._numbers)
+
+    def priced(self, path: Curves) -> Curves:
+        """The same curves (k, P) at the rover's prices."""
+        price = np.sqrt(self._numbers[0] + self._numbers[1] * path.curvature**2)
+        return replace(path, cost=np.sum(price * path.length, axis=1))
+
+    @property
+    def radii(self) -> tuple[float, ...]:
+        """Radii of the words' arcs [m]."""
+        return self._numbers[2:]
 
     @property
     def _numbers(self) -> tuple[float, ...]:

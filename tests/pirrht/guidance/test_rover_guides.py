@@ -82,6 +82,19 @@ def test_psi_is_the_same_whatever_guide_is_followed_and_guides_beat_tapes():
     assert found[0][2] > 5.0 * drawn(Tape(times(), tape), 8000, 3)[2]
 
 
+def test_a_guide_whose_last_step_ends_on_the_rim_meets_no_wall_there():
+    """Straight ahead at the best speed of 1 m/s, 0.7 m in steps of 0.1 s up to a disc of 0.1 m."""
+    guidance, x = integral().guidance, np.array([1.8, 0.6, np.arctan2(0.9, 0.8)])
+    x[:2] = np.array([2.6, 1.5]) - 0.8 * np.array([np.cos(x[2]), np.sin(x[2])])
+    steering = RoverSteering.of(integral().problem)
+    trajectory = steering.trajectory(steering.connect(x[None], np.array([[2.6, 1.5, x[2]]])))
+    assert isinstance(guidance, AnyGuidance)
+    guide = guidance.improve(x, times(), integral().space.homology.key((0,)), trajectory)
+    assert guide is not None
+    assert np.abs(guide.gains).max() < 20.0
+    assert np.linalg.eigvalsh(guide.share).min() > 0.5
+
+
 @pytest.mark.parametrize("x", [(0.0, 0.0, 3.0), (1.5, 0.9, 0.5), (2.2, 0.2, -2.0)])
 def test_homing_brings_a_rover_into_the_goal_from_anywhere(x):
     """Noise 0.1, q / lambda = 50: the disc around (2, 1) of radius 0.3 within 6 s, at no more than 1 m/s."""
