@@ -9,6 +9,11 @@ from sim.cli import warm
 from sim.scenario import Scenario, prepare
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Commands as a whole come first: their files take longest, and none shall be left to one worker at the end."""
+    items.sort(key=lambda item: "/tests/system/" not in item.path.as_posix())
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _compiling_is_known() -> None:
     """Tests that count lines find the same, whether kernels have been compiled or not."""

@@ -33,7 +33,6 @@ from pirrht.guidance.ways import NODES, way_of
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
-from pirrht.rollouts.point.block import is_point
 from pirrht.rollouts.records import LAW, Kernels, Leads, Origin, Setup, empty_paths
 from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
@@ -125,8 +124,7 @@ class PathIntegral:
     @property
     def climbs(self) -> bool:
         """Whether samples climb the desirability of references' ways, pushed off walls, instead of following tapes."""
-        d = self.problem.dynamics
-        return self.sampling.guide == "feedback" and is_point(d)
+        return self.sampling.guide == "feedback" and self.problem.dynamics.even
 
     @property
     def pointlike(self) -> bool:

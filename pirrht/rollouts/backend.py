@@ -48,7 +48,7 @@ def kind_of(problem: Problem) -> Kind:
         homing=as_jitable(d.homing),
         input_form=d.input_form,
         midway=d.stratonovich,
-        astray=d.n == d.m == 2 and not is_point(d),
+        astray=d.n == d.m == 2 and not d.even,
     )
 
 

@@ -20,7 +20,7 @@ from pirrht.compiled.jit import jitable
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 
-PROBES = 5  # states at which it is asked whether noise acts on the position
+PROBES = 5  # states at which it is asked how noise acts on the position
 
 
 @jitable
@@ -96,8 +96,21 @@ class Dynamics(ABC):
     @cached_property
     def _stirred(self) -> bool:
         """Whether the rows of x and y of G are other than zero anywhere; asked at some states."""
-        numbers = np.arange(1, PROBES + 1)[:, None] * np.sqrt(2.0 + np.arange(self.n)) % 1.0
-        return any(bool(np.any(self.G_c(x)[:2])) for x in 2.0 * np.pi * (numbers - 0.5))
+        return any(bool(np.any(self.G_c(x)[:2])) for x in self._some_states())
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether it is a point that nothing carries along and noise shakes alike every way; asked at some states."""
+        if not self.n == self.m == 2:
+            return False
+        noise = [self.B_c(x) @ self.B_c(x).T for x in self._some_states()]
+        return not any(np.any(self.f(x)) for x in self._some_states()) and all(
+            np.allclose(one, one[0, 0] * np.eye(2), rtol=1e-9, atol=1e-12 * one[0, 0]) for one in noise
+        )
+
+    def _some_states(self) -> Array:
+        numbers: Array = np.arange(1, PROBES + 1)[:, None] * np.sqrt(2.0 + np.arange(self.n)) % 1.0
+        return 2.0 * np.pi * (numbers - 0.5)
 
     @cached_property
     def position(self) -> tuple[int, int]:

@@ -134,7 +134,9 @@ def test_an_obstacle_is_what_would_collide_at_the_height_of_the_robot(write, geo
 def test_the_robot_touches_neither_floor_nor_slab_nor_beam(write):
     world = FLOOR + '<geom type="box" size="9 9 0.5" pos="5 5 -0.5"/><geom type="box" size="9 9 0.5" pos="5 5 0.7"/>'
     for robot in robot_names():
-        model = load(write(mjcf(SITES + world)), robot=robot, radius=0.1 if robot in ("puck", "hover") else 0.15).model
+        model = load(
+            write(mjcf(SITES + world)), robot=robot, radius=0.1 if robot in ("puck", "hover", "rover") else 0.15
+        ).model
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, 0)
         mujoco.mj_forward(model, data)

@@ -233,7 +233,7 @@ def test_states_are_columns_by_their_names_wherever_they_stand(states, names):
 def test_a_hover_is_recorded_without_a_heading_and_told_with_its_velocities(tmp_path, capsys):
     file, out = tmp_path / "a.rrd", tmp_path / "a.npz"
     words = ["--robot", "hover", "--vertices", "40", "--samples", "10", "--max-time", "0.1", "--plant", "sde"]
-    assert main(["run", "slit", *words, "--start", "1", "2.5", "2.0", "--record", str(file)]) == 1
+    assert main(["run", "slit", *words, "--start", "1", "2.5", "--record", str(file)]) == 1
     assert main(["export", str(file), "-o", str(out)]) == 0
     table = np.load(out)
     step = 0.05
