@@ -26,6 +26,7 @@ from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
 from pirrht.guidance.tracking import FEW
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
+from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.topology.homology import class_id, integers
 from pirrht.tree.homology_tree import HomologyTree, Reference
@@ -96,6 +97,7 @@ class Controller(Policy):
             self.pool.forget()
         if self.allocation is not None:
             self.allocation.forget()
+        self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
         self._guides: dict[tuple[int, ...], Any] = {}  # by class of driven path and guide together
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
 
@@ -197,7 +199,11 @@ class Controller(Policy):
     def _references(self, x: Array) -> list[Reference]:
         if self.tree is None or self.method.most == 0:
             return []
-        found = self.tree.references(x, polished=self.polished)
+        driven = np.array(self.driven_class())
+        before = {integers(np.asarray(whole) - driven): path for whole, path in self._paths.items()}
+        found = self.tree.references(x, polished=self.polished, before=before)
+        rows = zip(self._from_start(found), found, strict=True)
+        self._paths = {whole: reference.trajectory.path for whole, reference in rows}
         kept = [] if self.method.most is not None else self._kept(x, set(self._from_start(found)))
         return self.method.around(found, kept)
 

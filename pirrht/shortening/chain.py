@@ -23,6 +23,7 @@ from pirrht.steering.steering import Steering
 EVEN = 16  # stations of the first round, vertices not counted
 CORNERS = 6  # rounds that follow, each with stations twice as near to the corners
 GAIN = 1e-5  # two rounds in turn that save less than this share of the cost are the last
+INTO = 1e-3  # of the way from the goal's rim to its centre: where a path ended on the rim the next one ends within
 ROUNDING = 1e-6  # share of the cost of a motion by which its parts may cost more
 
 
@@ -42,6 +43,13 @@ def cheapest_chain(path: Motions, steering: Steering, space: FreeSpace) -> Any:
         if idle == 2:
             break
     return path
+
+
+def resumed(x: Array, path: Motions, steering: Steering, space: FreeSpace) -> Any:
+    """The cheapest path from x (n,) over some of the corners of an earlier one, into the goal; None if none is free."""
+    goal, corners = space.scene.goal.center, path.heads.copy()
+    corners[-1, :2] += INTO * (goal - corners[-1, :2])
+    return _joined(EdgeChecker(space=space, motion=steering.motion), steering, np.vstack([x, corners]))
 
 
 def _stations(path: Motions, steering: Steering, number: int) -> Array:

@@ -56,6 +56,13 @@ def shorten(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
     return found
 
 
+def searches(steering: Steering) -> bool:
+    """Whether paths of a method are shortened by searching, which is quicker from an earlier path of the class."""
+    return shorten.dispatch(type(steering)) is shorten.dispatch(object) and not (
+        steering.motion is ARCS and steering.n == 2
+    )
+
+
 @shorten.register(StraightLine)
 def _straight(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
     points = np.vstack([path.start[:, :2], _end(path)])

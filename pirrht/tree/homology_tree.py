@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,8 +14,10 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.shortening.shorten import polish
+from pirrht.shortening.chain import resumed
+from pirrht.shortening.shorten import polish, searches
 from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges
+from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Steering
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.homology import class_id, integers
@@ -201,11 +203,15 @@ class HomologyTree:
         self._relax()
         return True
 
-    def references(self, x: Array, *, polished: bool = True) -> list[Reference]:
+    def references(
+        self, x: Array, *, polished: bool = True, before: Mapping[tuple[int, ...], Motions] | None = None
+    ) -> list[Reference]:
         """The best path of every allowed class from x (n,), least [cost] first; the tree is not changed (Algorithm 5).
 
         Args:
             x: a state of the system, of which vertices may have but a part (`Steering.vertex_of`).
+            before: polished paths by winding, from a state not far from x: where shortening is a search, it goes over
+                their corners only, unless the tree's own path is cheaper even before it is shortened.
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
@@ -218,7 +224,8 @@ class HomologyTree:
         if count == 0:
             raise NoReference(x.tolist(), vertices=self.size, limit=self.limit)
         order = np.argsort(best.cost[:count], kind="stable")
-        references = [self._reference(x, edges, int(best.edge[i]), int(best.slot[i]), polished) for i in order]
+        known = before if before and polished and searches(self.steering) else {}
+        references = [self._reference(x, edges, int(best.edge[i]), int(best.slot[i]), polished, known) for i in order]
         return sorted(references, key=lambda reference: reference.cost)
 
     def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
@@ -322,19 +329,40 @@ class HomologyTree:
         motions = self.steering.connect(self.states[near], _repeated(x, len(near)))
         return self.checker.inspect(motions, np.full(len(near), self.in_goal[v]), near)
 
-    def _reference(self, x: Array, edges: Edges, edge: int, slot: int, polished: bool) -> Reference:
+    def _reference(
+        self,
+        x: Array,
+        edges: Edges,
+        edge: int,
+        slot: int,
+        polished: bool,
+        before: Mapping[tuple[int, ...], Motions],
+    ) -> Reference:
         """The path from x (n,) over one of the edges and on from a node at its head."""
         head = int(edges.near[edge])
         states = np.vstack([x, self.states[self.path_of(head, slot)]])
         path = self.checker.until_goal(self.steering.connect(states[:-1], states[1:]))
-        if polished:
-            path = polish(path, self.steering, self.space)
         winding = integers(g.class_at(self.graph, head, slot) + edges.turns.dense(edge, self.space.homology.M))
+        again = self._resumed(x, before[winding], winding) if winding in before else None
+        if again is not None and again.cost.sum() <= path.cost.sum():
+            path = again
+        elif polished:
+            path = polish(path, self.steering, self.space)
         return Reference(
             winding=winding,
             signature=self.space.homology.signature(x, winding),
             trajectory=self.steering.trajectory(path),
         )
+
+    def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
+        """The cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
+        found = resumed(x, path, self.steering, self.space)
+        if found is None:
+            return None
+        count = len(found.cost)
+        edges = self.checker.inspect(found, np.arange(count) == count - 1)
+        turns = np.sum([edges.turns.dense(i, self.space.homology.M) for i in range(count)], axis=0)
+        return found if integers(turns) == winding else None
 
 
 def _repeated(x: Array, count: int) -> Array:

@@ -143,6 +143,26 @@ def test_a_tree_of_masses_finds_the_classes_of_points_and_pulls_their_paths_taut
     assert len(rough) >= 2
 
 
+def test_paths_go_on_over_the_corners_of_earlier_ones_in_their_class_and_hardly_dearer():
+    space = FreeSpace.of(scattered(3))
+    problem = Problem(dynamics=DoubleIntegrator(), scene=space.scene, R=2.0 * np.eye(2))
+    tree = HomologyTree(space, MassSteering.of(problem), limit=0.9, rng=np.random.default_rng(0))
+    tree.grow(300)
+    x = problem.dynamics.state_of(space.scene.start)
+    known = {found.winding: found for found in tree.references(x)}
+    paths = {winding: found.path for winding, found in known.items()}
+    moved = x + np.array([0.02, -0.01, 0.05, 0.02])
+    anew = {found.winding: found for found in tree.references(moved)}
+    again = {found.winding: found for found in tree.references(moved, before=paths)}
+    assert set(again) == set(anew)
+    shared = set(again) & set(known)
+    assert shared
+    for winding in shared:
+        assert again[winding].cost <= 1.05 * anew[winding].cost
+        assert len(again[winding].path.cost) <= len(known[winding].path.cost) + 1
+        np.testing.assert_array_equal(again[winding].path.tails[0], moved)
+
+
 def test_what_cubic_motions_cannot_steer_is_refused():
     scene = scattered(0)
     with pytest.raises(OptionError, match="steer a DoubleIntegrator, not SingleIntegrator"):
