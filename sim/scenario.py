@@ -28,7 +28,7 @@ from sim.drive.odometer import Frame
 from sim.mjcf import Loaded, load
 from sim.settings import Settings, settle
 from sim.system_import import chosen
-from sim.systems import System, named
+from sim.systems import System, named, refuse
 
 Driver = Controller | Mppi | Optimal
 
@@ -68,7 +68,7 @@ class Scenario:
         Raises:
             OptionError: the system has no such number, or a value cannot work.
         """
-        self.system.refuse({name: v for name, v in changes.items() if v != getattr(self.settings, name)})
+        refuse(self.system, {name: v for name, v in changes.items() if v != getattr(self.settings, name)})
         settings = replace(self.settings, **changes)
         return replace(self, settings=settings, problem=self.system.problem(self.loaded.scene, settings))
 
@@ -241,7 +241,7 @@ def prepare(
     kind = named(loaded.dynamics_name)
     said = given or {}
     overlay = kind.preset(preset)
-    kind.refuse(said)
+    refuse(kind, said)
     settings = settle(kind.settings, kind.heard(loaded.scene.defaults, loaded.meant), overlay, said)
     problem = kind.problem(loaded.scene, settings)
     space = FreeSpace.of(loaded.scene)

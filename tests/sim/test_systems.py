@@ -11,12 +11,11 @@ from mjcf_samples import ROBOT, robot_mjcf
 
 from pirrht import SingleIntegrator, StraightLine
 from pirrht.errors import OptionError
-from sim import systems
 from sim.cli import main
 from sim.mjcf import load
 from sim.scenario import prepare
 from sim.system_import import chosen, source
-from sim.systems import System, named, names, register
+from sim.systems import System, named, names, register, registry
 
 RAFT = """
 import numpy as np
@@ -47,7 +46,7 @@ def raft(**changes: object) -> System:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with modules in it; what is registered and imported is forgotten afterwards."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(systems, "_known", dict(systems._known))
+    monkeypatch.setattr(registry, "_known", dict(registry._known))
     monkeypatch.setattr(sys, "path", list(sys.path))
     (tmp_path / "rafts.py").write_text(RAFT)
     (tmp_path / "sinking.py").write_text("import nothing_of_the_kind")
