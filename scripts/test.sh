@@ -7,4 +7,5 @@ prepare ".[test,figures,video]"
 ruff check .
 ruff format --check .
 mypy
-python -m pytest --numprocesses 2 --dist loadfile "$@"
+# One more than cores: many tests wait for processes that they stop.
+python -m pytest --numprocesses 3 --dist loadfile "$@"

@@ -102,6 +102,7 @@ def test_no_module_names_what_lies_above(module):
     assert not outer(module) & FOREIGN
 
 
+@pytest.mark.slow
 def test_importing_the_whole_package_loads_nothing_that_lies_above():
     script = (
         "import sys, pirrht\n"

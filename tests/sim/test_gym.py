@@ -224,6 +224,7 @@ def swept(tmp_path):
     return tmp_path / "sweep"
 
 
+@pytest.mark.slow
 def test_a_report_shows_the_users_method_beside_ours(swept, capsys):
     before = Dataset(swept).records()
     scored = gym.score(ahead, seeds=range(3), method="mine", into=swept, **FAST)
@@ -237,6 +238,7 @@ def test_a_report_shows_the_users_method_beside_ours(swept, capsys):
     assert main([*SWEEP.split(), "-o", str(swept)]) == 0  # it goes on as before
 
 
+@pytest.mark.slow
 def test_a_score_makes_a_folder_that_a_sweep_goes_on_with(tmp_path, capsys):
     gym.score(ahead, seeds=[4, 7], method="mine", into=tmp_path / "new", scene="slit", noise=0.02)
     assert main(["report", str(tmp_path / "new")]) == 0
@@ -244,6 +246,7 @@ def test_a_score_makes_a_folder_that_a_sweep_goes_on_with(tmp_path, capsys):
     Dataset(tmp_path / "new").check({"plan_seed": 0}, {})
 
 
+@pytest.mark.slow
 def test_runs_that_are_there_are_refused_and_replaced_only_on_demand(swept):
     gym.score(ahead, seeds=range(2), method="mine", into=swept, **FAST)
     driven = []
@@ -262,6 +265,7 @@ def test_runs_that_are_there_are_refused_and_replaced_only_on_demand(swept):
     assert sorted(found) == [0, 1, 2]
 
 
+@pytest.mark.slow
 def test_a_policy_that_fails_loses_no_finished_drive(swept):
     def some(seed):
         return (lambda x: np.full(2, np.nan)) if seed == 2 else ahead
@@ -271,6 +275,7 @@ def test_a_policy_that_fails_loses_no_finished_drive(swept):
     assert [r["seed"] for r in Dataset(swept).records() if r["method"] == "mine"] == [0, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "what"),
     [

@@ -65,6 +65,7 @@ def refused_or_done(words: list[str], capsys: pytest.CaptureFixture[str]) -> Non
 # -- every number, however hostile, is refused in one line or works ---------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", HOSTILE)
 @pytest.mark.parametrize(("command", "option"), NUMBERS, ids=[f"{c}-{o.name}" for c, o in NUMBERS])
 def test_a_hostile_number_is_refused_in_one_line_or_works(command, option, value, capsys):

@@ -138,6 +138,7 @@ def test_a_refused_command_line_loads_nothing_that_is_slow():
     assert not loaded_by("from sim.cli import main; main(['run', 'slit', '--noise', 'nan'])") & SLOW
 
 
+@pytest.mark.slow
 def test_a_plan_loads_no_viewer_no_pictures_and_no_tables():
     code = "from sim.cli import main; main(['plan', 'slit', '--vertices', '30'])"
     assert not loaded_by(code) & {"rerun", "matplotlib", "pyarrow", "distributed", "gymnasium"}

@@ -32,6 +32,7 @@ def test_a_seed_means_a_scene():
     assert scenes.random_scene(3) != scenes.random_scene(4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_scenes_load_with_room_at_start_and_goal(seed, tmp_path):
     scene = load(scenes.write_scene(seed, tmp_path)).scene

@@ -81,6 +81,7 @@ def test_plan_writes_the_classes_cheapest_first(figures):
     assert [c["cost"] for c in plan["classes"]] == sorted(c["cost"] for c in plan["classes"])
 
 
+@pytest.mark.slow
 def test_plan_tells_open_passages_that_no_path_leads_through(figures, capsys):
     _, plan = figures("plan", "slit", "--vertices", "500")
     assert plan["passages"] == {"open": 3, "unused": []}

@@ -54,6 +54,7 @@ def done(script: str, *words: str, **more: str) -> subprocess.CompletedProcess[s
 # -- signals -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 20, 200, 600, 1000])
 def test_ctrl_c_while_modules_are_imported_ends_without_a_traceback(number: int):
     """Before there is anything to clean up the system ends the process, which shells call 130 as well."""
@@ -145,6 +146,7 @@ def closed() -> Iterator[int]:
     os.close(writer)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("words", [["scenes"], ["--help"]])
 def test_a_reader_who_has_gone_is_content(closed, words, unbuffered):
@@ -153,6 +155,7 @@ def test_a_reader_who_has_gone_is_content(closed, words, unbuffered):
     assert (ran.returncode, ran.stderr) == (0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_an_output_that_is_full_costs_one_line(unbuffered):
     with open("/dev/full", "w") as full:
@@ -161,6 +164,7 @@ def test_an_output_that_is_full_costs_one_line(unbuffered):
     assert (ran.returncode, ran.stderr) == (2, "pirrht: standard output: No space left on device\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_stream_that_is_closed_from_the_start_takes_everything(tmp_path: Path, stream: str):
     number, word = {"stdout": (1, "scenes"), "stderr": (2, "plan nowhere.xml")}[stream]
@@ -188,6 +192,7 @@ def test_a_broken_pipe_that_is_not_the_output_is_told(capsys):
 # -- inputs ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pipe", "folder", "device", "long name", "no text", "secret"])
 @pytest.mark.parametrize(
     "typed",

@@ -53,6 +53,7 @@ def laid_out(files: dict[Path, bytes], folder: Path) -> None:
         (folder / path).write_bytes(content)
 
 
+@pytest.mark.slow
 def test_a_second_process_finds_what_the_first_has_compiled(whole, tmp_path):
     laid_out(whole, tmp_path)
     assert asked(tmp_path) == ([*SAID, "0"], [])
@@ -80,6 +81,7 @@ def test_a_damaged_file_is_compiled_anew_with_one_line(whole, tmp_path, suffix, 
     assert asked(tmp_path) == ([*SAID, "0"], [])  # and is whole again
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cache", ["file/cache", "/proc/nowhere"])
 def test_where_nothing_can_be_kept_kernels_work_and_one_line_says_so(tmp_path, cache):
     (tmp_path / "file").write_text("")

@@ -101,6 +101,7 @@ print(out[0], "velocity" in made)
 """
 
 
+@pytest.mark.slow
 def test_a_kernel_of_somebodys_function_is_found_by_the_next_process_until_that_changes(tmp_path):
     (tmp_path / "users.py").write_text(PROGRAM)
 

@@ -25,6 +25,7 @@ from pirrht.estimation.sampling import Sampling
 REFERENCES = [(), RIGHT, LEFT, (1, -1)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sides", "weights"),
     [*((sides, "balance") for sides in REFERENCES), ((1, -1), "average")],

@@ -99,6 +99,7 @@ def test_a_guide_that_knows_nothing_of_the_walls_leaves_psi_where_it_is(make: Ca
     assert is_the_grids(values)
 
 
+@pytest.mark.slow
 def test_the_control_of_samples_that_climb_is_that_of_the_grid():
     """Per component within three standard errors (below 0.01 of 1.2) and 2 % of its size."""
     for known in (around_corner(0.3), around_corner(0.5)):
@@ -160,6 +161,7 @@ def test_split_steps_leave_when_and_where_passive_paths_end_as_it_is():
 # -- weighed survival --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_weighing_survival_has_the_mean_of_killing_and_scatters_less():
     """phi just below and above what makes a collision weigh nothing; 96 seeds each, of 400 samples.
 

@@ -91,6 +91,7 @@ def test_values_on_the_slit_are_those_of_an_independent_solution(through_slit):
     assert through_slit[0.3].value(START) == pytest.approx(9.535, abs=0.002)
 
 
+@pytest.mark.slow
 def test_a_symmetric_scene_has_a_symmetric_value(through_slit):
     points = np.random.default_rng(0).uniform([0.1, 0.1], [4.9, 2.4], (200, 2))
     mirrored = points * [1.0, -1.0] + [0.0, 5.0]

@@ -56,6 +56,7 @@ def best_without_noise(p: float, v: float) -> tuple[float, float]:
     return float(J[k]), float(3.0 * off[k] / T[k] ** 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phi", [np.inf, 1.0])
 @pytest.mark.parametrize("x", [(0.5, 0.0), (0.2, 0.3), (0.4, -0.6), (0.8, 0.5)])
 def test_psi_is_that_of_plain_monte_carlo(x, phi):
@@ -66,6 +67,7 @@ def test_psi_is_that_of_plain_monte_carlo(x, phi):
     assert np.exp(truth.log_psi(*x)) == pytest.approx(psi, abs=3.0 * error + psi * truth.error(*x) / truth.temperature)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x", QUIET)
 def test_without_noise_the_value_is_the_cost_of_the_two_point_optimum(x):
     """v - J falls fourfold as b halves, and the control tends to the optimum's."""
@@ -77,6 +79,7 @@ def test_without_noise_the_value_is_the_cost_of_the_two_point_optimum(x):
     assert solved(0.1).control(*x) == pytest.approx(control, abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("b", [0.1, 0.3])
 def test_the_error_that_a_coarse_grid_claims_holds_for_a_finer_one(b):
     """At 40 random states, those that graze the wall included."""

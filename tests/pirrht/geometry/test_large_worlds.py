@@ -93,6 +93,7 @@ def test_the_field_is_never_too_high_and_near_walls_hardly_too_low_at_any_size(k
     assert np.all((np.minimum(exact, REACH) - found)[far] < 0.25 * exact[far] + 1.5 * h)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [None, Kind.MESH, Kind.ELLIPSOID], ids=lambda kind: kind.value if kind else "all")
 def test_tilted_solids_in_blocks_are_never_farther_than_fcl_says(kind: Kind | None):
     space = cluttered(kind)

@@ -270,6 +270,7 @@ def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
     assert min(exits.count(outcome) for outcome in (INSIDE, GOAL, COLLISION)) > 20
 
 
+@pytest.mark.slow
 def test_a_sweep_of_a_step_that_turns_agrees_with_fcl_along_the_arc():
     """600 arcs along the wall of up to 1.5 m and 0.4 rad; where chord and arc differ in what they touch, it decides."""
     space = room()

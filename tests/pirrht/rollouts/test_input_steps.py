@@ -56,6 +56,7 @@ def test_psi_of_the_chain_is_plain_simulations_whatever_tape_is_followed(tape):
     assert psi == pytest.approx(0.047975, abs=3.0 * np.hypot(error, 68e-6))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stratonovich", [False, True])
 def test_the_likelihood_ratio_integrates_to_one(stratonovich):
     rollouts = drawn(car(PLAIN if not stratonovich else FINE, stratonovich), (1.0, -0.6, 0.2), 20_000, 5)

@@ -84,6 +84,7 @@ def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(see
     assert max(ratios) < 1.1
 
 
+@pytest.mark.slow
 def test_a_chain_around_a_corner_is_hardly_longer_than_the_taut_line():
     space = FreeSpace.of(scattered(4))
     tree = grown(space, StraightLine(), 200)

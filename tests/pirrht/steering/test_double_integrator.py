@@ -97,6 +97,7 @@ def test_the_nearest_are_those_of_least_cost(forward: bool):
     assert np.array_equal(MASS.nearest(states, x, 12, forward=forward), np.argsort(cost, kind="stable")[:12])
 
 
+@pytest.mark.slow
 def test_free_motions_keep_clear_and_turn_as_their_points_do():
     """Random motions among solids: FREE ones never touch, others do, and turns are those of a dense polyline."""
     rng, space = np.random.default_rng(3), FreeSpace.of(scattered(1))

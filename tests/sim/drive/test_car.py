@@ -82,6 +82,7 @@ def test_a_step_of_mujoco_is_that_of_the_equation_along_the_heading_half_way(tmp
     assert np.ptp(states[:, 2]) > 0.05
 
 
+@pytest.mark.slow
 def test_drift_and_covariance_are_those_of_the_equation_up_to_the_step(tmp_path):
     """Heading, speed and both displacements after 0.2 s at 1 m/s, within 3 errors and the share of a step; seed 11.
 

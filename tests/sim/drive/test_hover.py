@@ -81,6 +81,7 @@ def test_mujoco_and_the_equation_differ_by_a_step_of_the_velocity_gained(tmp_pat
     np.testing.assert_allclose(mujoco[:, :2] - sde[:, :2], STEP * (sde[:, 2:] - start[2:]), rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", [0, 1], ids=["mujoco", "sde"])
 def test_velocity_and_place_spread_as_integrated_white_noise_does(tmp_path, which):
     """Within 3 standard errors of a Gaussian sample covariance, plus the 2 / steps that discrete time costs."""

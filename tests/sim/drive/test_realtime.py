@@ -278,6 +278,7 @@ def test_samples_are_drawn_until_their_time_is_up(
     assert estimate.class_weights.keys() >= {"0,0", "-1,0", "0,1"}
 
 
+@pytest.mark.slow
 def test_a_short_drive_against_the_real_clock(tmp_path, capsys):
     words = ["run", "slit", "--vertices", "80", "--samples", "20", "--period", "0.1", "--max-time", "0.3"]
     assert main([*words, "--real-time", "--record", str(tmp_path / "x.rrd")]) == 1

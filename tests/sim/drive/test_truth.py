@@ -72,6 +72,7 @@ def test_value_and_distance_from_the_optimum_are_numbers_at_every_step(recorded,
     assert result["max_control_error"] == pytest.approx(off.max())
 
 
+@pytest.mark.slow
 def test_a_recording_with_truth_stays_small(recorded):
     file, frames, _ = recorded
     assert file.stat().st_size <= STATIC_BYTES + 480_000 * frames[-1].end_time

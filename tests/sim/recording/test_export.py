@@ -34,6 +34,7 @@ def table(drive):
     return export.table(read.read(drive[0]))
 
 
+@pytest.mark.slow
 def test_columns_hold_what_the_frames_held(drive, table):
     frames = drive[1]
     estimates = [frame.plan.estimate for frame in frames]
@@ -129,6 +130,7 @@ def folder(tmp_path, monkeypatch, drive):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("typed", "reason"),
     [
@@ -230,6 +232,7 @@ def test_states_are_columns_by_their_names_wherever_they_stand(states, names):
         assert table[f"end_{name}"] == 10.0 + at
 
 
+@pytest.mark.slow
 def test_a_hover_is_recorded_without_a_heading_and_told_with_its_velocities(tmp_path, capsys):
     file, out = tmp_path / "a.rrd", tmp_path / "a.npz"
     words = ["--robot", "hover", "--vertices", "40", "--samples", "10", "--max-time", "0.1", "--plant", "sde"]

@@ -51,6 +51,7 @@ def limited(file, most: int) -> str:
     return ran.stderr.splitlines()[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="limits as POSIX has them")
 @pytest.mark.parametrize("most", [20_000, 600_000])  # less than the scene takes, and some batches of steps more
 def test_a_recording_that_cannot_go_on_ends_and_the_old_file_is_there_again(tmp_path, most):
@@ -63,6 +64,7 @@ def test_a_recording_that_cannot_go_on_ends_and_the_old_file_is_there_again(tmp_
     assert list(tmp_path.iterdir()) == [file]
 
 
+@pytest.mark.slow
 def test_where_nothing_was_before_what_was_recorded_stays_readable(tmp_path):
     file = tmp_path / "a.rrd"
     assert "holds what was recorded until then" in limited(file, 600_000)
@@ -72,6 +74,7 @@ def test_where_nothing_was_before_what_was_recorded_stays_readable(tmp_path):
     assert list(tmp_path.iterdir()) == [file]
 
 
+@pytest.mark.slow
 @pytest.mark.root
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root mounts file systems")
 def test_a_full_disk_costs_one_line_and_exit_status_2(tmp_path, capsys):
@@ -92,6 +95,7 @@ def test_a_full_disk_costs_one_line_and_exit_status_2(tmp_path, capsys):
         subprocess.run(["umount", str(small)], check=True)
 
 
+@pytest.mark.slow
 def test_an_old_recording_is_replaced_and_nothing_is_left_beside_it(tmp_path):
     file, link = tmp_path / "a.rrd", tmp_path / "link.rrd"
     file.write_bytes(b"old")
@@ -103,6 +107,7 @@ def test_an_old_recording_is_replaced_and_nothing_is_left_beside_it(tmp_path):
     assert rerun("rrd", "verify", file).returncode == 0
 
 
+@pytest.mark.slow
 def test_a_run_that_is_interrupted_leaves_a_whole_recording_of_what_it_drove(tmp_path):
     file, drive = tmp_path / "a.rrd", Drive()
     file.write_bytes(b"old")

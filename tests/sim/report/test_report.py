@@ -251,6 +251,7 @@ def test_a_file_in_place_of_a_folder_is_called_a_file(dataset, tmp_path, capsys)
     assert file.read_text() == "dear"
 
 
+@pytest.mark.slow
 def test_the_folder_of_a_report_is_made_with_its_parents(dataset, tmp_path):
     assert main(["report", str(dataset.folder), "-o", str(tmp_path / "a" / "b")]) == 0
     assert (tmp_path / "a" / "b" / "report.md").exists()
@@ -312,6 +313,7 @@ def test_step_times_that_were_not_taken_are_left_out(tmp_path):
     assert (point.step_ms.value, point.step_p95_ms.value, point.runs) == (2.0, 3.0, 3)
 
 
+@pytest.mark.slow
 def test_who_watches_is_passed_every_interval_comparison_and_picture(dataset):
     pytest.importorskip("matplotlib")
     from sim.report.plots import pictures

@@ -126,6 +126,7 @@ def test_files_of_others_are_never_overwritten(dataset, clock):
     assert [r["seed"] for r in dataset.records()] == [1, 2, 10, 11, 12, 30]
 
 
+@pytest.mark.slow
 def test_processes_that_write_at_once_lose_nothing(dataset):
     script = "import sys\nfrom pathlib import Path\nfrom sim.sweeps.dataset import Dataset\n"
     script += f"d, known = Dataset(Path({str(dataset.folder)!r})), {record(0)!r}\n"

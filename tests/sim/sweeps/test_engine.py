@@ -109,6 +109,7 @@ def test_an_item_goes_to_a_point_that_nobody_is_at():
     assert agenda.take(("x",), [("a",), ("b",)]).scene == "c"
 
 
+@pytest.mark.slow
 def test_what_a_killed_process_was_at_is_done_by_another(tmp_path):
     tasks = [Task("a", number, str(tmp_path)) for number in range(6)]
     assert sorted(results(die_at_first, tasks)) == list(range(6))
