@@ -13,10 +13,9 @@ from pirrht.errors import OptionError
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
-from sim import systems
 from sim.mjcf import load, models_folder
 from sim.scenario import prepare
-from sim.systems import System
+from sim.systems import System, registry
 
 HOVER = (models_folder() / "robots" / "hover.xml").read_text()
 MOTORS = '<motor name="x" joint="x"/>\n    <motor name="y" joint="y"/>'
@@ -118,7 +117,7 @@ class Surge(Dynamics):
 
 
 def test_a_state_that_the_robot_has_not_is_refused_by_name_and_driven_by_the_equation(monkeypatch):
-    monkeypatch.setattr(systems, "_known", dict(systems._known))
+    monkeypatch.setattr(registry, "_known", dict(registry._known))
     system = System(
         name="surge", dynamics=lambda s: Surge(), steering=lambda p: MassSteering(), R=2.0 * np.eye(2),
         states=("x", "y", "surge", "sway"),
