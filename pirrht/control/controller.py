@@ -202,9 +202,9 @@ class Controller(Policy):
         driven = np.array(self.driven_class())
         before = {integers(np.asarray(whole) - driven): path for whole, path in self._paths.items()}
         found = self.tree.references(x, polished=self.polished, before=before)
-        rows = zip(self._from_start(found), found, strict=True)
-        self._paths = {whole: reference.trajectory.path for whole, reference in rows}
-        kept = [] if self.method.most is not None else self._kept(x, set(self._from_start(found)))
+        classes = self._from_start(found)
+        self._paths = {whole: one.path for whole, one in zip(classes, found, strict=True)}
+        kept = [] if self.method.most is not None else self._kept(x, set(classes))
         return self.method.around(found, kept)
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:

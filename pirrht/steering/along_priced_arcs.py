@@ -67,20 +67,28 @@ def _judge(arcs, into_goal, around, status, enters):  # type: ignore[no-untyped-
 KERNELS = MotionKernels(_judge, ARCS.kernels.pairs, ARCS.kernels.most)
 
 
+def priced(path: Curves, straight: float, turning: float) -> Curves:
+    """The same curves (k, P) at prices as `price_of` takes them."""
+    return replace(path, cost=np.sum(_prices(path.curvature, straight, turning) * path.length, axis=1))
+
+
+def _prices(curvature: Array, straight: float, turning: float) -> Array:
+    return np.asarray(np.sqrt(straight + turning * curvature**2))
+
+
 @cache
 def priced_arcs(q: float, straight: float, turning: float) -> Motion:
     """The kind of motions for a rate of cost q [cost/s] and prices as `price_of` takes them."""
 
     def prices(curvature: Array) -> Array:
-        return np.asarray(np.sqrt(straight + turning * curvature**2))
+        return _prices(curvature, straight, turning)
 
     def record(curves: Curves) -> PricedArcs:
         length, cost = curves.length.copy(), curves.cost.copy()
         return PricedArcs(curves.start, curves.curvature, length, prices(curves.curvature), cost, curves.heads)
 
     def until_goal(path: Curves, around: Surroundings) -> Curves:
-        cut: Curves = ARCS.until_goal(path, around)
-        return replace(cut, cost=np.sum(prices(cut.curvature) * cut.length, axis=1))
+        return priced(ARCS.until_goal(path, around), straight, turning)
 
     def trajectory(steering: Any, path: Curves) -> Trajectory:
         """Piecewise constant speeds and turn rates along a path whose rows are consecutive curves."""

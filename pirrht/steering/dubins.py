@@ -16,18 +16,17 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
-from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_arcs import Arcs
-from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.poses import PoseSteering, rows
+from pirrht.steering.steering import Compiled
 from pirrht.systems.unicycle import Unicycle
 
-ROOTS = 16  # headings at the goal point
 EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a whole circle is none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dubins(Steering):
+class Dubins(PoseSteering):
     """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature.
 
     Raises:
@@ -36,9 +35,6 @@ class Dubins(Steering):
 
     V: float = 1.0  # speed [m/s]
     rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius [m] is V rho
-
-    n = 3
-    symmetric = False
 
     def __post_init__(self) -> None:
         """Refuse what is not a positive number."""
@@ -83,13 +79,13 @@ class Dubins(Steering):
         """Least time from tails to heads, (..., 3) x 2 -> (...,) [s]. Not symmetric."""
         tails, heads = np.broadcast_arrays(tails, heads)
         out = np.empty(tails.shape[:-1])
-        _lengths(_rows(tails), _rows(heads), self.radius, out.reshape(-1))
+        _lengths(rows(tails), rows(heads), self.radius, out.reshape(-1))
         out *= self.cost_per_meter
         return out
 
     def connect(self, tails: Array, heads: Array) -> Curves:
         """The shortest curves from tails (k, 3) to heads (k, 3), (k, 3) pieces; cost in [s]."""
-        tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
+        tails, heads = rows(np.atleast_2d(tails)), rows(np.atleast_2d(heads))
         arcs = _connect(tails, heads, self.compiled.numbers)
         return Curves(**arcs._asdict(), tails=tails)
 
@@ -97,26 +93,6 @@ class Dubins(Steering):
         """u = curvature V rho, (l, 1), at most 1 in magnitude, for heading (l,) [rad] and curvature (l,) [1/m]."""
         u: Array = np.clip(curvature * self.radius, -1.0, 1.0)[:, None]
         return u
-
-    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A state (3,), uniform in the workspace [m] and in heading [rad]."""
-        return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
-
-    def states_along(self, way: Array, scene: Scene) -> Array:
-        """Every pose (k, 3) and its reverse, (2 k, 3), headings in [-pi, pi)."""
-        states = np.repeat(way, 2, axis=0)
-        states[1::2, 2] += np.pi
-        states[:, 2] -= TWO_PI * np.floor((states[:, 2] + np.pi) / TWO_PI)
-        return states
-
-    def roots(self, goal: Array) -> Array:
-        """Evenly spread headings at the goal point (2,) [m]: states (16, 3)."""
-        headings = np.arange(ROOTS) * (TWO_PI / ROOTS) - np.pi
-        return np.column_stack([np.broadcast_to(goal, (ROOTS, 2)), headings])
-
-
-def _rows(states: Array) -> Array:
-    return np.ascontiguousarray(states, dtype=float).reshape(-1, 3)
 
 
 @inlined

@@ -12,7 +12,7 @@ at 0.3 m, but ways have headings of their own: facing along the way it saves not
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,12 +20,12 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
-from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
-from pirrht.steering.along_priced_arcs import PricedArcs, price_of, priced_arcs
-from pirrht.steering.dubins import EPS, ROOTS, _ends, _opposite_turns, _same_turns
+from pirrht.steering.along_priced_arcs import PricedArcs, price_of, priced, priced_arcs
+from pirrht.steering.dubins import EPS, _ends, _opposite_turns, _same_turns
 from pirrht.steering.motion import Motion
-from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.poses import PoseSteering, rows
+from pirrht.steering.steering import Compiled
 from pirrht.systems.rover import Rover
 
 RADII = (0.1, 0.3, 0.7, 1.4)  # times sqrt(r_w / r_v)
@@ -113,7 +113,7 @@ def _costs(tails, heads, numbers, out):  # type: ignore[no-untyped-def]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RoverSteering(Steering):
+class RoverSteering(PoseSteering):
     """A rover's cheapest arcs and straight pieces for the integral of q + (r_v v^2 + r_w w^2) / 2.
 
     Args:
@@ -128,9 +128,6 @@ class RoverSteering(Steering):
     q: float = 1.0
     r_v: float = 2.0
     r_w: float = 0.5
-
-    n = 3
-    symmetric = False
 
     def __post_init__(self) -> None:
         for name in ("q", "r_v", "r_w"):
@@ -164,8 +161,7 @@ class RoverSteering(Steering):
 
     def priced(self, path: Curves) -> Curves:
         """The same curves (k, P) at the rover's prices."""
-        price = np.sqrt(self._numbers[0] + self._numbers[1] * path.curvature**2)
-        return replace(path, cost=np.sum(price * path.length, axis=1))
+        return priced(path, *self._numbers[:2])
 
     @property
     def radii(self) -> tuple[float, ...]:
@@ -181,33 +177,13 @@ class RoverSteering(Steering):
         """Least cost from tails to heads, (..., 3) x 2 -> (...,) [cost]. Not symmetric."""
         tails, heads = np.broadcast_arrays(tails, heads)
         out = np.empty(tails.shape[:-1])
-        _costs(_rows(tails), _rows(heads), self._numbers, out.reshape(-1))
+        _costs(rows(tails), rows(heads), self._numbers, out.reshape(-1))
         return out
 
     def connect(self, tails: Array, heads: Array) -> Curves:
         """The cheapest curves from tails (k, 3) to heads (k, 3), (k, 3) pieces."""
-        tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
+        tails, heads = rows(np.atleast_2d(tails)), rows(np.atleast_2d(heads))
         found = _connect(tails, heads, self._numbers)
         return Curves(
             start=found.start, curvature=found.curvature, length=found.length, cost=found.cost, tails=tails, heads=heads
         )
-
-    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A state (3,), uniform in the workspace [m] and in heading [rad]."""
-        return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
-
-    def states_along(self, way: Array, scene: Scene) -> Array:
-        """Every pose (k, 3) and its reverse, (2 k, 3), headings in [-pi, pi)."""
-        states = np.repeat(way, 2, axis=0)
-        states[1::2, 2] += np.pi
-        states[:, 2] -= TWO_PI * np.floor((states[:, 2] + np.pi) / TWO_PI)
-        return states
-
-    def roots(self, goal: Array) -> Array:
-        """Evenly spread headings at the goal point (2,) [m]: states (16, 3)."""
-        headings = np.arange(ROOTS) * (TWO_PI / ROOTS) - np.pi
-        return np.column_stack([np.broadcast_to(goal, (ROOTS, 2)), headings])
-
-
-def _rows(states: Array) -> Array:
-    return np.ascontiguousarray(states, dtype=float).reshape(-1, 3)

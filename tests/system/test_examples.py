@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from repository import ROOT, environment
+from commands import call, told
+from repository import ROOT
 
 EXAMPLES = ROOT / "scripts" / "examples"
 DOCS = (ROOT / "docs" / "bring-your-own.md").read_text()
@@ -26,23 +25,6 @@ SMALL = ("--vertices", "100", "--samples", "20")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the examples, since results are written beside them."""
     return Path(shutil.copytree(EXAMPLES, tmp_path_factory.mktemp("own") / "examples"))
-
-
-def call(folder: Path, *words: str, status: int = 0) -> str:
-    """What a command in that folder prints."""
-    done = subprocess.run(
-        [sys.executable, *words], cwd=folder, capture_output=True, text=True, timeout=900, env=environment()
-    )
-    assert done.returncode == status, done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stdout
-
-
-def told(folder: Path, *words: str, status: int = 0) -> dict:
-    """The JSON of a command."""
-    call(folder, "-m", "sim.cli", *words, "--json", "told.json", status=status)
-    found: dict = json.loads((folder / "told.json").read_text())
-    return found
 
 
 @pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.py")), ids=lambda file: file.stem)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import call, told
 from repository import ROOT, environment
 
 README = (ROOT / "README.md").read_text()
@@ -38,23 +39,6 @@ def moor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "boat.xml").write_text(HULL)
     (folder / "moor.py").write_text(CLASSES[: CLASSES.index("loaded = load(")] + SYSTEM)
     return folder
-
-
-def call(folder: Path, *words: str, status: int = 0) -> str:
-    """What a command in that folder prints."""
-    done = subprocess.run(
-        [sys.executable, *words], cwd=folder, capture_output=True, text=True, timeout=400, env=environment()
-    )
-    assert done.returncode == status, done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stdout
-
-
-def told(folder: Path, *words: str, status: int = 0) -> dict:
-    """The JSON of a command."""
-    call(folder, "-m", "sim.cli", *words, "--json", "told.json", status=status)
-    found: dict = json.loads((folder / "told.json").read_text())
-    return found
 
 
 def test_the_system_takes_about_ten_lines():

@@ -6,50 +6,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plants import QUIET, STEP, driven, plants, scene_file
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
-from sim.drive.executor import Advance, Analytic, Executor
+from sim.drive.executor import Analytic, Executor
 from sim.mjcf import Loaded, load, models_folder
 from sim.scenario import prepare
 
-QUIET = 1e-12  # a noise level that is as good as none
-STEP = 0.002
-SIZE = 1e4  # of the workspace [m]
 CAR = (models_folder() / "robots" / "car.xml").read_text()
-
-
-def scene_file(folder: Path, *, world: str = "", option: str = "", goal: str = "9000 0 0") -> Path:
-    path = folder / "field.xml"
-    path.write_text(
-        f"""<mujoco>{option}<worldbody><site name="start" pos="0 0 0"/>
-        <site name="workspace" type="box" size="{SIZE} {SIZE} 1"/>
-        <site name="goal" type="cylinder" pos="{goal}" size="0.1 0.01"/>{world}</worldbody></mujoco>"""
-    )
-    return path
 
 
 def problem_of(loaded: Loaded, b: float) -> Problem:
     return Problem(dynamics=SecondOrderCar(b=b), scene=loaded.scene, R=np.eye(2), q=cruising, q_min=1.0)
 
 
-def free(points: Array) -> Array:
-    return np.ones(len(points))
-
-
 def pair(folder: Path, b: float, *, steps: int = 10, option: str = "") -> tuple[Executor, Analytic]:
-    loaded = load(scene_file(folder, option=option), robot="car")
-    problem, h = problem_of(loaded, b), float(loaded.model.opt.timestep)
-    analytic = Analytic(problem, free, period=steps * h, physics_step=h)
-    return Executor(loaded, problem, period=steps * h), analytic
-
-
-def driven(plant: Executor | Analytic, control, seed: int, periods: int) -> list[Advance]:
-    rng = np.random.default_rng(seed)
-    return [plant.advance(control, rng) for _ in range(periods)]
+    return plants(scene_file(folder, option=option), "car", problem_of, b, steps)
 
 
 def wander(x: Array, s: float) -> Array:

@@ -6,32 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plants import QUIET, STEP, driven, plants, scene_file
 
 from pirrht.arrays import Array
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.rover import Rover
-from sim.drive.executor import Advance, Analytic, Executor
+from sim.drive.executor import Analytic, Executor
 from sim.drive.length import Length, spread
 from sim.mjcf import Loaded, load
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare
 
-QUIET = 1e-12  # a noise level that is as good as none
-STEP = 0.002
-SIZE = 1e4  # of the workspace [m]
 WALL = '<geom name="wall" type="box" size="0.05 3 0.3" pos="0.65 0 0.3"/>'  # face at 0.6
 R = np.diag([2.0, 0.5])
-
-
-def scene_file(folder: Path, *, world: str = "", option: str = "", goal: str = "9000 0 0") -> Path:
-    path = folder / "field.xml"
-    path.write_text(
-        f"""<mujoco>{option}<worldbody><site name="start" pos="0 0 0"/>
-        <site name="workspace" type="box" size="{SIZE} {SIZE} 1"/>
-        <site name="goal" type="cylinder" pos="{goal}" size="0.1 0.01"/>{world}</worldbody></mujoco>"""
-    )
-    return path
 
 
 def problem_of(loaded: Loaded, b: float) -> Problem:
@@ -39,15 +27,7 @@ def problem_of(loaded: Loaded, b: float) -> Problem:
 
 
 def pair(folder: Path, b: float, *, steps: int = 10, option: str = "") -> tuple[Executor, Analytic]:
-    loaded = load(scene_file(folder, option=option), robot="rover")
-    problem, h = problem_of(loaded, b), float(loaded.model.opt.timestep)
-    analytic = Analytic(problem, lambda points: np.ones(len(points)), period=steps * h, physics_step=h)
-    return Executor(loaded, problem, period=steps * h), analytic
-
-
-def driven(plant: Executor | Analytic, control, seed: int, periods: int) -> list[Advance]:
-    rng = np.random.default_rng(seed)
-    return [plant.advance(control, rng) for _ in range(periods)]
+    return plants(scene_file(folder, option=option), "rover", problem_of, b, steps)
 
 
 def wander(x: Array, s: float) -> Array:

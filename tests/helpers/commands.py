@@ -1,0 +1,27 @@
+"""Commands in a folder of their own, as a user types them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from repository import environment
+
+
+def call(folder: Path, *words: str, status: int = 0) -> str:
+    """What a command in that folder prints."""
+    done = subprocess.run(
+        [sys.executable, *words], cwd=folder, capture_output=True, text=True, timeout=900, env=environment()
+    )
+    assert done.returncode == status, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stdout
+
+
+def told(folder: Path, *words: str, status: int = 0) -> dict:
+    """The JSON of a command."""
+    call(folder, "-m", "sim.cli", *words, "--json", "told.json", status=status)
+    found: dict = json.loads((folder / "told.json").read_text())
+    return found
