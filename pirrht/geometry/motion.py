@@ -1,0 +1,82 @@
+"""How obstacles move: rows of a time and a pose, linear in between."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+from pirrht.geometry.scene import Obstacle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion:
+    """Where a body is at any time: poses linear between rows, standing still after the last or starting over.
+
+    Raises:
+        SceneError: rows of another shape, that are not finite, or whose times do not increase from 0.
+    """
+
+    rows: Array  # (k, 4) t [s], x, y [m], yaw [rad]
+    repeat: bool = False  # whether it starts over at the first row when it has reached the last
+    lead: float = 0.0  # how much later than this motion's clock the rows' clock is [s]
+
+    def __post_init__(self) -> None:
+        rows = np.array(self.rows, dtype=float)
+        if rows.ndim != 2 or rows.shape[1] != 4 or not len(rows):
+            raise SceneError(f"a motion has rows of shape {rows.shape}; each is a time, x, y and a yaw")
+        if not np.all(np.isfinite(rows)):
+            row = int(np.flatnonzero(~np.all(np.isfinite(rows), axis=1))[0])
+            raise SceneError(f"row {row + 1} of a motion is {rows[row].tolist()}; all numbers must be finite")
+        if rows[0, 0] != 0.0:
+            raise SceneError(f"the first row of a motion is at {rows[0, 0]:g} s; it must be at 0")
+        late = np.flatnonzero(np.diff(rows[:, 0]) <= 0.0)
+        if len(late):
+            row = int(late[0]) + 1
+            times = f"{rows[row, 0]:g} s after one at {rows[row - 1, 0]:g} s"
+            raise SceneError(f"row {row + 1} of a motion is at {times}; times must increase")
+        if self.repeat and len(rows) < 2:
+            raise SceneError("a motion that starts over has one row; it needs two or more")
+        object.__setattr__(self, "rows", rows)
+
+    @property
+    def last(self) -> float:
+        """When it stands still for good [s], negative if it does already; infinity where it starts over."""
+        return math.inf if self.repeat else float(self.rows[-1, 0]) - self.lead
+
+    def pose(self, time: Array | float) -> Array:
+        """x, y [m] and yaw [rad] at times (...) [s], (..., 3); before the first row it stands there."""
+        t = np.asarray(time, dtype=float) + self.lead
+        if self.repeat:
+            t = np.where(t > 0.0, np.mod(t, self.rows[-1, 0]), t)
+        return np.stack([np.interp(t, self.rows[:, 0], self.rows[:, k]) for k in (1, 2, 3)], axis=-1)
+
+    def after(self, time: float) -> Motion:
+        """The same motion as told by a clock that starts at a time [s] of this one's."""
+        return replace(self, lead=self.lead + time)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mover:
+    """A body that moves, and what it is made of."""
+
+    name: str
+    solids: tuple[Obstacle, ...]  # in the body's own frame, x and y from its origin, heights above the ground [m]
+    motion: Motion
+
+    def at(self, time: float) -> tuple[Obstacle, ...]:
+        """Its solids in the world at a time [s]."""
+        x, y, yaw = self.motion.pose(time)
+        c, s = math.cos(yaw), math.sin(yaw)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        shift = np.array([x, y, 0.0])
+        return tuple(
+            Obstacle(
+                name=o.name, kind=o.kind, size=o.size, vertices=o.vertices, faces=o.faces,
+                position=turn @ o.position + shift, rotation=turn @ o.rotation,
+            )
+            for o in self.solids
+        )  # fmt: skip
