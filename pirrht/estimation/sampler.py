@@ -33,7 +33,7 @@ from pirrht.guidance.ways import NODES, way_of
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
-from pirrht.rollouts.records import LAW, Kernels, Leads, Origin, Setup, empty_paths
+from pirrht.rollouts.records import FINER, LAW, Kernels, Leads, Origin, Setup, empty_paths
 from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
 
@@ -263,7 +263,7 @@ class PathIntegral:
             weighed=bridge and self.problem.phi > end,
             window=window(scales.noise, self.setup.arena, x, times, longest) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
-            law=np.zeros((H, T, self.guidance.law_width if isinstance(self.guidance, AnyGuidance) else LAW)),
+            law=self._laws(H, T),
             led=np.zeros(H, np.int64),
         )
         for h, proposal in enumerate(batch.proposals):
@@ -272,6 +272,12 @@ class PathIntegral:
         leads.active[:] = np.where(busy.any(axis=1), T - np.argmax(busy[:, ::-1], axis=1), 0)
         leads.drift[:] = leads.control @ self.setup.gain.T
         return leads
+
+    def _laws(self, H: int, T: int) -> Array:
+        """Room for the laws of H references over T steps."""
+        if isinstance(self.guidance, AnyGuidance):
+            return np.zeros((H, T * FINER, self.guidance.law_width))
+        return np.zeros((H, T, LAW))
 
 
 def _setup(problem: Problem, space: FreeSpace, bridge: bool) -> Setup:

@@ -17,10 +17,11 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.guidance.ddp import HALVINGS, LEAST_CURVATURE, _price, class_of
+from pirrht.guidance.ddp import HALVINGS, LEAST_CURVATURE, class_of
+from pirrht.guidance.priced import expand_price, price_of
 from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.guidance.step_map import NUDGE, step_of
-from pirrht.rollouts.first_exit import COLLISION, sweep_exit
+from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
 from pirrht.rollouts.general.path import Kind, diffusion_of
 from pirrht.rollouts.homing import wrapped
 from pirrht.systems.dynamics import no_homing
@@ -146,8 +147,9 @@ def optimiser(kind: Kind) -> Optimiser:
         Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced [cost].
         """
         states, applied = tried.states, tried.control
-        f, B, x = np.zeros(n), np.zeros((2, rows, m)), np.empty(n)
+        f, B, x, bow = np.zeros(n), np.zeros((2, rows, m)), np.empty(n), np.zeros(2)
         cost, priced, held = 0.0, 0.0, task.hold > 0.0
+        bends = not noisy_position and applied.shape[1] > m
         advance(setup, states[0], applied[0], 0.0, B, f, x)  # for B
         for i in range(times.shape[0] - 1):
             if held and i >= length:
@@ -156,14 +158,20 @@ def optimiser(kind: Kind) -> Optimiser:
             for j in range(n):
                 x[j] = states[i, j]
             ahead = False
-            if not noisy_position and not held:
+            if not noisy_position:
                 velocity(setup, x, f)
+            if not noisy_position and not held:
                 ahead = _enters(setup, x[0], x[1], f[0] * dt, f[1] * dt)
             if not ahead:
                 u = applied[i]
                 _control(setup, task, course, length, i, step, x, B, u)
+                if bends:
+                    bow[0], bow[1] = f[0], f[1]
                 running = advance(setup, x, u, dt, B, f, states[i + 1])
                 dx, dy = states[i + 1, 0] - x[0], states[i + 1, 1] - x[1]
+                if bends:
+                    velocity(setup, states[i + 1], f)
+                    bow[0], bow[1] = bow[0] - f[0], bow[1] - f[1]
                 ahead = not held and _enters(setup, x[0], x[1], dx, dy)
             if ahead:
                 rest = arrival(setup, task, x, f)
@@ -172,10 +180,7 @@ def optimiser(kind: Kind) -> Optimiser:
             for j in range(u.shape[0]):
                 running += 0.5 * task.temperature * u[j] * u[j] * dt
             cost, priced = cost + running, priced + running
-            for k in range(1, points + 1):
-                t = k / points
-                value, _, _, _, _, _ = _price(setup.arena.field, task.margin, task.least, x[0] + t * dx, x[1] + t * dy)
-                priced += task.price * value * dt / points
+            priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points)
             if held:
                 off_x, off_y = states[i + 1, 0] - course.aims[i + 1, 0], states[i + 1, 1] - course.aims[i + 1, 1]
                 priced += task.hold * (off_x * off_x + off_y * off_y) * dt
@@ -207,6 +212,26 @@ def optimiser(kind: Kind) -> Optimiser:
                 W[k, i] = W[i, k]
 
     @kernel
+    def _follow(setup, x, z, bends, chain):  # type: ignore[no-untyped-def]
+        """Write how positions and loss of velocity of a step follow from its states x, z (n,) to `chain` (6, 2 n)."""
+        for k in range(2):
+            chain[k, k] = chain[2 + k, n + k] = 1.0
+        if not bends:
+            return
+        up, down = np.zeros(n), np.zeros(n)
+        for end in range(2):
+            at, sign = x.copy() if end == 0 else z.copy(), 1.0 - 2.0 * end
+            for i in range(n):
+                here = at[i]
+                at[i] = here + NUDGE
+                velocity(setup, at, up)
+                at[i] = here - NUDGE
+                velocity(setup, at, down)
+                at[i] = here
+                for k in range(2):
+                    chain[4 + k, end * n + i] = 0.5 * sign * (up[k] - down[k]) / NUDGE
+
+    @kernel
     def backward(setup, task, times, course, length, points, damping):  # type: ignore[no-untyped-def]
         """Backward pass: the best change of each control and its feedback; returns the gain expected [cost].
 
@@ -220,6 +245,8 @@ def optimiser(kind: Kind) -> Optimiser:
         J, S, Q, g = np.zeros((n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
         lead, stiff, bows = np.zeros((n, N)), np.zeros((modes, modes)), np.zeros(modes)
         vectors, inverted = stiff.copy(), stiff.copy()
+        slope, bend, chain, bent = np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)), np.zeros((6, 2 * n))
+        f, other, cross, bends = np.zeros(n), np.zeros(n), np.zeros((n, n)), not noisy_position and modes > m
         if task.hold == 0.0:
             _end(setup, task, states[length], v, W)
         expected = 0.0
@@ -227,30 +254,36 @@ def optimiser(kind: Kind) -> Optimiser:
             dt = times[i + 1] - times[i]
             x, y = states[i, 0], states[i, 1]
             dx, dy = states[i + 1, 0] - x, states[i + 1, 1] - y
-            # The price on clearance is a function of the positions before and after the step.
-            t0x, t0y, t1x, t1y = 0.0, 0.0, 0.0, 0.0
-            a00, a01, a11, b00, b01, b11, c00, c01, c11 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for k in range(1, points + 1):
-                t = k / points
-                value, px, py, xx, xy, yy = _price(setup.arena.field, task.margin, task.least, x + t * dx, y + t * dy)
-                if value > 0.0:
-                    w = task.price * dt / points
-                    r, s = w * (1.0 - t), w * t
-                    t0x, t0y, t1x, t1y = t0x + r * px, t0y + r * py, t1x + s * px, t1y + s * py
-                    rr, rs, ss = r * (1.0 - t), r * t, s * t
-                    a00, a01, a11 = a00 + rr * xx, a01 + rr * xy, a11 + rr * yy
-                    b00, b01, b11 = b00 + rs * xx, b01 + rs * xy, b11 + rs * yy
-                    c00, c01, c11 = c00 + ss * xx, c01 + ss * xy, c11 + ss * yy
+            bx, by = 0.0, 0.0
+            if bends:
+                velocity(setup, states[i], f)
+                velocity(setup, states[i + 1], other)
+                bx, by = f[0] - other[0], f[1] - other[1]
+            # The price on clearance is a function of the states before and after the step.
+            near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, slope, bend)
+            if near:
+                _follow(setup, states[i], states[i + 1], bends, chain)
             for j in range(n):
                 costate[j] = v[j]
                 for k in range(n):
                     P[j, k] = W[j, k]
             if task.hold > 0.0:
-                w = 2.0 * task.hold * dt
-                t1x, t1y = t1x + w * (states[i + 1, 0] - aims[i + 1, 0]), t1y + w * (states[i + 1, 1] - aims[i + 1, 1])
-                c00, c11 = c00 + w, c11 + w
-            costate[0], costate[1] = costate[0] + t1x, costate[1] + t1y
-            P[0, 0], P[0, 1], P[1, 0], P[1, 1] = P[0, 0] + c00, P[0, 1] + c01, P[1, 0] + c01, P[1, 1] + c11
+                for j in range(2):
+                    costate[j] += 2.0 * task.hold * dt * (states[i + 1, j] - aims[i + 1, j])
+                    P[j, j] += 2.0 * task.hold * dt
+            if near:
+                for j in range(2 * n):
+                    for e in range(6):
+                        total = 0.0
+                        for k in range(6):
+                            total += bend[e, k] * chain[k, j]
+                        bent[e, j] = total
+                for j in range(n):
+                    for e in range(6):
+                        costate[j] += slope[e] * chain[e, n + j]
+                    for k in range(n):
+                        for e in range(6):
+                            P[j, k] += chain[e, n + j] * bent[e, n + k]
             expand(setup, states[i], control[i], dt, costate, task.active, task.curved, J, S)
             for j in range(n):
                 for k in range(N):
@@ -267,21 +300,23 @@ def optimiser(kind: Kind) -> Optimiser:
                     for e in range(n):
                         total += J[e, j] * lead[e, k]
                     Q[j, k] = total
-            g[0], g[1] = g[0] + t0x, g[1] + t0y
-            for j in range(N):  # what the position before has to do with that after
-                for k in range(j + 1):
-                    if j < 2 or k < 2:
+            if near:  # what the state before has to do with that after
+                for j in range(n):
+                    for k in range(n):
+                        cross[j, k] = 0.0
+                        for e in range(6):
+                            cross[j, k] += chain[e, j] * bent[e, n + k]
+                for j in range(n):
+                    for e in range(6):
+                        g[j] += slope[e] * chain[e, j]
+                    for k in range(j + 1):
+                        for e in range(6):
+                            Q[j, k] += chain[e, j] * bent[e, k]
+                    for k in range(N):
                         total = 0.0
-                        if k == 0:
-                            total += b00 * J[0, j] + b01 * J[1, j]
-                        elif k == 1:
-                            total += b01 * J[0, j] + b11 * J[1, j]
-                        if j == 0:
-                            total += b00 * J[0, k] + b01 * J[1, k]
-                        elif j == 1:
-                            total += b01 * J[0, k] + b11 * J[1, k]
-                        Q[j, k] += total
-            Q[0, 0], Q[1, 0], Q[1, 1] = Q[0, 0] + a00, Q[1, 0] + a01, Q[1, 1] + a11
+                        for e in range(n):
+                            total += cross[j, e] * J[e, k]
+                        Q[max(j, k), min(j, k)] += total if k != j else 2.0 * total
             passive = task.temperature * dt
             for j in range(modes):
                 g[n + j] += passive * control[i, j]
@@ -333,10 +368,16 @@ def optimiser(kind: Kind) -> Optimiser:
         return expected
 
     @kernel
-    def _is_free(setup, states, length):  # type: ignore[no-untyped-def]
-        """Whether the first `length` steps of states (T+1, n) touch nothing."""
+    def _is_free(setup, states, length, times):  # type: ignore[no-untyped-def]
+        """Whether the first `length` steps of states (T+1, n) touch nothing; `times` (T+1,) [s], (0,) if straight."""
+        f, turn = np.zeros((2, n)), 0.0
         for i in range(length):
-            outcome, _ = sweep_exit(setup.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
+            x, y, dx, dy = states[i, 0], states[i, 1], states[i + 1, 0] - states[i, 0], states[i + 1, 1] - states[i, 1]
+            if times.shape[0] > 0:
+                velocity(setup, states[i], f[0])
+                velocity(setup, states[i + 1], f[1])
+                turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], dx, dy, times[i + 1] - times[i])
+            outcome, _ = sweep_exit(setup.arena, x, y, states[i + 1, 0], states[i + 1, 1], turn)
             if outcome == COLLISION:
                 return False
         return True
@@ -372,8 +413,9 @@ def optimiser(kind: Kind) -> Optimiser:
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
         control[:], states[:] = tried, other
         held = task.hold > 0.0
+        bowed = times if not noisy_position and control.shape[1] > m else times[:0]
         right = held or class_of(setup, states, steps) == key
-        sound = right and (held or _is_free(setup, states, steps))
+        sound = right and (held or _is_free(setup, states, steps, bowed))
         damping, done, again = 0.0, 0, False
         for _ in range(rounds):
             done += 1
@@ -385,7 +427,7 @@ def optimiser(kind: Kind) -> Optimiser:
                 k, c, p = forward(setup, task, times, course, steps, step, points, trial)
                 if k >= 0 and p < priced - 0.1 * step * expected:
                     same = held or class_of(setup, other, k) == key
-                    clear = same and (held or _is_free(setup, other, k))
+                    clear = same and (held or _is_free(setup, other, k, bowed))
                     if clear or (not sound and (same or not right)):
                         better, right, sound, steps, cost, priced = True, same, clear, k, c, p
                         break

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.guidance.any_guides import AnyGuide
 from pirrht.guidance.leads import Along, Lead
 from pirrht.guidance.tracking import Guide
-from pirrht.rollouts.records import Leads
+from pirrht.rollouts.records import FINER, Leads
 from pirrht.systems.dynamics import Dynamics
 
 
@@ -38,14 +38,35 @@ class Follow(Lead):
         return guide.input_of(x, a[: d.m])
 
     def pack(self, leads: Leads, h: int) -> None:
-        """The law, to `Leads.law` (H, T, law_width(n, modes)), and the number of steps that it covers."""
+        """The law, to `Leads.law` (H, T FINER, law_width(n, modes)), and the number of its rows that lead."""
         guide = self.guide
+        leads.led[h] = guide.length * FINER
         T = len(guide.modes)
-        leads.led[h] = guide.length
-        parts = (guide.modes, guide.gains, guide.states[:-1], guide.share, guide.inverse, guide.volume)
-        table = np.hstack([part.reshape(T, -1) for part in parts])
+        row = np.arange(T * FINER)
+        i, share = row // FINER, (row % FINER / FINER)[:, None]
+        then = np.maximum(np.minimum(i + 1, guide.length - 1), i)
+        parts = [(1.0 - share) * part[i] + share * part[then] for part in self._changing(T)]
+        parts += [self._states(i, share), *(part[i].reshape(len(row), -1) for part in self._steady())]
+        table = np.hstack(parts)
         width = table.shape[1]
         leads.law[h, :, :width], leads.law[h, :, width], leads.law[h, :, width + 1 :] = table, guide.steep, guide.metric
+
+    def _changing(self, T: int) -> tuple[Array, Array]:
+        """What is taken from both ends of a step, 2 x (T, ..)."""
+        return self.guide.modes, self.guide.gains.reshape(T, -1)
+
+    def _steady(self) -> tuple[Array, Array, Array]:
+        return self.guide.share, self.guide.inverse, self.guide.volume
+
+    def _states(self, i: IntArray, share: Array) -> Array:
+        """States (k, n) at shares (k, 1) of steps i (k,): straight lines, but for positions, which go on smoothly."""
+        guide = self.guide
+        states: Array = (1.0 - share) * guide.states[i] + share * guide.states[i + 1]
+        pace = np.gradient(guide.states[: guide.length + 1, :2], guide.times[: guide.length + 1], axis=0)
+        pace = np.vstack([pace, np.repeat(pace[-1:], len(guide.states) - len(pace), axis=0)])
+        dt = np.diff(guide.times)[i][:, None]
+        states[:, :2] += 0.5 * share * (1.0 - share) * dt * (pace[i] - pace[i + 1])
+        return states
 
     def _bounded(self, a: Array) -> Array:
         return np.clip(a, -self.guide.steep, self.guide.steep)

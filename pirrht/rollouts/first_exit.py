@@ -21,6 +21,8 @@ INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others ar
 FAR = 12.0  # exponents beyond this are taken as certain survival
 RIM = 0.3  # of the goal's radius: nearer to its rim than that steps get no finer, since psi is smooth there
 ALONE = 1e-9  # relative to the square of the trace: a covariance of less determinant spreads along a line
+SIDEWAYS = 0.02  # share of noise along a line that counts as towards a wall beside it at least, since lines turn
+TURNED = 1.0  # a step is swept along an arc of at most this angle [rad]
 LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
 
 
@@ -272,6 +274,24 @@ def fitting(near, rest, least, scale):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def facing(field, x, y, c, cov):  # type: ignore[no-untyped-def]
+    """Clearance c [m] of (x, y) over the share of noise that a wall faces, where noise acts along a line.
+
+    What moves alongside a wall, and to and fro, comes no nearer to it. The covariance (xx, xy, yy) may be per second.
+    """
+    size, nearest = cov[0] + cov[2], c
+    for k in range(2):
+        d, gx, gy = with_slope(field, field.nearest if k == 0 else field.second, x, y)
+        square = gx * gx + gy * gy
+        share = (
+            ONE if square == 0.0 else (cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy) / (square * size)
+        )
+        gap = d / math.sqrt(max(share, SIDEWAYS))
+        nearest = gap if k == 0 else min(nearest, gap)
+    return nearest
+
+
+@kernel
 def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type: ignore[no-untyped-def]
     """Displacement of an isotropic bridge at its first crossing; (dx, dy) is that at the end of the step.
 
@@ -307,6 +327,15 @@ def endpoint_exit(arena, nx, ny):  # type: ignore[no-untyped-def]
     if (nx - goal[0]) ** 2 + (ny - goal[1]) ** 2 <= radius * radius:
         return GOAL, 1.0
     return INSIDE, 1.0
+
+
+@inlined
+def turn_of(vx, vy, wx, wy, dx, dy, dt):  # type: ignore[no-untyped-def]
+    """Angle [rad] by which a step of dt [s] turns that goes (dx, dy) [m] while its velocity v [m/s] becomes w."""
+    square = dx * dx + dy * dy
+    if square == 0.0:
+        return 0.0
+    return max(-TURNED, min(TURNED, dt * ((wy - vy) * dx - (wx - vx) * dy) / square))
 
 
 @kernel

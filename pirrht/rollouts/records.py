@@ -14,6 +14,7 @@ from pirrht.rollouts.ways import Ways
 from pirrht.topology.cuts import Cuts
 
 LAW = 15  # numbers of a car's law
+FINER = 4  # rows of the law of any other system per step of the grid
 
 
 def law_width(n: int, modes: int) -> int:
@@ -56,8 +57,8 @@ class Leads(NamedTuple):
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
-    # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; other systems: see `law_width`
-    led: NDArray[np.int64]  # (H,) number of steps that the law covers, then `Dynamics.homing`; 0: follow the tape
+    # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
+    led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
 
 
 class Origin(NamedTuple):

@@ -38,10 +38,12 @@ from pirrht.rollouts.first_exit import (
     bridge_exit,
     distances,
     endpoint_exit,
+    facing,
     fitting,
     line_of,
     rim_along,
     sweep_exit,
+    turn_of,
     two_walls,
     wall_slope,
 )
@@ -52,6 +54,8 @@ from pirrht.systems.unicycle import unicycle_drift
 from pirrht.topology.cuts import key_of_step
 
 SWAY = 1.0 / math.sqrt(12.0)
+LOST = 60.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
+# a martingale, so that exp(-60) is also what is expected of it later
 
 
 class Kept(NamedTuple):
@@ -173,15 +177,15 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
 
     @kernel
     def scratch_of(leads):  # type: ignore[no-untyped-def]
-        """Scratch of `one_path`: x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried and four of laws."""
+        """`one_path`'s: x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, four of laws."""
         H = leads.control.shape[0]
         x, moved, f, y = np.empty(n), np.empty(n), np.empty(n), np.empty(m)
         G, D, B, a = np.zeros((rows, m)), np.empty((m, m)), np.empty((rows, m)), np.empty((H, m))
         aside = np.zeros(H)
         column, carried, wide = np.empty((m, 1)), np.empty((m, 1)), np.zeros((H, 2 * m))
         home, white, drawn = np.zeros(m), np.zeros(2 * m), np.zeros(2 * m)
-        stage, pushed = np.empty(H, np.int64), np.empty(m)
-        return x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried, wide, home, white, drawn
+        stage, lost, pushed = np.empty(H, np.int64), np.empty(H, np.bool_), np.empty(m)
+        return x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, wide, home, white, drawn
 
     @kernel
     def apart(law, g, s, x, there, weights):  # type: ignore[no-untyped-def]
@@ -227,12 +231,13 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         swaying = turning and least < np.inf
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, setup.inverse
-        x, moved, f, y, G, D, B, a, aside, pushed, stage, column, carried, wide, home, white, drawn = scratch
+        x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, wide, home, white, drawn = scratch
         bent = bending and setup.bridge and least < np.inf
         modes = 2 * m if bent else m
         slopes, there, shape = modes, modes + modes * n, modes + modes * n + n
         shape_inverse, end = shape + modes * modes, shape + 2 * modes * modes
         D[:, :], B[:, :], f[:], pushed[:], stage[:] = setup.gain, setup.diffusion, 0.0, 0.0, 0
+        lost[:] = False
         x[:], moved[:] = origin.x, origin.x
         xx, xy, yy = covariance(B)
         steep = STEEP * D[0, 0]
@@ -262,8 +267,12 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     drift(x, p, f)
                 dt = left
                 if noisy_position and least < left:
-                    near = max(min(min(before[0], before[1]), max(before[2], RIM * radius)), 0.0)
-                    dt = fitting(near, left, least, 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy))))
+                    scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
+                    gap = before[0]
+                    if along_line and gap > 0.0 and scale * gap * gap < left:
+                        gap = facing(arena.field, x[0], x[1], gap, (xx, xy, yy))
+                    near = max(min(min(gap, before[1]), max(before[2], RIM * radius)), 0.0)
+                    dt = fitting(near, left, least, scale)
                 left -= dt
                 root, until = math.sqrt(dt), dt
                 cov = (xx * dt, xy * dt, yy * dt)
@@ -284,6 +293,10 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 homeward, headed = np.inf, False  # computed once, if a reference asks for it
                 # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
                 for g in range(0 if weigh else h, H if weigh else h + 1):
+                    if weigh and ratio[g] < ratio[h] - LOST:
+                        lost[g] = True
+                    if lost[g] and g != h:
+                        continue
                     if noisy_position and count[g] > 0:
                         stage[g], sx, sy = uphill(
                             place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, count[g] - 1, J, decay, goal,
@@ -309,7 +322,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     elif leadable and led[g] > 0:
                         s = stage[g]
                         if s < led[g]:
-                            s = nearest(law, g, s, min(led[g], T - 1), x, there, end + 2)
+                            s = nearest(law, g, s, min(led[g], law.shape[1] - 1), x, there, end + 2)
                             stage[g] = s
                         if s < led[g]:
                             for j in range(modes):
@@ -380,7 +393,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     y[j] = z * root + a[h, j] * dt
                 # Where no noise acts on the position, it moves along the heading of the middle of the step, as the
                 # robot does; but a step that enters the goal straight ahead ends before its noise matters.
-                arrived, ahead, turn, sway = False, 1.0, 0.0, 0.0
+                arrived, ahead, turn, sway, vx, vy = False, 1.0, 0.0, 0.0, f[0], f[1]
                 if swaying:
                     sway = sign * other * root
                     if car and led[h] > i:
@@ -427,6 +440,9 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 for j in range(rows):
                     for k in range(m):
                         moved[fixed + j] += B[j, k] * y[k]
+                if bent and not arrived:  # between two steps its velocity changes, and the way is no chord
+                    drift(moved, p, f)
+                    turn = turn_of(vx, vy, f[0], f[1], moved[0] - x[0], moved[1] - x[1], dt)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
                 share = 1.0
@@ -475,6 +491,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1], turn)
                 if weigh:
                     for g in range(H):
+                        if lost[g] and g != h:
+                            continue
                         if car and led[g] > i:
                             if until > 0.0:
                                 off = (y[0] - a[g, 0] * dt) / law[g, i, 7]

@@ -210,12 +210,12 @@ def test_psi_of_a_mass_does_not_depend_on_the_guide(x):
     ("x", "times_more"), [(START, 3.0), (BELOW, 4.0), (ABOVE, 10.0)], ids=["start", "below", "above"]
 )
 def test_a_masss_guide_makes_samples_count(x, times_more):
-    """More than 0.6 of samples are effective, several times what a tape leaves of them. Seed 5."""
+    """More than half of the samples are effective, several times what a tape leaves of them. Seed 5."""
     integral, times, reference, guide = around(x)
     tape = Tape(times, reference.trajectory.tape(times))
     led = mean_and_error(drawn(integral, x, times, (Follow(guide),), 20_000, 5))[2]
     held = mean_and_error(drawn(integral, x, times, (tape,), 20_000, 5))[2]
-    assert led > 0.6
+    assert led > 0.5
     assert led > times_more * held
 
 
