@@ -85,12 +85,16 @@ class Body:
 
 
 class Crowd:
-    """All moving bodies around a robot."""
+    """All moving bodies around a robot.
+
+    Attributes:
+        fastest: speed of any of their points at most [m/s].
+    """
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint) -> None:
         self._bodies = [Body(mover, footprint) for mover in movers]
         self._speeds = np.array([body.speed for body in self._bodies])
-        self._fastest = float(self._speeds.max(initial=0.0))
+        self.fastest = float(self._speeds.max(initial=0.0))
         # What is known of each: a free distance [m], where, at which time, and from when to when that holds [s].
         self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
         self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
@@ -112,7 +116,7 @@ class Crowd:
         free, x, y, when, holds, ends = self._all
         if not holds <= time < ends:
             return -inf
-        return free - hypot(place[0] - x, place[1] - y) - self._fastest * abs(time - when)
+        return free - hypot(place[0] - x, place[1] - y) - self.fastest * abs(time - when)
 
     def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
         """Whether any body touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
