@@ -131,9 +131,11 @@ class Writer:
         places, turns = mocap.poses(np.array(times))
         for j, mover in enumerate(self._subject.loaded.scene.movers):
             poses = np.column_stack([places[:, j], np.roll(turns[:, j], -1, axis=1)])  # MuJoCo writes w first
-            if np.any(poses != self._shown[j]):
+            new = np.any(poses != self._shown[j], axis=0)
+            if new.any():
+                turned = {"quaternion": poses[:, 3:]} if new[3:].any() else {}  # else the last one holds
                 self._shown[j] = poses[-1]
-                columns = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, 3:])
+                columns = rr.Transform3D.columns(translation=poses[:, :3], **turned)
                 self.stream.columns(mover_path(mover.name), steps, times, columns)
 
     def _ahead(self, x: Array, u: Array) -> Array:

@@ -24,7 +24,7 @@ def moving_scene(folder: Path, world: str, custom: str, *, start: str = "0 0 0",
     path.write_text(
         f"""<mujoco><compiler angle="degree"/><option timestep="0.002"/><custom>{custom}</custom><worldbody>
         <site name="start" pos="{start}"/>
-        <site name="workspace" type="box" size="{SIZE} {SIZE} 1"/>
+        <site name="workspace" type="box" size="{SIZE} {SIZE} 1" rgba="0 0 0 0"/>
         <site name="goal" type="cylinder" pos="{0.9 * SIZE} 0 0" size="0.1 0.01"/>{world}</worldbody></mujoco>"""
     )
     return path
