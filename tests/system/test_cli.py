@@ -55,7 +55,7 @@ def figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
 def test_scenes_lists_every_built_in_scene(capsys):
     assert main(["scenes"]) == 0
     listed = capsys.readouterr().out
-    for name in ("slit", "clutter"):
+    for name in ("slit", "clutter", "crossing", "closing_door", "pincer"):
         assert f"{name} " in listed
         assert f"{name}.xml" in listed
 
