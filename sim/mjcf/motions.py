@@ -11,7 +11,6 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.crowd import Body, Crowd, jumps
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Scene
@@ -157,6 +156,10 @@ def check_start(scene: Scene, path: Path) -> None:
     Raises:
         SceneError: names the body and what to write.
     """
+    if not scene.movers:
+        return
+    from pirrht.geometry.crowd import Body, Crowd, jumps  # FCL is slow to import, and few scenes move
+
     place = scene.start[:2]
     where = f"the start ({place[0]:g}, {place[1]:g})"
     for mover in scene.movers:

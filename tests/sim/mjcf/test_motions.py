@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from mjcf_samples import refusal
 from moving_scenes import body, moving_scene, rows
+from repository import ROOT
 
 from pirrht.geometry.scene import Kind
 from sim.mjcf import load
@@ -89,6 +90,13 @@ def test_a_built_in_scene_has_the_geometry_of_its_definition(name):
         np.testing.assert_allclose(solid.size, size)
     np.testing.assert_allclose([*scene.goal.center, scene.goal.radius], goal)
     np.testing.assert_allclose([*scene.start[:2], *scene.lower, *scene.upper], [1, 2.5, 0, 0, 6, 5])
+
+
+def test_the_example_of_the_documentation_moves(tmp_path):
+    page = (ROOT / "docs" / "moving.md").read_text()
+    (tmp_path / "walk.xml").write_text(page.split("```xml")[1].split("```")[0])
+    [walker] = load(tmp_path / "walk.xml").scene.movers
+    np.testing.assert_array_equal(walker.motion.pose(4.5), [3.25, 3.79, 0])
 
 
 JOINTED = '<body name="b" pos="2 0 0.1"><joint name="hinge"/><geom size=".3"/></body>'
