@@ -38,6 +38,7 @@ class Body:
         self._lap = Motion(rows=motion.rows)  # once from the first row to the last
         self._lead = motion.lead
         self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
+        self._ways = np.concatenate([[0.0], np.cumsum(ways(motion, reach_of(mover)))])  # up to each row [m]
         self.speed = speed_bound(motion, reach_of(mover))
 
     def lap(self, time: float) -> tuple[int, float]:
@@ -49,6 +50,16 @@ class Body:
     def until(self, time: float) -> float:
         """When it starts over next after a time [s]."""
         return (self.lap(time)[0] + 1) * self._length - self._lead
+
+    def way(self, begin: float, end: float) -> float:
+        """How far any of its points goes between two times [s] at most, jumps aside [m]."""
+        (laps, s), (more, t) = self.lap(begin), self.lap(end)
+        return (more - laps) * float(self._ways[-1]) + self._way(s, t)
+
+    def _way(self, begin: float, end: float) -> float:
+        """The same between two times of the rows [s]."""
+        first, last = np.interp((begin, end), self._lap.rows[:, 0], self._ways)
+        return float(last - first)
 
     def clearance(self, place: Array, row_time: float) -> float:
         """Free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""
@@ -74,7 +85,7 @@ class Body:
         yield a, s, b, s + end - begin
 
     def _between(self, a: Array, s: float, free_a: float, b: Array, t: float, free_b: float) -> bool:
-        length = hypot(b[0] - a[0], b[1] - a[1]) + self.speed * (t - s)
+        length = hypot(b[0] - a[0], b[1] - a[1]) + self._way(s, t)
         if free_a + free_b > length or length < SHORTEST:
             return False
         middle, half = 0.5 * (a + b), 0.5 * (s + t)
@@ -85,16 +96,12 @@ class Body:
 
 
 class Crowd:
-    """All moving bodies around a robot.
-
-    Attributes:
-        fastest: speed of any of their points at most [m/s].
-    """
+    """All moving bodies around a robot."""
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint) -> None:
         self._bodies = [Body(mover, footprint) for mover in movers]
         self._speeds = np.array([body.speed for body in self._bodies])
-        self.fastest = float(self._speeds.max(initial=0.0))
+        self._fastest = float(self._speeds.max(initial=0.0))
         # What is known of each: a free distance [m], where, at which time, and from when to when that holds [s].
         self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
         self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
@@ -116,7 +123,7 @@ class Crowd:
         free, x, y, when, holds, ends = self._all
         if not holds <= time < ends:
             return -inf
-        return free - hypot(place[0] - x, place[1] - y) - self.fastest * abs(time - when)
+        return free - hypot(place[0] - x, place[1] - y) - self._fastest * abs(time - when)
 
     def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
         """Whether any body touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
@@ -124,6 +131,10 @@ class Crowd:
             return False
         free = np.minimum(self._lower(a, begin), self._lower(b, end))
         return any(self._bodies[j].meets(a, begin, b, end) for j in np.flatnonzero(~(free > 0.0)))
+
+    def way(self, begin: float, end: float) -> float:
+        """How far any point of any body goes between two times [s] at most, jumps aside [m]."""
+        return max((body.way(begin, end) for body in self._bodies), default=0.0)
 
     def _ask(self, j: int, place: Array, time: float) -> float:
         body = self._bodies[j]
@@ -146,11 +157,15 @@ def reach_of(mover: Mover) -> float:
     return float(np.hypot(*far.T).max(initial=0.0))
 
 
+def ways(motion: Motion, reach: float) -> Array:
+    """How far any point of a body that reaches so far [m] goes between rows at most, (k - 1,) [m]."""
+    steps = np.diff(motion.rows, axis=0)
+    return np.asarray(np.hypot(steps[:, 1], steps[:, 2]) + np.abs(steps[:, 3]) * reach)
+
+
 def speed_bound(motion: Motion, reach: float) -> float:
     """How fast any point of a body that reaches so far [m] moves at most [m/s], jumps aside."""
-    steps = np.diff(motion.rows, axis=0)
-    speeds = (np.hypot(steps[:, 1], steps[:, 2]) + np.abs(steps[:, 3]) * reach) / steps[:, 0]
-    return float(speeds.max(initial=0.0))
+    return float((ways(motion, reach) / np.diff(motion.rows[:, 0])).max(initial=0.0))
 
 
 def jumps(motion: Motion) -> bool:

@@ -157,10 +157,9 @@ class Executor:
         """Whether a body passes over the robot within the step; its own shape is asked if the footprint is met."""
         if not room.met(before, x):
             return False
-        length = room.drift + hypot(x[0] - before[0], x[1] - before[1])
-        length += self._radius * float(np.abs(x[2:3] - before[2:3]).sum())
+        own = hypot(x[0] - before[0], x[1] - before[1]) + self._radius * float(np.abs(x[2:3] - before[2:3]).sum())
         now = self.time
-        return sweep.meets(self._joints, self._data.qpos, now - self._loop.step, now, length)
+        return sweep.meets(self._joints, self._data.qpos, now - self._loop.step, now, own, room.way)
 
 
 class Analytic:

@@ -113,7 +113,6 @@ class RoomAmong:
         now = self._now()
         return self._crowd.meets(before[:2], now - self._step, x[:2], now)
 
-    @property
-    def drift(self) -> float:
-        """How far any body moves in a step at most [m]."""
-        return self._crowd.fastest * self._step
+    def way(self, begin: float, end: float) -> float:
+        """How far any body moves between two times [s] at most [m]."""
+        return self._crowd.way(begin, end)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 
@@ -25,19 +27,26 @@ class Sweep:
             if (offered[mine] & accepted[other]) | (offered[other] & accepted[mine])
         ]
 
-    def meets(self, before: Array, after: Array, begin: float, end: float, length: float) -> bool:
+    def meets(
+        self, before: Array, after: Array, begin: float, end: float, own: float, way: Callable[[float, float], float]
+    ) -> bool:
         """Whether they touch on the way between joint positions, 2 x (nq,), from `begin` to `end` [s].
 
         Args:
-            length: by which any point of the robot moves against any of a body, at most [m].
+            own: how far any point of the robot moves at most [m].
+            way: tells the same of bodies between two times [s].
         """
+        far = own + way(begin, end) + SHORTEST
+
+        def time(share: float) -> float:
+            return begin + share * (end - begin)
 
         def free(share: float) -> float:
             self._data.qpos[:] = before + share * (after - before)
-            self._mocap.place(self._data, begin + share * (end - begin))
+            self._mocap.place(self._data, time(share))
             mujoco.mj_kinematics(self._model, self._data)
             return min(
-                float(mujoco.mj_geomDistance(self._model, self._data, mine, other, length + SHORTEST, None))
+                float(mujoco.mj_geomDistance(self._model, self._data, mine, other, far, None))
                 for mine, other in self._pairs
             )
 
@@ -46,7 +55,8 @@ class Sweep:
             a, free_a, b, free_b = pieces.pop()
             if min(free_a, free_b) <= 0.0:
                 return True
-            if free_a + free_b > (b - a) * length or (b - a) * length < SHORTEST:
+            length = (b - a) * own + way(time(a), time(b))
+            if free_a + free_b > length or length < SHORTEST:
                 continue
             middle = 0.5 * (a + b)
             between = free(middle)

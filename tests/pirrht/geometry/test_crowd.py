@@ -97,6 +97,22 @@ def test_a_motion_that_starts_over_sweeps_nothing_on_its_way_back_and_is_felt_wh
     assert jumps(back.motion)
 
 
+def test_a_leap_between_two_rows_is_swept_and_costs_few_questions_wherever_it_is(monkeypatch):
+    """Five million metres a second, for a microsecond of a step."""
+    leap = mover([[0, -1, 0, 0], [1, -1, 0, 0], [1 + 1e-6, 4, 0, 0], [2, 4, 0, 0]], disc(0.1))
+    asked, ask = [], Collision.distance
+    monkeypatch.setattr(Collision, "distance", lambda self, points: asked.append(1) or ask(self, points))
+    for x, y, met in ((1.5, 0.0, True), (1.5, 0.23, False), (1.5, 0.21, True), (-1.5, 0.0, False), (3.0, -0.3, False)):
+        crowd, place = Crowd([leap], FOOTPRINT), np.array([x, y])
+        assert crowd.meets(place, 0.9995, place, 1.0015) == met
+        assert not crowd.meets(place, 0.9975, place, 0.9995)
+    assert len(asked) < 600
+    asked.clear()
+    bystander = np.array([1.5, 3.0])
+    assert not any(crowd.meets(bystander, 0.002 * k, bystander, 0.002 * (k + 1)) for k in range(1000))
+    assert len(asked) < 2500  # both ends of every step, and a little more
+
+
 def test_a_whole_turn_is_no_jump():
     assert not jumps(Motion(rows=np.array([[0, 1, 2, 0], [1, 3, 2, 4], [2, 1, 2, 2 * np.pi]]), repeat=True))
     assert not jumps(Motion(rows=np.array([[0, 1, 2, 0], [1, 3, 2, 4]])))
@@ -115,3 +131,5 @@ def test_no_point_of_a_body_is_faster_than_its_bound(steps, one, other, x, y):
     bound = speed_bound(bar.motion, reach_of(bar))
     a, b = (bar.at(time)[0].position[:2] for time in (one, other))
     assert np.hypot(*(a - b)) <= bound * abs(one - other) + 1e-9
+    crowd = Crowd([bar], FOOTPRINT)
+    assert np.hypot(*(a - b)) <= crowd.way(min(one, other), max(one, other)) + 1e-9
