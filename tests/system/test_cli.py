@@ -267,7 +267,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("plan slit --noise 0", "--noise is 0", "positive"),
     ("plan slit --noise nan", "--noise is nan", "positive"),
     ("plan slit --noise abc", "'abc'", "--help"),
-    ("plan nosuch", "nosuch", "clutter, slit"),
+    ("plan nosuch", "nosuch", "closing_door, clutter, crossing, pincer, slit"),
     ("plan slit --robot tank", "tank", "puck"),
     ("plan slit --method magic", "'magic'", "pi-rrht"),
     ("plan slit --preset best", "'best'", "paper"),
