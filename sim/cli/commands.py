@@ -45,11 +45,12 @@ def scenes(_: argparse.Namespace) -> int:
                 name,
                 f"{size[0]:g} x {size[1]:g} m",
                 str(len(loaded.scene.obstacles)),
+                str(len(loaded.scene.movers)),
                 loaded.robot,
                 str(loaded.path),
             ]
         )
-    print(table(["scene", "size", "solids", "robot", "file"], rows, width()))
+    print(table(["scene", "size", "solids", "moving", "robot", "file"], rows, width()))
     return 0
 
 
@@ -177,7 +178,7 @@ def estimate(arguments: argparse.Namespace) -> int:
 
 
 def import_world(arguments: argparse.Namespace) -> int:
-    """Turn a Gazebo world or a ROS map into a scene."""
+    """Turn a Gazebo world, a ROS map or a file of motions into a scene."""
     from sim.importing import scene_file
 
     _check_outputs(arguments, "output")
@@ -194,9 +195,12 @@ def import_world(arguments: argparse.Namespace) -> int:
             goal=arguments.goal,
             workspace=arguments.workspace,
             unknown=arguments.unknown,
+            motion=arguments.motion,
+            number=arguments.number,
             progress=progress,
         )
-    print(f"{imported.path}: {imported.geoms} geoms, {imported.obstacles} of them obstacles")
+    moving = f", and {imported.movers} bodies that move" if imported.movers else ""
+    print(f"{imported.path}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
     return 0
 
 

@@ -41,7 +41,7 @@ COMMANDS: dict[str, tuple[str, str]] = {  # what the help says of each, and at i
     "sweep": ("many seeds, methods and noise levels: a table, a dataset", f"{ORDER}\n\n{EXPLAINED}"),
     "report": ("sum up a sweep: intervals, comparisons on equal seeds, pictures", ""),
     "export": ("turn a recording into a table: Parquet or NumPy", f"{TABLE}\n{explained()}"),
-    "import": ("turn a Gazebo world of static primitives or a ROS map into a scene", ""),
+    "import": ("turn a Gazebo world of static primitives, a ROS map or the motions of DynaBARN into a scene", ""),
 }
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.crowd import Crowd
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.driven import Driven
@@ -30,7 +31,7 @@ class Frame:
     cost: float  # integral of q + u'Ru/2 up to the end of this period
     length: float  # driven up to there, without the path's noise [m] (`sim.drive.length`)
     noisy_length: float  # with it: grows with the number of physics steps [m]
-    clearance: float  # FCL's clearance at the start of the period [m]
+    clearance: float  # at the start of the period, from what stands and what moves [m]
     driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
     plan_seconds: float  # wall time the plan took [s]
     vertices: int = 0  # of the tree that the plan was made with
@@ -52,7 +53,7 @@ class Odometer:
 
     Args:
         max_time: of the drive [s].
-        clearance: free distance at a state (n,) [m]; None: that of the space.
+        clearance: free distance among what stands at a state (n,) [m]; None: that of the space.
     """
 
     def __init__(
@@ -67,6 +68,8 @@ class Odometer:
         self.length = Length(problem, x)
         self._driven, self._max_time = Driven(space.homology, x), max_time
         self._clearance = clearance or space.clearance
+        scene = space.scene
+        self._crowd = Crowd(scene.movers, scene.footprint) if scene.movers else None
 
     def frame(
         self, plan: Plan, advance: Advance, *, seconds: float, vertices: int = 0, timing: Timing | None = None
@@ -86,7 +89,7 @@ class Odometer:
             cost=self.cost,
             length=self.length.total,
             noisy_length=self.length.noisy,
-            clearance=self._clearance(plan.state),
+            clearance=self._free(plan.state),
             driven_class=self._driven.winding(),
             plan_seconds=seconds,
             vertices=vertices,
@@ -94,6 +97,11 @@ class Odometer:
         )
         self.step, self.time = self.step + 1, frame.end_time
         return frame
+
+    def _free(self, x: Array) -> float:
+        """Free distance at x (n,) now [m]."""
+        standing = self._clearance(x)
+        return standing if self._crowd is None else min(standing, self._crowd.clearance(x[:2], self.time))
 
 
 def ending(advance: Advance, begun: float, max_time: float) -> Outcome | None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from math import hypot, inf
 
 from pirrht.arrays import Array
+from pirrht.geometry.crowd import Crowd
 
 SHORTEST = 1e-4  # an obstacle of which a step cuts off less than this is only grazed [m]
 
@@ -65,3 +66,53 @@ class Room:
             return True
         half = 0.5 * length
         return self._between(a, free_a, middle, free, half) or self._between(middle, free, b, free_b, half)
+
+
+class RoomAmong:
+    """The same where bodies move as well.
+
+    Args:
+        standing: among all that stands.
+        crowd: what moves.
+        now: the time of the drive at the end of the step that is judged [s].
+        step: its length [s].
+    """
+
+    def __init__(self, standing: Room, crowd: Crowd, now: Callable[[], float], step: float) -> None:
+        self._standing, self._crowd, self._now, self._step = standing, crowd, now, step
+        self._least = inf
+
+    @property
+    def least(self) -> float:
+        """The least free distance since `begin` [m]."""
+        return min(self._standing.least, self._least)
+
+    def begin(self) -> None:
+        """Forget the least distance."""
+        self._standing.begin()
+        self._least = inf
+
+    def at(self, x: Array) -> float:
+        """The free distance at a state x (n,), now [m]."""
+        free = self._crowd.clearance(x[:2], self._now())
+        self._least = min(self._least, free)
+        return min(free, self._standing.at(x))
+
+    def note(self, x: Array) -> None:
+        """Take a state x (n,) into account, now."""
+        self._standing.note(x)
+        if self._crowd.surely(x, self._now()) < self._least:
+            self._least = min(self._least, self._crowd.clearance(x[:2], self._now()))
+
+    def blocked(self, before: Array, x: Array) -> bool:
+        """Whether something is in the way from a free state to another, 2 x (n,), or comes there in the step."""
+        return self._standing.blocked(before, x) or self.met(before, x)
+
+    def met(self, before: Array, x: Array) -> bool:
+        """Whether what moves touches a footprint that goes straight from a state to another in the step, 2 x (n,)."""
+        now = self._now()
+        return self._crowd.meets(before[:2], now - self._step, x[:2], now)
+
+    def way(self, begin: float, end: float) -> float:
+        """How far any body moves between two times [s] at most [m]."""
+        return self._crowd.way(begin, end)

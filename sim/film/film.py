@@ -19,6 +19,7 @@ from sim.drive.episode import Frame
 from sim.film.offscreen import Offscreen, Picture
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
+from sim.mjcf.mocap import Mocap
 
 WIDTH, HEIGHT = 1280, 720
 RATE = 30  # pictures per second
@@ -53,6 +54,8 @@ class Film:
         self._eye.look_at(center, distance=1.32 * size, elevation=ELEVATION)
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
         self._stance, self._colors = stance_of(loaded.model, loaded.states), ClassColors()
+        movers = loaded.scene.movers
+        self._mocap = Mocap(loaded.model, movers) if movers else None
         self._states: list[Array] = []
         self._times: list[Array] = []
         self._plans: list[tuple[float, Plan]] = []
@@ -104,6 +107,8 @@ class Film:
         now = int(np.searchsorted(times, time + 1e-9, side="right")) - 1
         nu = self._model.nu
         self._stance.place(self._data, states[now], np.zeros(2), np.zeros(nu))
+        if self._mocap is not None:
+            self._mocap.place(self._data, float(times[now]))
         mujoco.mj_forward(self._model, self._data)
         self._eye.pose(self._data)
         begun = [began for began, _ in self._plans]

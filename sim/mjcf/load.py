@@ -44,7 +44,8 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import Goal, Scene
 from sim.mjcf.coordinates import stance_of, standing
 from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
-from sim.mjcf.numbers import moves, option_defaults
+from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers
+from sim.mjcf.numbers import MOTION, option_defaults
 from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace
 from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options.table import NUMERICS
@@ -67,7 +68,8 @@ class Loaded:
 
     scene: Scene
     model: mujoco.MjModel  # its keyframe "start" places the robot
-    obstacle_geoms: Mask  # (ngeom,) what counts as a collision, in the order of scene.obstacles
+    obstacle_geoms: Mask  # (ngeom,) what counts as a collision; those that stand in the order of scene.obstacles
+    moving_geoms: Mask  # (ngeom,) whatever moves with a body of scene.movers, whether it collides or not
     robot_geoms: Mask  # (ngeom,)
     dynamics_name: str  # name of a registered system
     states: tuple[str, ...]  # (n,) of that system
@@ -101,7 +103,7 @@ def load(
     """
     path = find("scene", scene)
     spec = parse(path)
-    defaults = option_defaults(spec, path)
+    defaults, motions = option_defaults(spec, path), read_motions(spec, path)
     meant = _meant_robot(spec, path)
     machine = read_robot(robot or meant, _radius(radius, defaults, path), system)
     model = _join(spec, machine, path)
@@ -109,26 +111,30 @@ def load(
     mujoco.mj_kinematics(model, data)
     robot_geoms = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
     span = max(machine.height - machine.radius, 0.0), machine.height + machine.radius
-    mask, obstacles = read_obstacles(model, data, robot_geoms, span, path)
+    mask, solids = read_obstacles(model, data, robot_geoms, span, path)
+    moving, numbers = moved_geoms(model, motions), np.flatnonzero(mask)
     lower, upper = read_workspace(model, data, path)
     values = Scene(
         name=path.stem,
         lower=lower,
         upper=upper,
-        obstacles=obstacles,
+        obstacles=tuple(solid for solid, geom in zip(solids, numbers, strict=True) if not moving[geom]),
         goal=_goal(model, data, goal, path),
         start=_start(model, data, start, path),
         robot_radius=machine.radius,
         robot_height=machine.height,
         defaults=defaults,
+        movers=read_movers(model, data, motions, dict(zip(numbers.tolist(), solids, strict=True)), path),
     )
     _leave_only(model, mask, robot_geoms)
     _place(model, data, machine, values.start)
-    _check_start(model, data, mask, path)
+    _check_start(model, data, mask, moving, path)
+    check_start(values, path)
     return Loaded(
         scene=values,
         model=model,
         obstacle_geoms=mask,
+        moving_geoms=moving,
         robot_geoms=robot_geoms,
         dynamics_name=machine.system.name,
         states=machine.system.states,
@@ -189,9 +195,7 @@ def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
             if robot not in robot_names():
                 known = ", ".join(robot_names())
                 raise SceneError(f'{path}: custom text "pirrht_robot" is "{robot}"; write one of {known}')
-        elif text.name.startswith("pirrht_motion_"):
-            raise moves(text.name, path)
-        elif text.name.startswith("pirrht_"):
+        elif text.name.startswith("pirrht_") and not text.name.startswith(MOTION):
             raise SceneError(f'{path}: custom text "{text.name}" is no option; the only one is pirrht_robot')
     return robot
 
@@ -234,13 +238,15 @@ def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | 
     return np.array([*place[:2], heading], dtype=float)
 
 
-def _check_start(model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, path: Path) -> None:
+def _check_start(model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, moving: Mask, path: Path) -> None:
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_fwdPosition(model, data)
     touched = [g for pair in data.contact.geom for g in pair if obstacles[g]]
     if touched:
-        x, y = model.key_qpos[0, :2]
-        raise SceneError(
-            f"{path}: at the start ({x:g}, {y:g}) the robot touches {geom_label(model, int(touched[0]))}; "
-            'move site "start", or choose another --start or a smaller --radius'
-        )
+        (x, y), geom = model.key_qpos[0, :2], int(touched[0])
+        where = f"{path}: at the start ({x:g}, {y:g}) the robot touches {geom_label(model, geom)}"
+        if moving[geom]:
+            raise SceneError(
+                f'{where} of body "{model.body(model.body_rootid[model.geom_bodyid[geom]]).name}", and {MOVES}'
+            )
+        raise SceneError(f'{where}; move site "start", or choose another --start or a smaller --radius')

@@ -13,6 +13,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from sim.options.table import NUMERICS, gone
 
+MOTION = "pirrht_motion_"  # with the name of a body: how it moves (`sim.mjcf.motions`)
 FAR = 1e6  # [m]; whatever stands or reaches farther is a slip of the pen
 _WORDS = {  # attributes whose value is a name
     "name", "class", "childclass", "file", "model", "prefix", "mesh", "material", "texture", "hfield", "joint",
@@ -31,10 +32,10 @@ def option_defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
     for numeric in spec.numerics:
         if not numeric.name.startswith("pirrht_"):
             continue
+        if numeric.name.startswith(MOTION):
+            continue
         name, values = numeric.name.removeprefix("pirrht_").replace("_", "-"), list(numeric.data)
         label = f'{path}: custom numeric "{numeric.name}"'
-        if name.startswith("motion-"):
-            raise moves(numeric.name, path)
         try:
             gone(name, label)
             if name not in NUMERICS:
@@ -47,15 +48,6 @@ def option_defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
             raise SceneError(str(error)) from None
         defaults[name] = float(values[0])
     return defaults
-
-
-def moves(element: str, path: Path) -> SceneError:
-    """The refusal of an element that moves a body."""
-    body = element.removeprefix("pirrht_motion_")
-    return SceneError(
-        f'{path}: body "{body}" moves (mocap, by "{element}"), and moving obstacles are not supported yet; '
-        "remove its motion, and it stands where it is"
-    )
 
 
 def refuse_nan(path: Path) -> None:

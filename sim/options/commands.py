@@ -144,8 +144,19 @@ OTHERS = (
     _file("output", "where report.md and report.html go", "FOLDER", "report", short="o", unset="DIR"),
     _file("recording", "made by `pirrht run --record`, whole or not", "FILE.rrd", "export", positional=True),
     _file("output", "the table to write, .parquet or .npz", "TABLE", "export", short="o", required=True),
-    _file("world", "an SDF file (.world, .sdf), or a map's .yaml", "WORLD", "import", positional=True),
+    _file(
+        "world", "an SDF file (.world, .sdf), a map's .yaml, or a file of motions (.json)", "WORLD", "import",
+        positional=True,
+    ),
     _file("output", "the scene to write", "SCENE.xml", "import", short="o", required=True),
+    Option(
+        name="motion", text="WORLD is a file of motions, as that of DynaBARN, whatever its name ends in", kind=bool,
+        commands=("import",),
+    ),
+    Option(
+        name="world", attribute="number", text="which world of a file of motions", metavar="NUMBER",
+        commands=("import",), unset="its only one",
+    ),
     Option(
         name="start", text="start: X Y [TH]", kind=float, count="+", metavar="X", commands=("import",), bounds=PLACE,
     ),

@@ -20,9 +20,15 @@ def shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return mask
 
 
-def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> dict[str, rr.AsComponents]:
-    """Chosen geoms (ngeom,) as they stand at zero joint positions, by entity path: one per kind, one per mesh."""
+def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_], body: str | None = None) -> dict[str, rr.AsComponents]:
+    """Chosen geoms (ngeom,) as they stand at zero joint positions, by entity path: one per kind, one per mesh.
+
+    Those of a mocap body, whose name is given, are in its own frame.
+    """
     data = mujoco.MjData(model)
+    if body is not None:
+        row = model.body_mocapid[model.body(body).id]
+        data.mocap_pos[row], data.mocap_quat[row] = 0.0, (1.0, 0.0, 0.0, 0.0)
     mujoco.mj_kinematics(model, data)
     drawn: dict[str, rr.AsComponents] = {}
     for kind, name in ((_GEOM.mjGEOM_BOX, "boxes"), (_GEOM.mjGEOM_CYLINDER, "cylinders")):
@@ -36,6 +42,12 @@ def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> dict[str, rr.AsC
     for geom in np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_MESH)):
         drawn[f"meshes/{_part(model, int(geom))}"] = _mesh(model, data, int(geom))
     return drawn
+
+
+def of_body(model: mujoco.MjModel, body: str) -> NDArray[np.bool_]:
+    """Geoms (ngeom,) of a body of the worldbody and of bodies inside it."""
+    mask: NDArray[np.bool_] = model.body_rootid[model.geom_bodyid] == model.body(body).id
+    return mask
 
 
 def _primitives(model: mujoco.MjModel, data: mujoco.MjData, group: Indices, kind: mujoco.mjtGeom) -> rr.AsComponents:

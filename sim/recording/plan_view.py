@@ -19,6 +19,7 @@ CHUNK_BYTES, POINT_BYTES = (
     1300,
     9,
 )  # cost of an entity and of a point in the file; compression takes 3 of 12 off
+MOVER_BYTES = 1000  # of each moving body between two pictures
 REFERENCE_POINTS = 48
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 
@@ -62,7 +63,8 @@ class Pictures:
         trees, K = len(self._subject.lifted), len(plan.references)
         chunks = 3 + 2 * trees + K + 2
         others = (K + 1) * REFERENCE_POINTS + trees * min(K, LIFTED) * LIFTED_POINTS
-        return max(0, (PICTURE_BYTES - CHUNK_BYTES * chunks) // POINT_BYTES - others)
+        left = PICTURE_BYTES - CHUNK_BYTES * chunks - MOVER_BYTES * len(self._subject.space.scene.movers)
+        return max(0, left // POINT_BYTES - others)
 
     def _references(self, plan: Plan) -> None:
         weights = plan.estimate.class_weights if plan.estimate else {}

@@ -99,14 +99,18 @@ def stage(subject: Subject, log: Log) -> None:
     log("/about", rr.TextDocument(_legend(subject), media_type=rr.MediaType.MARKDOWN))
     _ground(subject, log)
     model, obstacles = subject.loaded.model, subject.loaded.obstacle_geoms
-    shown, robot = geoms.shown(model), subject.loaded.robot_geoms
+    shown, robot, moving = geoms.shown(model), subject.loaded.robot_geoms, subject.loaded.moving_geoms
     for folder, mask in (
-        ("/world/scene/obstacles", obstacles),
-        ("/world/scene/others", shown & ~obstacles & ~robot),
+        ("/world/scene/obstacles", obstacles & ~moving),
+        ("/world/scene/others", shown & ~obstacles & ~robot & ~moving),
         ("/world/robot/body", shown & robot),
     ):
         for name, solid in geoms.solids(model, mask).items():
             log(f"{folder}/{name}", solid)
+    for mover in subject.loaded.scene.movers:
+        mask = (shown | obstacles) & geoms.of_body(model, mover.name)
+        for name, solid in geoms.solids(model, mask, body=mover.name).items():
+            log(f"{mover_path(mover.name)}/{name}", solid)
     log("/world/robot", _arrows(truth=subject.look.truth))
     log("/world/tape", rr.LineStrips3D.from_fields(colors=[CONTROL], radii=[0.01]))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
@@ -116,6 +120,11 @@ def stage(subject: Subject, log: Log) -> None:
     )
     for obstacle, path, _ in subject.lifted:
         _tree(subject, obstacle, path, log)
+
+
+def mover_path(name: str) -> str:
+    """The entity of a body that moves: its pose on the timeline, with its geoms below it."""
+    return f"/world/scene/movers/{rr.escape_entity_path_part(name)}"
 
 
 def _arrows(*, truth: bool) -> rr.Arrows3D:

@@ -3,6 +3,7 @@
 /steps        a row per control step, described in `columns.py`
 /world/robot  pose, and as an arrow where the control would take it, from the velocity that it has, as a second one,
               where it is known, where the optimal control would; one row more for where the drive ended
+/world/scene/movers/NAME  pose of a body that moves, at every step as long as it does; one row more for the end
 /world/path   position after every physics step
 /why/weight   lower and upper edges, in turn, of all other classes and of each of a few classes as they gain weight,
               on top of each other; `switch` below it where another class has come to weigh most
@@ -30,10 +31,11 @@ import rerun as rr
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import lift
+from sim.mjcf.mocap import Mocap
 from sim.recording.components import columns
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
-from sim.recording.static import Subject, branches, properties, stage
+from sim.recording.static import Subject, branches, mover_path, properties, stage
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 
@@ -53,6 +55,9 @@ class Writer:
         self._plots = Plots(stream, subject.path_integral.temperature, colors, truth=subject.look.truth)
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
+        movers = subject.loaded.scene.movers
+        self._mocap = Mocap(subject.loaded.model, movers) if movers else None
+        self._shown = [np.full(7, np.nan) for _ in movers]  # the last pose that was written of each
 
     def begin(self) -> None:
         """Everything that stays as it is."""
@@ -92,6 +97,8 @@ class Writer:
         self._secured, self._waiting_since = 0, inf
         self._columns("/steps", rows, columns(rows))
         self._robot(rows)
+        if self._mocap is not None:
+            self._movers(self._mocap, rows)
         self._plots.draw(rows)
         self._columns("/timing/plan", rows, rr.Scalars.columns(scalars=[1e3 * r.plan_seconds for r in rows]))
         for row in rows:
@@ -116,6 +123,20 @@ class Writer:
             end = last.states[-1:]
             pose = rr.Transform3D(translation=_spatial(end)[0], quaternion=_turned(self._headings(end))[0])
             self.stream.log("/world/robot", last.step + 1, last.time + last.duration, pose)
+
+    def _movers(self, mocap: Mocap, rows: Sequence[Row]) -> None:
+        last = rows[-1]
+        ends = [(last.step + 1, last.time + last.duration)] if last.outcome is not None else []
+        steps, times = zip(*((r.step, r.time) for r in rows), *ends, strict=True)
+        places, turns = mocap.poses(np.array(times))
+        for j, mover in enumerate(self._subject.loaded.scene.movers):
+            poses = np.column_stack([places[:, j], np.roll(turns[:, j], -1, axis=1)])  # MuJoCo writes w first
+            new = np.any(poses != self._shown[j], axis=0)
+            if new.any():
+                turned = {"quaternion": poses[:, 3:]} if new[3:].any() else {}  # else the last one holds
+                self._shown[j] = poses[-1]
+                columns = rr.Transform3D.columns(translation=poses[:, :3], **turned)
+                self.stream.columns(mover_path(mover.name), steps, times, columns)
 
     def _ahead(self, x: Array, u: Array) -> Array:
         """Where the control would take the robot in a short while without noise, in the robot's frame, (3,)."""

@@ -124,6 +124,16 @@ def test_a_control_that_is_held_costs_what_the_sde_plant_says():
 # -- ends --------------------------------------------------------------------------------------------------------
 
 
+def test_every_episode_begins_with_the_bodies_where_they_set_out():
+    env = gym.Drive("crossing", noise=1e-6)
+    ends = [driven(env, lambda x: np.array([1.0, 0.0])) for _ in range(2)]
+    assert [end[3]["outcome"] for end in ends] == ["collision", "collision"]
+    assert ends[0][3]["time"] == ends[1][3]["time"]
+    # at a speed of 1 the puck is 0.4 m from the disc's centre, at (3.25, 1.09 + 0.6 t), when t = 1.9...
+    t = ends[0][3]["time"]
+    assert np.hypot(3.25 - 1 - t, 1.09 + 0.6 * t - 2.5) == pytest.approx(0.4, abs=0.004)
+
+
 def test_goal_collision_and_time_are_told_apart():
     goal = driven(gym.Drive("slit", noise=0.01), ahead)
     assert goal[2] == (True, False)

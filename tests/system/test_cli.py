@@ -55,7 +55,7 @@ def figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
 def test_scenes_lists_every_built_in_scene(capsys):
     assert main(["scenes"]) == 0
     listed = capsys.readouterr().out
-    for name in ("slit", "clutter"):
+    for name in ("slit", "clutter", "crossing", "closing_door", "pincer"):
         assert f"{name} " in listed
         assert f"{name}.xml" in listed
 
@@ -267,7 +267,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("plan slit --noise 0", "--noise is 0", "positive"),
     ("plan slit --noise nan", "--noise is nan", "positive"),
     ("plan slit --noise abc", "'abc'", "--help"),
-    ("plan nosuch", "nosuch", "clutter, slit"),
+    ("plan nosuch", "nosuch", "closing_door, clutter, crossing, pincer, slit"),
     ("plan slit --robot tank", "tank", "puck"),
     ("plan slit --method magic", "'magic'", "pi-rrht"),
     ("plan slit --preset best", "'best'", "paper"),

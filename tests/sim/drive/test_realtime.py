@@ -13,6 +13,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import NoReference
 from pirrht.estimation.estimate import Rollouts
+from pirrht.geometry.crowd import Crowd
 from pirrht.outcome import Outcome
 from pirrht.topology.driven import Driven
 from pirrht.tree.homology_tree import HomologyTree
@@ -21,7 +22,7 @@ from sim.drive import realtime
 from sim.drive.episode import Frame, Tally
 from sim.drive.executor import Analytic
 from sim.drive.realtime_planner import Handover, Planner, Ready, foreseen
-from sim.scenario import Scenario
+from sim.scenario import Scenario, prepare
 
 PERIOD, STEP = 0.1, 0.01
 
@@ -298,3 +299,14 @@ def test_periods_add_up_as_they_do_without_a_clock(slit: Scenario):
     assert tally.result()["cost"] == pytest.approx(sum(frame.advance.cost for frame in frames))
     assert frames[-1].noisy_length == pytest.approx(sum(frame.advance.length for frame in frames))
     assert tally.result()["path_length"] == pytest.approx(0.01 * PERIOD * 21, rel=1e-3)  # 1 to 6 cm/s, without noise
+
+
+def test_bodies_that_move_set_out_when_the_drive_does_and_not_when_it_was_rehearsed():
+    scenario = prepare("crossing", start=(2.6, 2.5), given={"period": PERIOD})
+    frames, *_ = drive(scenario, lambda i: 0.05, periods=4)
+    crowd = Crowd(scenario.loaded.scene.movers, scenario.loaded.scene.footprint)
+    assert [frame.time for frame in frames] == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    for frame in frames:  # the disc comes nearer all the time
+        assert frame.clearance == pytest.approx(crowd.clearance(frame.plan.state, frame.time))
+        expected = crowd.clearance(frame.state[:2], frame.end_time)
+        assert frame.advance.clearance == pytest.approx(min(1.0, expected), abs=1e-9)

@@ -27,7 +27,8 @@ def write(tmp_path: Path):
 def test_every_built_in_scene_loads_with_the_robot_it_is_meant_for(scene):
     loaded = load(scene)
     assert loaded.scene.name == scene
-    assert loaded.obstacle_geoms.sum() == len(loaded.scene.obstacles)
+    solids = [*loaded.scene.obstacles, *(solid for mover in loaded.scene.movers for solid in mover.solids)]
+    assert loaded.obstacle_geoms.sum() == len(solids)
 
 
 @pytest.mark.parametrize("robot", robot_names())

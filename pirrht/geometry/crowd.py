@@ -1,0 +1,174 @@
+"""How far a robot is from bodies that move, and whether one passes over it: each is asked in its own frame.
+
+There its shape stands still, and FCL or a closed form tells the distance as of anything that stands. Seen from a place,
+a distance changes no faster than the body: by its speed and its turning times its reach. So a distance known at one
+place and time leaves a cone in space and time that is surely free, and FCL is asked only where that does not tell
+enough. A motion that starts over somewhere else jumps: what was known before says nothing afterwards, and nothing is
+swept on the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import cos, hypot, inf, remainder, sin, tau
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.geometry.collision import SHORTEST, Collision
+from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.scene import Footprint, World
+from pirrht.geometry.shapes import Solids
+
+NOWHERE = np.full(2, np.inf)
+TINY = 1e-300  # instead of no time at all [s]
+
+
+class Body:
+    """One moving body: free distances at a time, and how fast they may change.
+
+    Attributes:
+        speed: of any of its points at most [m/s].
+    """
+
+    def __init__(self, mover: Mover, footprint: Footprint) -> None:
+        self._collision = Collision(World(-NOWHERE, NOWHERE, mover.solids), footprint)
+        self._radius = footprint.radius
+        motion = mover.motion
+        self._lap = Motion(rows=motion.rows)  # once from the first row to the last
+        self._lead = motion.lead
+        self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
+        self._ways = np.concatenate([[0.0], np.cumsum(ways(motion, reach_of(mover)))])  # up to each row [m]
+        self.speed = speed_bound(motion, reach_of(mover))
+
+    def lap(self, time: float) -> tuple[int, float]:
+        """How often it has started over at a time [s], and the time of its rows then [s]."""
+        t = time + self._lead
+        count = int(t // self._length) if t > 0.0 else 0
+        return count, t - count * self._length if count else t
+
+    def until(self, time: float) -> float:
+        """When it starts over next after a time [s]."""
+        return (self.lap(time)[0] + 1) * self._length - self._lead
+
+    def way(self, begin: float, end: float) -> float:
+        """How far any of its points goes between two times [s] at most, jumps aside [m]."""
+        (laps, s), (more, t) = self.lap(begin), self.lap(end)
+        return (more - laps) * float(self._ways[-1]) + self._way(s, t)
+
+    def _way(self, begin: float, end: float) -> float:
+        """The same between two times of the rows [s]."""
+        first, last = np.interp((begin, end), self._lap.rows[:, 0], self._ways)
+        return float(last - first)
+
+    def clearance(self, place: Array, row_time: float) -> float:
+        """Free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""
+        x, y, yaw = self._lap.pose(row_time)
+        c, s, dx, dy = cos(yaw), sin(yaw), place[0] - x, place[1] - y
+        return float(self._collision.distance(np.array([[c * dx + s * dy, c * dy - s * dx]]))[0]) - self._radius
+
+    def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
+        """Whether it touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
+        for tail, s, head, t in self._pieces(a, begin, b, end):
+            free_a, free_b = self.clearance(tail, s), self.clearance(head, t)
+            if min(free_a, free_b) <= 0.0 or self._between(tail, s, free_a, head, t, free_b):
+                return True
+        return False
+
+    def _pieces(self, a: Array, begin: float, b: Array, end: float) -> Iterator[tuple[Array, float, Array, float]]:
+        """A straight way cut where the motion starts over: places (2,) [m] and times of the rows [s] of both ends."""
+        count, s = self.lap(begin)
+        while (until := (count + 1) * self._length - self._lead) <= end:
+            middle = a + (until - begin) / max(end - begin, TINY) * (b - a)
+            yield a, s, middle, self._length
+            a, begin, count, s = middle, until, count + 1, 0.0
+        yield a, s, b, s + end - begin
+
+    def _between(self, a: Array, s: float, free_a: float, b: Array, t: float, free_b: float) -> bool:
+        length = hypot(b[0] - a[0], b[1] - a[1]) + self._way(s, t)
+        if free_a + free_b > length or length < SHORTEST:
+            return False
+        middle, half = 0.5 * (a + b), 0.5 * (s + t)
+        free = self.clearance(middle, half)
+        if free <= 0.0:
+            return True
+        return self._between(a, s, free_a, middle, half, free) or self._between(middle, half, free, b, t, free_b)
+
+
+class Crowd:
+    """All moving bodies around a robot."""
+
+    def __init__(self, movers: Sequence[Mover], footprint: Footprint) -> None:
+        self._bodies = [Body(mover, footprint) for mover in movers]
+        self._speeds = np.array([body.speed for body in self._bodies])
+        self._fastest = float(self._speeds.max(initial=0.0))
+        # What is known of each: a free distance [m], where, at which time, and from when to when that holds [s].
+        self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
+        self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
+
+    def clearance(self, place: Array, time: float) -> float:
+        """Free distance to the nearest body at a place (2,) [m] and time [s]; at most 0 in contact."""
+        lower = self._lower(place, time)
+        best, holds, ends = inf, -inf, inf
+        for j in np.argsort(lower, kind="stable"):
+            if lower[j] < best:
+                best = min(best, self._ask(int(j), place, time))
+        if len(lower):
+            holds, ends = float(self._each[:, 4].max()), float(self._each[:, 5].min())
+        self._all = best, float(place[0]), float(place[1]), time, holds, ends
+        return best
+
+    def surely(self, place: Array, time: float) -> float:
+        """What is known of the free distance at a place (2,) [m] and time [s], a lower bound [m]."""
+        free, x, y, when, holds, ends = self._all
+        if not holds <= time < ends:
+            return -inf
+        return free - hypot(place[0] - x, place[1] - y) - self._fastest * abs(time - when)
+
+    def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
+        """Whether any body touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
+        if min(self.surely(a, begin), self.surely(b, end)) > 0.0:
+            return False
+        free = np.minimum(self._lower(a, begin), self._lower(b, end))
+        return any(self._bodies[j].meets(a, begin, b, end) for j in np.flatnonzero(~(free > 0.0)))
+
+    def way(self, begin: float, end: float) -> float:
+        """How far any point of any body goes between two times [s] at most, jumps aside [m]."""
+        return max((body.way(begin, end) for body in self._bodies), default=0.0)
+
+    def _ask(self, j: int, place: Array, time: float) -> float:
+        body = self._bodies[j]
+        count, row_time = body.lap(time)
+        free = body.clearance(place, row_time)
+        self._each[j] = free, place[0], place[1], time, time - row_time if count else -inf, body.until(time)
+        return free
+
+    def _lower(self, place: Array, time: float) -> Array:
+        """Lower bounds of the free distances to all bodies, (J,) [m]."""
+        free, at_x, at_y, when, holds, ends = self._each.T
+        lower = free - np.hypot(place[0] - at_x, place[1] - at_y) - self._speeds * np.abs(time - when)
+        return np.where((holds <= time) & (time < ends), lower, -inf)
+
+
+def reach_of(mover: Mover) -> float:
+    """How far a body's solids reach from its origin, seen from above, at most [m]."""
+    solids = Solids.of(mover.solids)
+    far = np.maximum(np.abs(solids.low), np.abs(solids.high))
+    return float(np.hypot(*far.T).max(initial=0.0))
+
+
+def ways(motion: Motion, reach: float) -> Array:
+    """How far any point of a body that reaches so far [m] goes between rows at most, (k - 1,) [m]."""
+    steps = np.diff(motion.rows, axis=0)
+    return np.asarray(np.hypot(steps[:, 1], steps[:, 2]) + np.abs(steps[:, 3]) * reach)
+
+
+def speed_bound(motion: Motion, reach: float) -> float:
+    """How fast any point of a body that reaches so far [m] moves at most [m/s], jumps aside."""
+    return float((ways(motion, reach) / np.diff(motion.rows[:, 0])).max(initial=0.0))
+
+
+def jumps(motion: Motion) -> bool:
+    """Whether it starts over elsewhere than it ends."""
+    x, y, yaw = motion.rows[-1, 1:] - motion.rows[0, 1:]
+    return motion.repeat and max(hypot(x, y), abs(remainder(yaw, tau))) > SHORTEST

@@ -1,0 +1,64 @@
+"""Whether a body passes over a robot between two steps, where what collides is smaller than the footprint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from pirrht.arrays import Array
+from sim.mjcf.mocap import Mocap
+from sim.mjcf.obstacles import Mask
+
+SHORTEST = 1e-4  # what a body cuts off less of is only grazed [m]
+
+
+class Sweep:
+    """The robot's own geoms against those of moving bodies, by MuJoCo's distances on a model of its own."""
+
+    def __init__(self, model: mujoco.MjModel, robot: Mask, bodies: Mask, mocap: Mocap) -> None:
+        self._model, self._data, self._mocap = model, mujoco.MjData(model), mocap
+        offered, accepted = model.geom_contype, model.geom_conaffinity
+        self._pairs = [
+            (int(mine), int(other))
+            for mine in np.flatnonzero(robot)
+            for other in np.flatnonzero(bodies)
+            if (offered[mine] & accepted[other]) | (offered[other] & accepted[mine])
+        ]
+
+    def meets(
+        self, before: Array, after: Array, begin: float, end: float, own: float, way: Callable[[float, float], float]
+    ) -> bool:
+        """Whether they touch on the way between joint positions, 2 x (nq,), from `begin` to `end` [s].
+
+        Args:
+            own: how far any point of the robot moves at most [m].
+            way: tells the same of bodies between two times [s].
+        """
+        far = own + way(begin, end) + SHORTEST
+
+        def time(share: float) -> float:
+            return begin + share * (end - begin)
+
+        def free(share: float) -> float:
+            self._data.qpos[:] = before + share * (after - before)
+            self._mocap.place(self._data, time(share))
+            mujoco.mj_kinematics(self._model, self._data)
+            return min(
+                float(mujoco.mj_geomDistance(self._model, self._data, mine, other, far, None))
+                for mine, other in self._pairs
+            )
+
+        pieces = [(0.0, free(0.0), 1.0, free(1.0))] if self._pairs else []
+        while pieces:
+            a, free_a, b, free_b = pieces.pop()
+            if min(free_a, free_b) <= 0.0:
+                return True
+            length = (b - a) * own + way(time(a), time(b))
+            if free_a + free_b > length or length < SHORTEST:
+                continue
+            middle = 0.5 * (a + b)
+            between = free(middle)
+            pieces += [(middle, between, b, free_b), (a, free_a, middle, between)]
+        return False

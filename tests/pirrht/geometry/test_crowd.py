@@ -1,0 +1,135 @@
+"""What is known of bodies that move never says more than FCL does where they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tilted import RADIUS, solid
+
+from pirrht.arrays import Array
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.crowd import Crowd, jumps, reach_of, speed_bound
+from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.scene import Footprint, Kind, Obstacle, World
+
+FOOTPRINT = Footprint(RADIUS, 0.1)
+EVERYWHERE = np.full(2, np.inf)
+
+
+def disc(radius: float = 0.3, at: tuple[float, float] = (0.0, 0.0)) -> Obstacle:
+    size, position = np.array([radius, 0.5, 0.0]), np.array([*at, 0.5])
+    return Obstacle(name="disc", kind=Kind.CYLINDER, size=size, position=position, rotation=np.eye(3))
+
+
+def mover(rows: list[list[float]], *solids: Obstacle, repeat: bool = False) -> Mover:
+    return Mover(name="m", solids=solids or (disc(),), motion=Motion(rows=np.array(rows), repeat=repeat))
+
+
+def wandering(seed: int) -> list[Mover]:
+    """Five bodies of all kinds of tilted solids on ways with turns, some of which start over elsewhere."""
+    rng = np.random.default_rng(seed)
+    bodies = []
+    for k, kind in enumerate((Kind.BOX, Kind.MESH, Kind.ELLIPSOID, Kind.CAPSULE, Kind.CYLINDER)):
+        times = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 0.6, 4))])
+        rows = np.column_stack([times, rng.uniform(-1, 1, (5, 2)), rng.uniform(-2, 2, 5)])
+        solids = [solid(kind, "a", rng.uniform(-0.4, 0.4, 2), rng), disc(0.1, (0.5, 0.2))]
+        bodies.append(mover(rows.tolist(), *solids, repeat=k % 2 == 0))
+    return bodies
+
+
+def truth(bodies: list[Mover], place: Array, time: float) -> float:
+    solids = tuple(one for body in bodies for one in body.at(time))
+    return float(Collision(World(-EVERYWHERE, EVERYWHERE, solids), FOOTPRINT).clearance(place[None])[0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_clearance_is_that_of_the_bodies_as_they_stand_then_whatever_was_asked_before(seed):
+    bodies, rng = wandering(seed), np.random.default_rng(seed)
+    crowd = Crowd(bodies, FOOTPRINT)
+    for _ in range(60):
+        place, time = rng.uniform(-2, 2, 2), rng.uniform(0, 5)
+        for step in range(4):
+            near, later = place + 0.02 * step * rng.standard_normal(2), time + 0.01 * step
+            assert crowd.surely(near, later) <= truth(bodies, near, later) + 1e-5
+            assert crowd.clearance(near, later) == pytest.approx(truth(bodies, near, later), abs=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_surely_free_is_free_and_what_is_met_is_met(seed):
+    bodies, rng = wandering(seed), np.random.default_rng(10 + seed)
+    crowd, hits = Crowd(bodies, FOOTPRINT), 0
+    for _ in range(60):
+        a, begin, span = rng.uniform(-1.5, 1.5, 2), rng.uniform(0, 4), rng.uniform(0.001, 0.05)
+        b = a + rng.uniform(-0.3, 0.3, 2)
+        shares = np.linspace(0.0, 1.0, 81)
+        least = min(truth(bodies, a + s * (b - a), begin + s * span) for s in shares)
+        met = crowd.meets(a, begin, b, begin + span)
+        hits += met
+        if least < -1e-3:
+            assert met
+        if met:
+            assert least < 0.05  # the samples miss a little of it
+    assert 5 < hits < 55
+
+
+def test_a_thin_body_that_is_past_at_the_end_of_a_step_has_met_the_robot():
+    fast = mover([[0, -1, 0, 0], [0.02, 1, 0, 0]], disc(0.002))
+    origin = np.zeros(2)
+    assert Crowd([fast], FOOTPRINT).meets(origin, 0.0, origin, 0.02)
+    aside = np.array([0.0, RADIUS + 0.003])
+    assert not Crowd([fast], FOOTPRINT).meets(aside, 0.0, aside, 0.02)
+    along = np.array([2.0, 0.0])
+    ahead = np.array([-1.0 + RADIUS + 0.01, 0.0])  # it runs before the body, as fast
+    assert not Crowd([fast], FOOTPRINT).meets(ahead, 0.0, ahead + along, 0.02)
+
+
+def test_a_motion_that_starts_over_sweeps_nothing_on_its_way_back_and_is_felt_where_it_lands():
+    back = mover([[0, -2, 0, 0], [1, 2, 0, 0]], disc(0.1), repeat=True)
+    crowd = Crowd([back], FOOTPRINT)
+    origin, landing = np.zeros(2), np.array([-2.0, 0.0])
+    assert not crowd.meets(origin, 0.99, origin, 1.01)
+    assert crowd.meets(landing, 0.99, landing, 1.01)
+    assert crowd.meets(landing, 0.99, landing, 1.0)
+    assert crowd.meets(origin, 0.99, origin, 1.51)
+    assert crowd.clearance(landing, 0.999) > 3.0 > 0.0 > crowd.clearance(landing, 1.001)
+    assert jumps(back.motion)
+
+
+def test_a_leap_between_two_rows_is_swept_and_costs_few_questions_wherever_it_is(monkeypatch):
+    """Five million metres a second, for a microsecond of a step."""
+    leap = mover([[0, -1, 0, 0], [1, -1, 0, 0], [1 + 1e-6, 4, 0, 0], [2, 4, 0, 0]], disc(0.1))
+    asked, ask = [], Collision.distance
+    monkeypatch.setattr(Collision, "distance", lambda self, points: asked.append(1) or ask(self, points))
+    for x, y, met in ((1.5, 0.0, True), (1.5, 0.23, False), (1.5, 0.21, True), (-1.5, 0.0, False), (3.0, -0.3, False)):
+        crowd, place = Crowd([leap], FOOTPRINT), np.array([x, y])
+        assert crowd.meets(place, 0.9995, place, 1.0015) == met
+        assert not crowd.meets(place, 0.9975, place, 0.9995)
+    assert len(asked) < 600
+    asked.clear()
+    bystander = np.array([1.5, 3.0])
+    assert not any(crowd.meets(bystander, 0.002 * k, bystander, 0.002 * (k + 1)) for k in range(1000))
+    assert len(asked) < 2500  # both ends of every step, and a little more
+
+
+def test_a_whole_turn_is_no_jump():
+    assert not jumps(Motion(rows=np.array([[0, 1, 2, 0], [1, 3, 2, 4], [2, 1, 2, 2 * np.pi]]), repeat=True))
+    assert not jumps(Motion(rows=np.array([[0, 1, 2, 0], [1, 3, 2, 4]])))
+
+
+numbers = st.floats(-3, 3)
+steps = st.lists(st.tuples(st.floats(0.05, 2), numbers, numbers, numbers), min_size=1, max_size=5)
+
+
+@settings(max_examples=60, deadline=None)
+@given(steps, st.floats(0, 8), st.floats(0, 8), st.floats(-1, 1), st.floats(-1, 1))
+def test_no_point_of_a_body_is_faster_than_its_bound(steps, one, other, x, y):
+    rows = np.cumsum(np.array([(0.0, 0.0, 0.0, 0.0), *steps]), axis=0)
+    spot = disc(0.001, (x, y))
+    bar = mover(rows.tolist(), spot)
+    bound = speed_bound(bar.motion, reach_of(bar))
+    a, b = (bar.at(time)[0].position[:2] for time in (one, other))
+    assert np.hypot(*(a - b)) <= bound * abs(one - other) + 1e-9
+    crowd = Crowd([bar], FOOTPRINT)
+    assert np.hypot(*(a - b)) <= crowd.way(min(one, other), max(one, other)) + 1e-9

@@ -1,0 +1,138 @@
+"""Recordings show bodies that move where they are at the time, and films do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drives import Drive, columns, rerun, timed
+from moving_scenes import body, moving_scene, rows
+
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.problem import Problem
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.tree.homology_tree import HomologyTree
+from sim.drive.executor import Executor
+from sim.film.film import Film
+from sim.mjcf import load
+
+PERIOD, MAX_TIME = 0.02, 0.4
+FOLDER = "/world/scene/movers"
+PAINT = '<geom name="paint" type="box" size=".1 .1 .1" pos="0 .4 0" contype="0" conaffinity="0"/>'
+WORLD = (
+    body("spin", 'type="box" size=".3 .1 .2"', "2 2 0.1").replace("</body>", PAINT + "</body>")
+    + body("slide", 'type="cylinder" size=".2 .2"', "3 -1 0.1")
+    + body("late", 'type="sphere" size=".2"', "4 3 0.1")
+)
+CUSTOM = (
+    rows("spin", "0 2 2 0  0.15 2.5 2 2  0.3 2 2 0", repeat=True)
+    + rows("slide", "0 3 -1 0  0.1 4 -1 0")
+    + rows("late", "0 4 3 0  9 4 3 0")
+)
+
+
+class Moving(Drive):
+    """An open field with bodies that move."""
+
+    def __init__(self, path: Path) -> None:
+        self.loaded = load(path)
+        self.scene = self.loaded.scene
+        self.space = FreeSpace.of(self.scene)
+        problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=self.scene, R=2 * np.eye(2))
+        self.tree = HomologyTree(self.space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))
+        self.tree.grow(5)
+        self.controller = Controller(problem, self.space, self.tree, Sampling(samples=20), rng=np.random.default_rng(0))
+        self.plant = Executor(self.loaded, problem, period=PERIOD)
+        self.plant_rng = np.random.default_rng(0)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("movers")
+    drive, file = Moving(moving_scene(folder, WORLD, CUSTOM)), folder / "drive.rrd"
+    with drive.recorder(file) as recorder:
+        frames = []
+        for frame in timed(drive.frames(MAX_TIME)):
+            recorder.log(frame)
+            frames.append(frame)
+    return file, drive, frames
+
+
+def heading(quaternion: Array) -> float:
+    return 2 * float(np.arctan2(quaternion[2], quaternion[3]))
+
+
+def test_a_moving_body_has_its_pose_at_every_step_and_at_the_end(recorded):
+    file, drive, frames = recorded
+    times = [frame.time for frame in frames] + [frames[-1].end_time]
+    known = columns(file)[f"{FOLDER}/spin"]
+    assert known["step"] == list(range(len(times)))
+    poses = drive.scene.movers[0].motion.pose(np.array(times))
+    places = np.array([place[0] for place in known["Transform3D:translation"]])
+    np.testing.assert_allclose(places, np.column_stack([poses[:, :2], np.full(len(times), 0.1)]), atol=1e-6)
+    turns = [heading(np.array(one[0])) for one in known["Transform3D:quaternion"]]
+    np.testing.assert_allclose(turns, poses[:, 2], atol=1e-6)
+
+
+def test_a_body_that_has_stopped_is_where_it_stopped_and_one_that_never_turns_says_so_once(recorded):
+    file, drive, frames = recorded
+    known = columns(file)[f"{FOLDER}/slide"]
+    assert known["step"] == list(range(len(known["step"])))
+    assert len(known["step"]) < len(frames) + 1
+    poses = drive.scene.movers[1].motion.pose(np.array([frame.time for frame in frames]))
+    places = np.array([place[0] for place in known["Transform3D:translation"]])
+    np.testing.assert_allclose(places[:, :2], poses[: len(places), :2], atol=1e-6)
+    np.testing.assert_allclose(places[-1], [4, -1, 0.1], atol=1e-6)
+    np.testing.assert_allclose(
+        [one[0] for one in known["Transform3D:quaternion"] if one], [0, 0, 0, 1] * np.ones((len(places), 1))
+    )
+
+
+def test_what_stays_where_it_is_is_said_once(recorded):
+    known = columns(recorded[0])[f"{FOLDER}/late"]
+    assert len(known["step"]) < len(recorded[2]) + 1
+    assert known["step"][0] == 0
+
+
+def test_the_geoms_of_a_body_hang_below_its_pose_in_its_own_frame_and_not_among_what_stands(recorded):
+    printed = rerun("rrd", "print", recorded[0]).stdout
+    for name in ("spin/boxes", "slide/cylinders", "late/ellipsoids"):
+        assert f"{FOLDER}/{name}" in printed
+    assert "/world/scene/obstacles" not in printed
+    from rerun.chunk import RrdReader
+
+    for chunk in RrdReader(str(recorded[0])).stream():
+        if chunk.entity_path == f"{FOLDER}/spin/boxes":
+            batch = chunk.to_record_batch()
+            name = next(n for n in batch.schema.names if "translations" in n or "centers" in n)
+            np.testing.assert_allclose(batch.column(name).to_pylist()[0], [[0, 0, 0], [0, 0.4, 0]], atol=1e-6)
+            return
+    raise AssertionError("no boxes")
+
+
+def test_a_film_shows_a_body_where_it_is(tmp_path):
+    pytest.importorskip("PIL")
+    from PIL import Image
+
+    pictures = []
+    world = body("b", 'type="box" size="5 5 .2" rgba="1 0 0 1"', "-20 8 0.1")
+    for end in ("-20 8", "20 8"):
+        drive = Moving(moving_scene(tmp_path, world, rows("b", f"0 -20 8 0  {MAX_TIME} {end} 0")))
+        film = Film(drive.loaded, still=tmp_path / "last.png")
+        for frame in drive.frames(MAX_TIME):
+            film.add(frame)
+        film.save(lambda k: None)
+        pictures.append(np.asarray(Image.open(tmp_path / "last.png"), dtype=int))
+    columns_of_red = []
+    for picture in pictures:
+        red = picture[..., 0] - picture[..., 1:].max(axis=-1) > 30
+        assert red.sum() > 50
+        columns_of_red.append(np.flatnonzero(red.any(axis=0)).mean())
+    middle = pictures[0].shape[1] / 2
+    assert columns_of_red[0] < middle - 100
+    assert columns_of_red[1] > middle + 100
