@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+
+if TYPE_CHECKING:
+    from pirrht.geometry.motion import Mover
 
 
 class Kind(Enum):
@@ -86,6 +89,7 @@ class Scene:
     robot_radius: float  # [m]
     robot_height: float = 0.1  # height of the sphere's centre above the ground [m]
     defaults: dict[str, float] = field(default_factory=dict)  # option name -> value the scene asks for
+    movers: tuple[Mover, ...] = ()  # bodies that move, none of them among the obstacles
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.robot_radius) and self.robot_radius > 0):
