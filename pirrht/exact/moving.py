@@ -135,12 +135,9 @@ class _Solver:
         self.thinning = _thinning(scene, spacing, table)
         widest = self.step(self.longest * (1.0 + NEXT) * self.thinning)
         bodies = bodies_of(scene, widest.reach)
-        self.room = Room(
-            frame_at(scene.lower.astype(float), spacing, scene.goal),
-            *scene.lower.astype(float).tolist(),
-            *scene.upper.astype(float).tolist(),
-            bodies,
-        )
+        (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
+        frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
+        self.room = Room(frame, float(left), float(low), float(right), float(high), bodies)
         self.shape = tuple(int(n) for n in np.ceil((scene.upper - scene.lower) / spacing - 1e-9).astype(int) + 1)
         self.begin, self.end = (poses_at(scene.movers, t) for t in (table.after[:-1], table.before[1:]))
         self._taps: dict[float, tuple[Array, Array]] = {}
@@ -161,8 +158,8 @@ class _Solver:
         if table.period > 0.0:
             now = self._settled(now)
         self._keep(frames, kept, last, now)
-        for k, now in self._back(now, last, 0):
-            self._keep(frames, kept, k, now)
+        for k, earlier in self._back(now, last, 0):
+            self._keep(frames, kept, k, earlier)
         step = self.step(self.longest)
         arriving = frames_of(np.concatenate([self.begin[:1], self.end])[kept])
         return March(
@@ -181,15 +178,14 @@ class _Solver:
         end = float(self.table.times[-1])
         still = tuple(solid for mover in self.scene.movers for solid in mover.at(end))
         scene = replace(self.scene, obstacles=(*self.scene.obstacles, *still), movers=())
-        bodies, wide = bodies_of(scene, self.room.bodies.radius), self.room.bodies.radius
+        bodies = bodies_of(scene, scene.robot_radius)
         pose = frames_of(np.zeros((1, 3)))
 
         def clearance(points: Array) -> Array:
-            out = np.minimum(points - scene.lower, scene.upper - points).min(axis=1)
+            out: Array = np.minimum(points - scene.lower, scene.upper - points).min(axis=1)
             _clearances(bodies, pose, np.ascontiguousarray(points), out)
             return out
 
-        assert wide > 0.0
         domain = Domain(
             lower=scene.lower.astype(float), upper=scene.upper.astype(float), goal=scene.goal, clearance=clearance
         )
@@ -212,8 +208,7 @@ class _Solver:
         table, last = self.table, len(self.table.times) - 1
         for _ in range(PERIODS):
             before = now
-            for k, now in self._back(before, last, table.again):
-                pass
+            *_, (_, now) = self._back(before, last, table.again)
             both = np.isfinite(now) & np.isfinite(before)
             same = bool(np.all(np.isfinite(now) == np.isfinite(before)))
             if same and float(np.max(np.abs(now - before), where=both, initial=0.0)) < SETTLED:
@@ -254,6 +249,15 @@ def _clearances(bodies, pose, points, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def in_wall(room, pose, x, y):  # type: ignore[no-untyped-def]
+    """Whether (x, y) [m] is in a solid, posed (1 + J, 4), or not inside the border."""
+    for k in range(room.bodies.owner.shape[0]):
+        if clearance_from(room.bodies, k, pose, x, y) <= 0.0:
+            return True
+    return outside(room, x, y)
+
+
+@kernel
 def _sample(rest, room, pose, out):  # type: ignore[no-untyped-def]
     """log psi of a stationary solution on the grid of `room`, (nx, ny) [nats]; minus infinity in walls and goal."""
     x, slope = np.empty(2), np.empty(2)
@@ -261,46 +265,52 @@ def _sample(rest, room, pose, out):  # type: ignore[no-untyped-def]
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             x[0], x[1] = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
-            free = not (in_goal(frame, x) or outside(room, x[0], x[1]))
-            for k in range(room.bodies.owner.shape[0]):
-                free = free and clearance_from(room.bodies, k, pose, x[0], x[1]) > 0.0
-            out[i, j] = planar.look(rest, x, slope) if free else -math.inf
+            blocked = in_goal(frame, x) or in_wall(room, pose, x[0], x[1])
+            out[i, j] = -math.inf if blocked else planar.look(rest, x, slope)
 
 
 @kernel
 def look(grid, x, slope):  # type: ignore[no-untyped-def]
-    """log psi [nats] at x (3,) [m, m, s]; its gradient [1/m] goes to the first two of slope. -phi/lambda in walls."""
-    slope[:] = 0.0
+    """log psi [nats] at x (3,) [m, m, s]; its gradient [1/m] goes to slope (2,). -phi/lambda in walls."""
+    slope[0], slope[1] = 0.0, 0.0
     if in_goal(grid.frame, x):
         return 0.0
     t = max(x[2], 0.0)
-    if t >= grid.last:
-        return planar.look(grid.rest, x[:2], slope)
-    if grid.period > 0.0 and t >= grid.first + grid.period:
+    if t < grid.last and grid.period > 0.0 and t >= grid.first + grid.period:
         t = grid.first + (t - grid.first) % grid.period
-    f = min(np.searchsorted(grid.times, t, side="right") - 1, grid.begin.shape[0] - 1)
-    g = 0
-    low, high = 0, grid.kept.shape[0] - 1
-    while low < high:
-        g = (low + high) // 2
-        if grid.times[grid.kept[g]] >= t + grid.ahead:
-            high = g
-        else:
-            low = g + 1
-    g = high
-    share = (t - grid.times[f]) / (grid.times[f + 1] - grid.times[f])
     pose = np.empty((grid.begin.shape[1], 4))
-    for j in range(pose.shape[0]):
-        yaw = (1.0 - share) * grid.begin[f, j, 2] + share * grid.end[f, j, 2]
-        pose[j, 0] = (1.0 - share) * grid.begin[f, j, 0] + share * grid.end[f, j, 0]
-        pose[j, 1] = (1.0 - share) * grid.begin[f, j, 1] + share * grid.end[f, j, 1]
-        pose[j, 2], pose[j, 3] = math.cos(yaw), math.sin(yaw)
+    poses_of(grid, t, pose)
+    if t >= grid.last:
+        if in_wall(grid.room, pose, x[0], x[1]):
+            return -grid.step.wall
+        return planar.look(grid.rest, x, slope)
+    g, high = 0, grid.kept.shape[0] - 1
+    while g < high:
+        middle = (g + high) // 2
+        if grid.times[grid.kept[middle]] >= t + grid.ahead:
+            high = middle
+        else:
+            g = middle + 1
     b, rate = grid.step.b, grid.step.rate
     dt = grid.times[grid.kept[g]] - t
     deviation = b * math.sqrt(dt)
     reach = (BEYOND + math.sqrt(2.0 * rate * dt)) * deviation
     step = Step(dt, deviation, b, rate, grid.step.wall, reach)
     return _from(grid, grid.log_psi[g], pose, grid.arriving[g], step, x[0], x[1], slope)
+
+
+@kernel
+def poses_of(grid, t, pose):  # type: ignore[no-untyped-def]
+    """Fill `pose` (1 + J, 4), as `frames_of` has it, with that of all bodies at t [s]."""
+    if grid.period > 0.0 and t >= grid.first + grid.period:
+        t = grid.first + (t - grid.first) % grid.period
+    f = min(max(np.searchsorted(grid.times, t, side="right") - 1, 0), grid.begin.shape[0] - 1)
+    share = min(max((t - grid.times[f]) / (grid.times[f + 1] - grid.times[f]), 0.0), 1.0)
+    for j in range(pose.shape[0]):
+        yaw = (1.0 - share) * grid.begin[f, j, 2] + share * grid.end[f, j, 2]
+        pose[j, 0] = (1.0 - share) * grid.begin[f, j, 0] + share * grid.end[f, j, 0]
+        pose[j, 1] = (1.0 - share) * grid.begin[f, j, 1] + share * grid.end[f, j, 1]
+        pose[j, 2], pose[j, 3] = math.cos(yaw), math.sin(yaw)
 
 
 @kernel
@@ -376,15 +386,13 @@ def _from(grid, later, begin, end, step, x, y, slope):  # type: ignore[no-untype
         here = _paid_at(grid, near[:count], begin, end, step, x, y)
         whole = log_sum(value, here)
         if whole > -math.inf:
-            e, rest = 1e-3 * min(step.deviation, 1.0), math.exp(value - whole)
-            e = min(e, 0.5 * to_rim)
-            sx = _paid_at(grid, near[:count], begin, end, step, x + e, y)
-            sx -= _paid_at(grid, near[:count], begin, end, step, x - e, y)
-            sy = _paid_at(grid, near[:count], begin, end, step, x, y + e)
-            sy -= _paid_at(grid, near[:count], begin, end, step, x, y - e)
-            paid = math.exp(here - whole)
-            slope[0] = rest * slope[0] + (paid * sx / (2.0 * e) if paid > 0.0 else 0.0)
-            slope[1] = rest * slope[1] + (paid * sy / (2.0 * e) if paid > 0.0 else 0.0)
+            e, rest = min(1e-3 * step.deviation, 0.5 * to_rim), math.exp(value - whole)
+            right = math.exp(_paid_at(grid, near[:count], begin, end, step, x + e, y) - whole)
+            left = math.exp(_paid_at(grid, near[:count], begin, end, step, x - e, y) - whole)
+            above = math.exp(_paid_at(grid, near[:count], begin, end, step, x, y + e) - whole)
+            below = math.exp(_paid_at(grid, near[:count], begin, end, step, x, y - e) - whole)
+            slope[0] = rest * slope[0] + (right - left) / (2.0 * e)
+            slope[1] = rest * slope[1] + (above - below) / (2.0 * e)
         value = whole
     return value
 
