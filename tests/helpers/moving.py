@@ -55,4 +55,17 @@ def pincer() -> Scene:
     return hall("pincer", [low, high])
 
 
-SCENES = {"crossing": crossing, "closing_door": closing_door, "pincer": pincer}
+def oblique() -> Scene:
+    """Two discs on oblique ways with corners, a bar that turns while it drifts, and a standing block."""
+    one = [(0.0, 2.2, 3.6, 0.0), (1.1, 2.9, 2.7, 0.0), (2.7, 2.3, 1.6, 0.0), (4.1, 3.4, 1.2, 0.0)]
+    two = [(0.0, 4.9, 1.5, 0.0), (1.6, 4.3, 2.6, 0.0), (3.3, 4.7, 3.4, 0.0)]
+    bar = [(0.0, 3.3, 3.0, 0.4), (2.0, 3.5, 2.6, 3.1), (4.4, 3.2, 3.3, 6.5)]
+    movers = [
+        moved("one", one, disc("one", 0.0, 0.0, 0.25)),
+        moved("two", two, disc("two", 0.0, 0.0, 0.3)),
+        moved("bar", bar, block("bar", 0.0, 0.0, (0.55, 0.06))),
+    ]
+    return hall("oblique", movers, [block("block", 2.0, 2.2, (0.2, 0.3))])
+
+
+SCENES = {"crossing": crossing, "closing_door": closing_door, "pincer": pincer, "oblique": oblique}
