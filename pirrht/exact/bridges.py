@@ -12,11 +12,13 @@ import math
 from typing import NamedTuple
 
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.exact.bodies import clearance_and_slope
+from pirrht.exact.bodies import clearance_and_slope, clearance_from
 from pirrht.geometry.walls import stands_apart
 
 WALLS = 4  # directions of walls that are told apart, as seen from one place
 MOST = 1 + WALLS + 4  # boundaries at one place: the goal's rim, walls, and the sides of the border
+
+LEVER = 0.2  # of second differences, as a share of the robot's radius
 
 
 class Step(NamedTuple):
@@ -31,7 +33,7 @@ class Step(NamedTuple):
 
 
 @kernel
-def walls_around(bodies, near, pose, x, y, reach, wall, clear, slope):  # type: ignore[no-untyped-def]
+def walls_around(bodies, near, pose, x, y, reach, wall, which, clear, slope):  # type: ignore[no-untyped-def]
     """Sort the solids within reach of (x, y) into walls, nearest first; how many walls, -1 if (x, y) is in a solid.
 
     Args:
@@ -40,6 +42,7 @@ def walls_around(bodies, near, pose, x, y, reach, wall, clear, slope):  # type: 
         x, y: robot centre [m].
         reach: of walls that count [m].
         wall: (l,) filled with the wall that each solid belongs to, -1 beyond reach.
+        which: (WALLS,) filled with the nearest solid of each wall.
         clear: (WALLS,) filled with their clearances [m].
         slope: (WALLS, 4) filled with the vectors from them and the gradients of their clearances.
     """
@@ -58,7 +61,7 @@ def walls_around(bodies, near, pose, x, y, reach, wall, clear, slope):  # type: 
                 slope[count, 0], slope[count, 1], slope[count, 2], slope[count, 3] = ex, ey, gx, gy
         if at < 0:
             break
-        clear[count] = best
+        clear[count], which[count] = best, near[at]
         for k in range(n):
             if wall[k] >= 0:
                 continue
@@ -67,6 +70,20 @@ def walls_around(bodies, near, pose, x, y, reach, wall, clear, slope):  # type: 
                 wall[k] = count
         count += 1
     return count
+
+
+@kernel
+def roundness(bodies, k, pose, x, y, d, gx, gy):  # type: ignore[no-untyped-def]
+    """Laplacian [1/m] of the clearance from solid k half-way from (x, y) to it, by differences.
+
+    Args:
+        bodies, k, pose, x, y: as of `clearance_from`.
+        d, gx, gy: clearance [m] and its gradient at (x, y).
+    """
+    x, y, e = x - 0.5 * d * gx, y - 0.5 * d * gy, LEVER * bodies.radius
+    total = clearance_from(bodies, k, pose, x - e, y) + clearance_from(bodies, k, pose, x + e, y)
+    total += clearance_from(bodies, k, pose, x, y - e) + clearance_from(bodies, k, pose, x, y + e)
+    return max((total - 4.0 * clearance_from(bodies, k, pose, x, y)) / (e * e), 0.0)
 
 
 @inlined

@@ -16,7 +16,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.exact.bodies import Bodies, clearance_from
-from pirrht.exact.bridges import MOST, WALLS, Step, entered, missed, walls_around
+from pirrht.exact.bridges import MOST, WALLS, Step, entered, missed, roundness, walls_around
 from pirrht.exact.domain import Frame
 
 TILE = 16  # points along each side of a tile
@@ -146,12 +146,12 @@ def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, t
             for k in range(count):
                 free_by[k, i, j] = clearance_from(bodies, near[k], end, x, y)
     wall, clear, slope = np.empty(count, dtype=np.int64), np.empty(WALLS), np.empty((WALLS, 4))
-    then, bound, speed = np.empty(WALLS), np.empty(MOST), np.empty(MOST)
+    which, then, bound, speed = np.empty(WALLS, dtype=np.int64), np.empty(WALLS), np.empty(MOST), np.empty(MOST)
     for i in range(R, rows - R):
         for j in range(R, columns - R):
             x, y = frame.x0 + (i0 - R + i) * h, frame.y0 + (j0 - R + j) * h
             to_rim = rim[i, j]
-            n = -1 if to_rim <= 0.0 else walls_around(bodies, near, begin, x, y, step.reach, wall, clear, slope)
+            n = -1 if to_rim <= 0.0 else walls_around(bodies, near, begin, x, y, step.reach, wall, which, clear, slope)
             if n < 0 or outside(room, x, y):
                 out[i0 - R + i, j0 - R + j] = -math.inf
                 continue
@@ -181,7 +181,7 @@ def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, t
                     total += weight
             value = base - step.rate * step.dt + math.log(total) if total > 0.0 else -math.inf
             if ends:
-                m = boundaries(room, x, y, to_rim, n, clear, then, step, bound, speed)
+                m = boundaries(room, begin, x, y, to_rim, n, which, clear, slope, then, step, bound, speed)
                 goal, others = entered(m, bound, speed, step)
                 value = log_sum(value, math.log(goal) if goal > 0.0 else -math.inf)
                 value = log_sum(value, math.log(others) - step.wall if others > 0.0 else -math.inf)
@@ -194,22 +194,29 @@ def outside(room, x, y):  # type: ignore[no-untyped-def]
     return x <= room.left or x >= room.right or y <= room.low or y >= room.high
 
 
-@inlined
-def boundaries(room, x, y, to_rim, n, clear, then, step, bound, speed):  # type: ignore[no-untyped-def]
-    """Clearances and their speeds for `entered`: the goal's rim first, n walls, the border; how many.
+@kernel
+def boundaries(room, begin, x, y, to_rim, n, which, clear, slope, then, step, bound, speed):  # type: ignore[no-untyped-def]
+    """Clearances and their mean speeds for `entered`: the goal's rim first, n walls, the border; how many.
+
+    From what is round noise drifts away, by b^2/2 times the Laplacian of the distance.
 
     Args:
         room, step: of `Room` and `Step`.
+        begin: poses of all bodies, (1 + J, 4).
         x, y: position [m].
         to_rim: clearance from the goal [m].
         n: number of walls.
-        clear, then: of the walls at the beginning and at the end of the step, 2 x (WALLS,) [m].
+        which, clear, slope: of walls as `walls_around` says.
+        then: their clearances at the end of the step, (WALLS,) [m].
         bound, speed: filled, 2 x (MOST,) [m], [m/s].
     """
-    frame = room.frame
-    bound[0], speed[0] = to_rim, 0.5 * step.b * step.b / (frame.radius + to_rim)  # on a round rim noise drifts away
+    half = 0.5 * step.b * step.b
+    bound[0], speed[0] = to_rim, half / (room.frame.radius + 0.5 * to_rim)
     for g in range(n):
-        bound[1 + g], speed[1 + g] = clear[g], (then[g] - clear[g]) / step.dt
+        d = clear[g]
+        bound[1 + g], speed[1 + g] = d, (then[g] - d) / step.dt
+        if step.wall < math.inf:
+            speed[1 + g] += half * roundness(room.bodies, which[g], begin, x, y, d, slope[g, 2], slope[g, 3])
     bound[n + 1], bound[n + 2] = x - room.left, room.right - x
     bound[n + 3], bound[n + 4] = y - room.low, room.high - y
     speed[n + 1 : n + 5] = 0.0

@@ -211,7 +211,7 @@ class _Solver:
             *_, (_, now) = self._back(before, last, table.again)
             both = np.isfinite(now) & np.isfinite(before)
             same = bool(np.all(np.isfinite(now) == np.isfinite(before)))
-            if same and float(np.max(np.abs(now - before), where=both, initial=0.0)) < SETTLED:
+            if same and float(np.max(np.abs(now[both] - before[both]), initial=0.0)) < SETTLED:
                 return now
         raise OptionError(
             f"psi has not settled after {PERIODS} periods of {table.period:g} s of the repeated motions; "
@@ -332,8 +332,9 @@ def _from(grid, later, begin, end, step, x, y, slope):  # type: ignore[no-untype
         if min(d, clearance_from(bodies, k, end, x, y)) < step.reach:
             near[count] = k
             count += 1
-    wall, clear, away = np.empty(count, dtype=np.int64), np.empty(WALLS), np.empty((WALLS, 4))
-    n = walls_around(bodies, near[:count], begin, x, y, step.reach, wall, clear, away)
+    wall, which = np.empty(count, dtype=np.int64), np.empty(WALLS, dtype=np.int64)
+    clear, away = np.empty(WALLS), np.empty((WALLS, 4))
+    n = walls_around(bodies, near[:count], begin, x, y, step.reach, wall, which, clear, away)
     if n < 0 or outside(room, x, y):
         return -step.wall
     h = frame.spacing
@@ -423,16 +424,17 @@ def _paid_at(grid, near, begin, end, step, x, y):  # type: ignore[no-untyped-def
     """Logarithm of what is paid on the way from (x, y) [m] [nats]; arguments as of `_from`."""
     room, frame = grid.room, grid.frame
     count = near.shape[0]
-    wall, clear, away = np.empty(count, dtype=np.int64), np.empty(WALLS), np.empty((WALLS, 4))
+    wall, which = np.empty(count, dtype=np.int64), np.empty(WALLS, dtype=np.int64)
+    clear, away = np.empty(WALLS), np.empty((WALLS, 4))
     then, bound, speed = np.full(WALLS, math.inf), np.empty(MOST), np.empty(MOST)
-    n = walls_around(room.bodies, near, begin, x, y, step.reach, wall, clear, away)
+    n = walls_around(room.bodies, near, begin, x, y, step.reach, wall, which, clear, away)
     if n < 0 or outside(room, x, y):
         return -step.wall
     for k in range(count):
         if wall[k] >= 0:
             then[wall[k]] = min(then[wall[k]], clearance_from(room.bodies, near[k], end, x, y))
     to_rim = math.sqrt((x - frame.goal_x) ** 2 + (y - frame.goal_y) ** 2) - frame.radius
-    m = boundaries(room, x, y, to_rim, n, clear, then, step, bound, speed)
+    m = boundaries(room, begin, x, y, to_rim, n, which, clear, away, then, step, bound, speed)
     goal, others = entered(m, bound, speed, step)
     value = math.log(goal) if goal > 0.0 else -math.inf
     return log_sum(value, math.log(others) - step.wall if others > 0.0 else -math.inf)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from discs import Row, block, disc
+from scipy.spatial import ConvexHull
 
 from pirrht.geometry.motion import Motion, Mover
-from pirrht.geometry.scene import Goal, Obstacle, Scene
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 
 START = np.array([1.0, 2.5])
 
@@ -16,6 +18,13 @@ START = np.array([1.0, 2.5])
 def moved(name: str, rows: Sequence[Row], *solids: Obstacle, repeat: bool = False) -> Mover:
     """A body whose rows are t [s], x, y [m] and a yaw [rad], of solids in its own frame."""
     return Mover(name=name, solids=solids, motion=Motion(rows=np.array(rows, dtype=float), repeat=repeat))
+
+
+def as_mesh(box: Obstacle) -> Obstacle:
+    """The hull of a box's corners."""
+    corners = box.size * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    faces = ConvexHull(corners).simplices.astype(np.int64)
+    return replace(box, kind=Kind.MESH, vertices=corners, faces=faces)
 
 
 def hall(
