@@ -1,4 +1,4 @@
-"""What flat walls at constant speed do to a Brownian path of one step: whom it survives, and what it is paid at them.
+"""Whom flat walls at constant speed leave alive of the Brownian paths of one step.
 
 Between its ends a step is a Brownian bridge; it misses a wall from which its ends have clearances d and d', each at its
 own time, with probability 1 - exp(-2 d d' / (b^2 dt)), since its motion relative to the wall is a bridge again. Solids
@@ -12,13 +12,22 @@ import math
 from typing import NamedTuple
 
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.exact.bodies import clearance_and_slope, clearance_from
+from pirrht.exact.bodies import Bodies, clearance_and_slope
+from pirrht.exact.domain import Frame
 from pirrht.geometry.walls import stands_apart
 
 WALLS = 4  # directions of walls that are told apart, as seen from one place
-MOST = 1 + WALLS + 4  # boundaries at one place: the goal's rim, walls, and the sides of the border
 
-LEVER = 0.2  # of second differences, as a share of the robot's radius
+
+class Room(NamedTuple):
+    """What a path moves in, apart from where bodies are."""
+
+    frame: Frame  # of the grid, and the goal's disc
+    left: float  # border of the workspace [m]
+    low: float  # [m]
+    right: float  # [m]
+    high: float  # [m]
+    bodies: Bodies
 
 
 class Step(NamedTuple):
@@ -72,20 +81,6 @@ def walls_around(bodies, near, pose, x, y, reach, wall, which, clear, slope):  #
     return count
 
 
-@kernel
-def roundness(bodies, k, pose, x, y, d, gx, gy):  # type: ignore[no-untyped-def]
-    """Laplacian [1/m] of the clearance from solid k half-way from (x, y) to it, by differences.
-
-    Args:
-        bodies, k, pose, x, y: as of `clearance_from`.
-        d, gx, gy: clearance [m] and its gradient at (x, y).
-    """
-    x, y, e = x - 0.5 * d * gx, y - 0.5 * d * gy, LEVER * bodies.radius
-    total = clearance_from(bodies, k, pose, x - e, y) + clearance_from(bodies, k, pose, x + e, y)
-    total += clearance_from(bodies, k, pose, x, y - e) + clearance_from(bodies, k, pose, x, y + e)
-    return max((total - 4.0 * clearance_from(bodies, k, pose, x, y)) / (e * e), 0.0)
-
-
 @inlined
 def missed(d, e, step):  # type: ignore[no-untyped-def]
     """Probability that a bridge misses a wall from which its ends are d and e [m]; 0 beyond it."""
@@ -98,47 +93,13 @@ def missed(d, e, step):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def paid(d, speed, rate, step):  # type: ignore[no-untyped-def]
-    """E[exp(-rate tau); tau < dt] of the time tau at which a Brownian path meets a wall.
-
-    Args:
-        d: clearance [m].
-        speed: at which it grows [m/s].
-        rate: [1/s].
-        step: of `Step`.
-    """
-    b2 = step.b * step.b
-    drift = speed / b2
-    root = math.sqrt(drift * drift + 2.0 * rate / b2)
-    width = step.deviation * math.sqrt(2.0)
-    ahead = b2 * root * step.dt
-    first = math.exp(-d * (drift + root)) * math.erfc((d - ahead) / width)
-    return 0.5 * (first + math.exp(d * (root - drift)) * math.erfc((d + ahead) / width))
+def outside(room, x, y):  # type: ignore[no-untyped-def]
+    """Whether (x, y) [m] is on the border or beyond it."""
+    return x <= room.left or x >= room.right or y <= room.low or y >= room.high
 
 
-@kernel
-def entered(n, clear, speed, step):  # type: ignore[no-untyped-def]
-    """What a path is paid on the way: discounted shares that end at boundary 0, the goal, and at the n - 1 others.
-
-    Of two boundaries that a path would meet it meets either first.
-
-    Args:
-        n: number of boundaries.
-        clear: (n,) clearances [m].
-        speed: (n,) at which these grow [m/s].
-        step: of `Step`.
-    """
-    goal, others = 0.0, 0.0
-    for g in range(1 if step.wall == math.inf else n):
-        if clear[g] >= step.reach:
-            continue
-        beside = 1.0
-        for h in range(n):
-            if h != g and clear[h] < step.reach:
-                beside *= 1.0 - 0.5 * min(paid(clear[h], speed[h], 0.0, step), 1.0)
-        share = paid(clear[g], speed[g], step.rate, step) * beside
-        if g == 0:
-            goal = share
-        else:
-            others += share
-    return goal, others
+@inlined
+def log_sum(a, b):  # type: ignore[no-untyped-def]
+    """log(exp(a) + exp(b))."""
+    high, low = max(a, b), min(a, b)
+    return high if low == -math.inf else high + math.log1p(math.exp(low - high))

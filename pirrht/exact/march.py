@@ -9,28 +9,16 @@ what is paid to one that ends there is added where it began.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.exact.bodies import Bodies, clearance_from
-from pirrht.exact.bridges import MOST, WALLS, Step, entered, missed, roundness, walls_around
-from pirrht.exact.domain import Frame
+from pirrht.exact.bodies import clearance_from
+from pirrht.exact.bridges import WALLS, Step, log_sum, missed, outside, walls_around
+from pirrht.exact.payoffs import log_paid
 
 TILE = 16  # points along each side of a tile
-
-
-class Room(NamedTuple):
-    """What a path moves in, apart from where bodies are."""
-
-    frame: Frame  # of the grid, and the goal's disc
-    left: float  # border of the workspace [m]
-    low: float  # [m]
-    right: float  # [m]
-    high: float  # [m]
-    bodies: Bodies
 
 
 def taps_along(count: int, first: float, spacing: float, low: float, high: float, step: Step) -> Array:
@@ -146,7 +134,7 @@ def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, t
             for k in range(count):
                 free_by[k, i, j] = clearance_from(bodies, near[k], end, x, y)
     wall, clear, slope = np.empty(count, dtype=np.int64), np.empty(WALLS), np.empty((WALLS, 4))
-    which, then, bound, speed = np.empty(WALLS, dtype=np.int64), np.empty(WALLS), np.empty(MOST), np.empty(MOST)
+    which = np.empty(WALLS, dtype=np.int64)
     for i in range(R, rows - R):
         for j in range(R, columns - R):
             x, y = frame.x0 + (i0 - R + i) * h, frame.y0 + (j0 - R + j) * h
@@ -159,10 +147,6 @@ def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, t
             ends = to_rim < step.reach or (step.wall < math.inf and (n > 0 or edge < step.reach))
             if n == 0 and not ends:
                 continue
-            then[:n] = math.inf
-            for k in range(count):
-                if wall[k] >= 0:
-                    then[wall[k]] = min(then[wall[k]], free_by[k, i, j])
             total = 0.0
             for a in range(width):
                 weight_x = taps_x[i0 - R + i, a]
@@ -181,50 +165,5 @@ def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, t
                     total += weight
             value = base - step.rate * step.dt + math.log(total) if total > 0.0 else -math.inf
             if ends:
-                m = boundaries(room, begin, x, y, to_rim, n, which, clear, slope, then, step, bound, speed)
-                goal, others = entered(m, bound, speed, step)
-                value = log_sum(value, math.log(goal) if goal > 0.0 else -math.inf)
-                value = log_sum(value, math.log(others) - step.wall if others > 0.0 else -math.inf)
+                value = log_sum(value, log_paid(room, near, begin, end, step, x, y))
             out[i0 - R + i, j0 - R + j] = value
-
-
-@inlined
-def outside(room, x, y):  # type: ignore[no-untyped-def]
-    """Whether (x, y) [m] is on the border or beyond it."""
-    return x <= room.left or x >= room.right or y <= room.low or y >= room.high
-
-
-@kernel
-def boundaries(room, begin, x, y, to_rim, n, which, clear, slope, then, step, bound, speed):  # type: ignore[no-untyped-def]
-    """Clearances and their mean speeds for `entered`: the goal's rim first, n walls, the border; how many.
-
-    From what is round noise drifts away, by b^2/2 times the Laplacian of the distance.
-
-    Args:
-        room, step: of `Room` and `Step`.
-        begin: poses of all bodies, (1 + J, 4).
-        x, y: position [m].
-        to_rim: clearance from the goal [m].
-        n: number of walls.
-        which, clear, slope: of walls as `walls_around` says.
-        then: their clearances at the end of the step, (WALLS,) [m].
-        bound, speed: filled, 2 x (MOST,) [m], [m/s].
-    """
-    half = 0.5 * step.b * step.b
-    bound[0], speed[0] = to_rim, half / (room.frame.radius + 0.5 * to_rim)
-    for g in range(n):
-        d = clear[g]
-        bound[1 + g], speed[1 + g] = d, (then[g] - d) / step.dt
-        if step.wall < math.inf:
-            speed[1 + g] += half * roundness(room.bodies, which[g], begin, x, y, d, slope[g, 2], slope[g, 3])
-    bound[n + 1], bound[n + 2] = x - room.left, room.right - x
-    bound[n + 3], bound[n + 4] = y - room.low, room.high - y
-    speed[n + 1 : n + 5] = 0.0
-    return n + 5
-
-
-@inlined
-def log_sum(a, b):  # type: ignore[no-untyped-def]
-    """log(exp(a) + exp(b))."""
-    high, low = max(a, b), min(a, b)
-    return high if low == -math.inf else high + math.log1p(math.exp(low - high))

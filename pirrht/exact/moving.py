@@ -23,9 +23,10 @@ from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.exact import planar
 from pirrht.exact.bodies import bodies_of, clearance_from, frames_of, poses_at
-from pirrht.exact.bridges import MOST, WALLS, Step, entered, missed, walls_around
+from pirrht.exact.bridges import WALLS, Room, Step, log_sum, missed, outside, walls_around
 from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_goal
-from pirrht.exact.march import Room, boundaries, log_sum, march, outside, taps_along
+from pirrht.exact.march import march, taps_along
+from pirrht.exact.payoffs import log_paid
 from pirrht.exact.timetable import Timetable, timetable
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
@@ -384,14 +385,14 @@ def _from(grid, later, begin, end, step, x, y, slope):  # type: ignore[no-untype
         slope[0], slope[1] = gx / total, gy / total
     edge = min(min(x - room.left, room.right - x), min(y - room.low, room.high - y))
     if to_rim < step.reach or (step.wall < math.inf and (n > 0 or edge < step.reach)):
-        here = _paid_at(grid, near[:count], begin, end, step, x, y)
+        here = log_paid(room, near[:count], begin, end, step, x, y)
         whole = log_sum(value, here)
         if whole > -math.inf:
             e, rest = min(1e-3 * step.deviation, 0.5 * to_rim), math.exp(value - whole)
-            right = math.exp(_paid_at(grid, near[:count], begin, end, step, x + e, y) - whole)
-            left = math.exp(_paid_at(grid, near[:count], begin, end, step, x - e, y) - whole)
-            above = math.exp(_paid_at(grid, near[:count], begin, end, step, x, y + e) - whole)
-            below = math.exp(_paid_at(grid, near[:count], begin, end, step, x, y - e) - whole)
+            right = math.exp(log_paid(room, near[:count], begin, end, step, x + e, y) - whole)
+            left = math.exp(log_paid(room, near[:count], begin, end, step, x - e, y) - whole)
+            above = math.exp(log_paid(room, near[:count], begin, end, step, x, y + e) - whole)
+            below = math.exp(log_paid(room, near[:count], begin, end, step, x, y - e) - whole)
             slope[0] = rest * slope[0] + (right - left) / (2.0 * e)
             slope[1] = rest * slope[1] + (above - below) / (2.0 * e)
         value = whole
@@ -417,24 +418,3 @@ def _axis(weight, steep, first, h, x, low, high, step):  # type: ignore[no-untyp
         weight[a] = scale * math.exp(-0.5 * (y - x) ** 2 / square)
         weight[a] *= missed(x - low, y - low, step) * missed(high - x, high - y, step)
         steep[a] = (y - x) / square + _steep(x - low, y - low, square) - _steep(high - x, high - y, square)
-
-
-@kernel
-def _paid_at(grid, near, begin, end, step, x, y):  # type: ignore[no-untyped-def]
-    """Logarithm of what is paid on the way from (x, y) [m] [nats]; arguments as of `_from`."""
-    room, frame = grid.room, grid.frame
-    count = near.shape[0]
-    wall, which = np.empty(count, dtype=np.int64), np.empty(WALLS, dtype=np.int64)
-    clear, away = np.empty(WALLS), np.empty((WALLS, 4))
-    then, bound, speed = np.full(WALLS, math.inf), np.empty(MOST), np.empty(MOST)
-    n = walls_around(room.bodies, near, begin, x, y, step.reach, wall, which, clear, away)
-    if n < 0 or outside(room, x, y):
-        return -step.wall
-    for k in range(count):
-        if wall[k] >= 0:
-            then[wall[k]] = min(then[wall[k]], clearance_from(room.bodies, near[k], end, x, y))
-    to_rim = math.sqrt((x - frame.goal_x) ** 2 + (y - frame.goal_y) ** 2) - frame.radius
-    m = boundaries(room, begin, x, y, to_rim, n, which, clear, away, then, step, bound, speed)
-    goal, others = entered(m, bound, speed, step)
-    value = math.log(goal) if goal > 0.0 else -math.inf
-    return log_sum(value, math.log(others) - step.wall if others > 0.0 else -math.inf)

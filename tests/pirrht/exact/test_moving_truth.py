@@ -15,10 +15,10 @@ from scipy.stats import norm
 from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
 from pirrht.exact.bodies import bodies_of, frames_of, poses_at
-from pirrht.exact.bridges import Step
+from pirrht.exact.bridges import Room, Step
 from pirrht.exact.desirability import Desirability
 from pirrht.exact.domain import frame_at
-from pirrht.exact.march import Room, march, taps_along
+from pirrht.exact.march import march, taps_along
 from pirrht.geometry.motion import Mover
 
 V = {  # of an independent march, to 0.002: at b = 0.1, 0.2, 0.3
@@ -111,19 +111,20 @@ def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
     drift, s = k * b * b - speed, b * math.sqrt(T)
     alive = norm.cdf((z + drift * T) / s) - np.exp(-2.0 * drift * z / b**2) * norm.cdf((drift * T - z) / s)
     exact = k * x + 0.5 * k * k * b * b * T + np.log(alive, where=some, out=np.zeros(126))
-    assert now[some, 37] == pytest.approx(exact[some], abs=2e-3)
+    assert now[some, 37] == pytest.approx(exact[some], abs=0.01)
 
 
-@pytest.mark.parametrize("phi", [np.inf, 3.0])
-def test_a_mover_that_stands_still_is_an_obstacle(phi):
+@pytest.mark.parametrize(("phi", "accuracy"), [(np.inf, 1e-3), pytest.param(3.0, 2e-3, marks=pytest.mark.slow)])
+def test_a_mover_that_stands_still_is_an_obstacle(phi, accuracy):
     solids = disc("disc", 0.0, 0.0, 0.3), block("box", 0.0, 0.0, (0.15, 0.5))
-    rows = [(0.0, 2.0, 1.7, 0.3), (2.0, 2.0, 1.7, 0.3)], [(0.0, 3.2, 1.0, -0.4), (2.5, 3.2, 1.0, -0.4)]
+    rows = [(0.0, 2.0, 1.7, 0.3), (0.5, 2.0, 1.7, 0.3)], [(0.0, 3.2, 1.0, -0.4), (1.5, 3.2, 1.0, -0.4)]
     movers = [moved(solid.name, row, solid) for solid, row in zip(solids, rows, strict=True)]
-    moving = solved(room(*movers), phi=phi)
-    still = solved(room(standing=tuple(solid for mover in movers for solid in mover.at(0.0))), phi=phi, spacing=0.02)
+    standing = tuple(solid for mover in movers for solid in mover.at(0.0))
+    moving = solved(room(*movers, radius=0.1), phi=phi)
+    still = solved(room(standing=standing, radius=0.1), phi=phi, spacing=0.02)
     x, _ = places(200)
     away = still.space.collision.clearance(x) > 0.02
-    assert moving.value(x[away]) == pytest.approx(still.value(x[away]), rel=1e-3, abs=2e-3)
+    assert moving.value(x[away]) == pytest.approx(still.value(x[away]), rel=accuracy, abs=1e-3)
 
 
 def test_after_the_last_row_nothing_changes_any_more(crossed):
@@ -147,7 +148,7 @@ def test_value_is_zero_in_the_goal_and_phi_in_a_moving_wall():
     assert grid.value(np.array([4.3, 0.6]), 0.7) == 0.0
     assert grid.value(np.array([2.1, 1.4]), 0.75) == pytest.approx(2.0)
     assert grid.value(np.array([2.1 - 0.5 - 1e-3, 1.4]), 0.75) == pytest.approx(2.0, abs=0.02)
-    assert grid.value(np.array([2.1, 1.4]), 0.0) < 2.0
+    assert grid.value(np.array([2.1, 1.4]), 0.0) != pytest.approx(2.0, abs=0.1)
     assert np.all(grid.control(np.array([4.3, 0.6]), 0.7) == 0.0)
 
 
