@@ -45,7 +45,7 @@ def taps_along(count: int, first: float, spacing: float, low: float, high: float
 
 
 @kernel
-def march(later, out, room, begin, end, taps_x, taps_y, step):  # type: ignore[no-untyped-def]
+def march(later, out, room, begin, end, taps_x, taps_y, alone, step):  # type: ignore[no-untyped-def]
     """Fill `out` with log psi at the beginning of a step.
 
     Args:
@@ -53,6 +53,7 @@ def march(later, out, room, begin, end, taps_x, taps_y, step):  # type: ignore[n
         room, step: of `Room` and `Step`.
         begin, end: poses of all bodies at its beginning and its end, 2 x (1 + J, 4), as `frames_of` has them.
         taps_x, taps_y: of `taps_along`, (nx, 2 R + 1) and (ny, 2 R + 1).
+        alone: of `at_goal`, (nx, ny).
     """
     nx, ny = later.shape
     R = taps_x.shape[1] // 2
@@ -77,7 +78,7 @@ def march(later, out, room, begin, end, taps_x, taps_y, step):  # type: ignore[n
             rim = math.sqrt((x - frame.goal_x) ** 2 + (y - frame.goal_y) ** 2) - frame.radius
             edge = min(min(x - room.left, room.right - x), min(y - room.low, room.high - y))
             if count > 0 or rim < step.reach + across or (step.wall < math.inf and edge < step.reach + across):
-                _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near[:count], taps_x, taps_y, step)
+                _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near[:count], taps_x, taps_y, alone, step)
 
 
 @inlined
@@ -120,7 +121,7 @@ def _plain(block, half, i0, j0, i1, j1, taps_x, taps_y, base, loss, out):  # typ
 
 
 @kernel
-def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, taps_y, step):  # type: ignore[no-untyped-def]
+def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, taps_y, alone, step):  # type: ignore[no-untyped-def]
     """The same for a tile with walls or the goal within reach; arguments as of `march`."""
     frame, bodies = room.frame, room.bodies
     h, width, count = frame.spacing, taps_x.shape[1], near.shape[0]
@@ -165,5 +166,5 @@ def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, t
                     total += weight
             value = base - step.rate * step.dt + math.log(total) if total > 0.0 else -math.inf
             if ends:
-                value = log_sum(value, log_paid(room, near, begin, end, step, x, y))
+                value = log_sum(value, log_paid(room, near, begin, end, step, x, y, alone[i0 - R + i, j0 - R + j]))
             out[i0 - R + i, j0 - R + j] = value

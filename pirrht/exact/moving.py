@@ -26,14 +26,15 @@ from pirrht.exact.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.exact.bridges import WALLS, Room, Step, log_sum, missed, outside, walls_around
 from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_goal
 from pirrht.exact.march import march, taps_along
-from pirrht.exact.payoffs import log_paid
+from pirrht.exact.payoffs import at_goal, log_paid
 from pirrht.exact.timetable import Timetable, timetable
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 
 WIDEST = 0.28  # deviation of a step at most, as a share of the robot's radius ...
-FASTEST = 1.1  # ... and as one of the decay length 1/k, so that psi changes by e or so in a step
+FASTEST = 1.1  # ... as one of the decay length 1/k, so that psi changes by e or so in a step ...
+BETWEEN = 0.33  # ... and as one of the geometric mean of both
 PER_STEP = 1.25  # default points per deviation of a step
 COARSEST = 1.2  # deviations that points may be apart
 BEYOND = 6.0  # a step is cut off so many deviations beyond the one that the law asks for
@@ -98,7 +99,8 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
 
 def _deviation(problem: Problem, scene: Scene) -> float:
     """Standard deviation of the longest step along each axis [m]."""
-    return min(WIDEST * scene.robot_radius, FASTEST / planar.wavenumber_of(problem))
+    radius, length = scene.robot_radius, 1.0 / planar.wavenumber_of(problem)
+    return min(WIDEST * radius, FASTEST * length, BETWEEN * math.sqrt(radius * length))
 
 
 def _longest(problem: Problem, scene: Scene) -> float:
@@ -141,7 +143,7 @@ class _Solver:
         self.room = Room(frame, float(left), float(low), float(right), float(high), bodies)
         self.shape = tuple(int(n) for n in np.ceil((scene.upper - scene.lower) / spacing - 1e-9).astype(int) + 1)
         self.begin, self.end = (poses_at(scene.movers, t) for t in (table.after[:-1], table.before[1:]))
-        self._taps: dict[float, tuple[Array, Array]] = {}
+        self._taps: dict[float, tuple[Array, Array, Array]] = {}
 
     def step(self, dt: float) -> Step:
         """A step of dt [s]."""
@@ -229,14 +231,17 @@ class _Solver:
             now = out
             yield k, now
 
-    def taps(self, step: Step) -> tuple[Array, Array]:
-        """Weights of a step along x and y."""
+    def taps(self, step: Step) -> tuple[Array, Array, Array]:
+        """Weights of a step along x and y, and what it is paid at the goal: none depends on where bodies are."""
         key = round(step.dt / self.longest, 9)
         if key not in self._taps:
             room, frame = self.room, self.room.frame
+            alone = np.empty(self.shape)
+            at_goal(frame, step, alone)
             self._taps[key] = (
                 taps_along(self.shape[0], frame.x0, frame.spacing, room.left, room.right, step),
                 taps_along(self.shape[1], frame.y0, frame.spacing, room.low, room.high, step),
+                alone,
             )
         return self._taps[key]
 
@@ -385,14 +390,14 @@ def _from(grid, later, begin, end, step, x, y, slope):  # type: ignore[no-untype
         slope[0], slope[1] = gx / total, gy / total
     edge = min(min(x - room.left, room.right - x), min(y - room.low, room.high - y))
     if to_rim < step.reach or (step.wall < math.inf and (n > 0 or edge < step.reach)):
-        here = log_paid(room, near[:count], begin, end, step, x, y)
+        here = log_paid(room, near[:count], begin, end, step, x, y, -1.0)
         whole = log_sum(value, here)
         if whole > -math.inf:
             e, rest = min(1e-3 * step.deviation, 0.5 * to_rim), math.exp(value - whole)
-            right = math.exp(log_paid(room, near[:count], begin, end, step, x + e, y) - whole)
-            left = math.exp(log_paid(room, near[:count], begin, end, step, x - e, y) - whole)
-            above = math.exp(log_paid(room, near[:count], begin, end, step, x, y + e) - whole)
-            below = math.exp(log_paid(room, near[:count], begin, end, step, x, y - e) - whole)
+            right = math.exp(log_paid(room, near[:count], begin, end, step, x + e, y, -1.0) - whole)
+            left = math.exp(log_paid(room, near[:count], begin, end, step, x - e, y, -1.0) - whole)
+            above = math.exp(log_paid(room, near[:count], begin, end, step, x, y + e, -1.0) - whole)
+            below = math.exp(log_paid(room, near[:count], begin, end, step, x, y - e, -1.0) - whole)
             slope[0] = rest * slope[0] + (right - left) / (2.0 * e)
             slope[1] = rest * slope[1] + (above - below) / (2.0 * e)
         value = whole

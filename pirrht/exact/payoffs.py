@@ -23,7 +23,7 @@ EULER = 0.5772156649015329
 
 
 @kernel
-def log_paid(room, near, begin, end, step, x, y):  # type: ignore[no-untyped-def]
+def log_paid(room, near, begin, end, step, x, y, alone):  # type: ignore[no-untyped-def]
     """Logarithm of what paths from (x, y) [m] are paid on the way of a step [nats]; -phi/lambda in walls.
 
     Args:
@@ -31,6 +31,7 @@ def log_paid(room, near, begin, end, step, x, y):  # type: ignore[no-untyped-def
         near: indices of solids that come into question, (l,).
         begin, end: poses of all bodies, 2 x (1 + J, 4), as `frames_of` has them.
         x, y: robot centre [m].
+        alone: what is paid at the goal if nothing else is near, where it is known; negative where not.
     """
     frame, count = room.frame, near.shape[0]
     wall, which = np.empty(count, dtype=np.int64), np.empty(WALLS, dtype=np.int64)
@@ -53,7 +54,7 @@ def log_paid(room, near, begin, end, step, x, y):  # type: ignore[no-untyped-def
         if bound[g] >= step.reach:
             continue
         if g == 0:
-            share, payoff = _at_goal(frame, step, x, y, bound[0]), 0.0
+            share, payoff = alone if alone >= 0.0 else _at_goal(frame, step, x, y, bound[0]), 0.0
         else:
             drift = speed[g] / b2
             if g <= n:
@@ -65,6 +66,16 @@ def log_paid(room, near, begin, end, step, x, y):  # type: ignore[no-untyped-def
         if share > 0.0:
             value = log_sum(value, math.log(share) - payoff)
     return value
+
+
+@kernel
+def at_goal(frame, step, out):  # type: ignore[no-untyped-def]
+    """Fill `out` (nx, ny) with what is paid at the goal from points of the grid if nothing else is near."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x, y = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
+            to_rim = math.sqrt((x - frame.goal_x) ** 2 + (y - frame.goal_y) ** 2) - frame.radius
+            out[i, j] = _at_goal(frame, step, x, y, to_rim) if 0.0 < to_rim < step.reach else 0.0
 
 
 @kernel

@@ -104,7 +104,7 @@ def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
     poses = frames_of(poses_at(scene.movers, dt * np.arange(steps + 1)))
     for n in range(steps - 1, -1, -1):
         out = np.empty_like(now)
-        march(now, out, walls, poses[n], poses[n + 1], *taps, step)
+        march(now, out, walls, poses[n], poses[n + 1], *taps, np.zeros_like(now), step)
         now = out
     z = x - 2.3
     some = (z > 0.02) & (z < 0.6)
