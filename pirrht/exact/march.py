@@ -78,7 +78,9 @@ def march(later, out, room, begin, end, taps_x, taps_y, alone, step):  # type: i
             rim = math.sqrt((x - frame.goal_x) ** 2 + (y - frame.goal_y) ** 2) - frame.radius
             edge = min(min(x - room.left, room.right - x), min(y - room.low, room.high - y))
             if count > 0 or rim < step.reach + across or (step.wall < math.inf and edge < step.reach + across):
-                _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near[:count], taps_x, taps_y, alone, step)
+                _careful(
+                    later, block, i0, j0, i1, j1, base, out, room, begin, end, near[:count], taps_x, taps_y, alone, step
+                )
 
 
 @inlined
@@ -121,7 +123,7 @@ def _plain(block, half, i0, j0, i1, j1, taps_x, taps_y, base, loss, out):  # typ
 
 
 @kernel
-def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, taps_y, alone, step):  # type: ignore[no-untyped-def]
+def _careful(later, block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, taps_y, alone, step):  # type: ignore[no-untyped-def]
     """The same for a tile with walls or the goal within reach; arguments as of `march`."""
     frame, bodies = room.frame, room.bodies
     h, width, count = frame.spacing, taps_x.shape[1], near.shape[0]
@@ -135,7 +137,7 @@ def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, t
             for k in range(count):
                 free_by[k, i, j] = clearance_from(bodies, near[k], end, x, y)
     wall, clear, slope = np.empty(count, dtype=np.int64), np.empty(WALLS), np.empty((WALLS, 4))
-    which = np.empty(WALLS, dtype=np.int64)
+    which, own = np.empty(WALLS, dtype=np.int64), np.empty((width, width))
     for i in range(R, rows - R):
         for j in range(R, columns - R):
             x, y = frame.x0 + (i0 - R + i) * h, frame.y0 + (j0 - R + j) * h
@@ -146,25 +148,49 @@ def _careful(block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, t
                 continue
             edge = min(min(x - room.left, room.right - x), min(y - room.low, room.high - y))
             ends = to_rim < step.reach or (step.wall < math.inf and (n > 0 or edge < step.reach))
-            if n == 0 and not ends:
+            a, c = i0 - R + i, j0 - R + j
+            if n == 0 and not ends and (out[a, c] > -math.inf or base == -math.inf):
                 continue
-            total = 0.0
-            for a in range(width):
-                weight_x = taps_x[i0 - R + i, a]
-                for c in range(width):
-                    weight = weight_x * taps_y[j0 - R + j, c] * block[i - R + a, j - R + c]
-                    if weight == 0.0:
-                        continue
-                    if to_rim < step.reach:
-                        weight *= missed(to_rim, rim[i - R + a, j - R + c], step)
-                    for g in range(n):
-                        d = math.inf
-                        for k in range(count):
-                            if wall[k] == g:
-                                d = min(d, free_by[k, i - R + a, j - R + c])
-                        weight *= missed(clear[g], d, step)
-                    total += weight
-            value = base - step.rate * step.dt + math.log(total) if total > 0.0 else -math.inf
+            top, around = base, block[i - R : i + R + 1, j - R : j + R + 1]
+            total = _alive(around, rim, free_by, i, j, to_rim, n, wall, clear, taps_x[a], taps_y[c], step)
+            if total == 0.0 and base > -math.inf:  # too little beside what is behind a wall: relative to its own
+                top = _block(later, a - R, c - R, a + R + 1, c + R + 1, own)
+                total = _alive(own, rim, free_by, i, j, to_rim, n, wall, clear, taps_x[a], taps_y[c], step)
+            value = top - step.rate * step.dt + math.log(total) if total > 0.0 else -math.inf
             if ends:
-                value = log_sum(value, log_paid(room, near, begin, end, step, x, y, alone[i0 - R + i, j0 - R + j]))
-            out[i0 - R + i, j0 - R + j] = value
+                value = log_sum(value, log_paid(room, near, begin, end, step, x, y, alone[a, c]))
+            out[a, c] = value
+
+
+@kernel
+def _alive(around, rim, free_by, i, j, to_rim, n, wall, clear, taps_x, taps_y, step):  # type: ignore[no-untyped-def]
+    """What is left of psi around a point by those who miss the goal and n walls.
+
+    Args:
+        around: psi, (2 R + 1, 2 R + 1).
+        rim, free_by: clearances from the goal, (k, l), and from each solid, (count, k, l), at the end of the step [m].
+        i, j: the point's place in them.
+        to_rim, clear: its clearances at the beginning, from the goal and from the walls, (WALLS,) [m].
+        n: number of walls.
+        wall: that each solid belongs to, (count,).
+        taps_x, taps_y: weights, 2 x (2 R + 1,).
+        step: of `Step`.
+    """
+    width, total = taps_x.shape[0], 0.0
+    R = width // 2
+    for a in range(width):
+        for c in range(width):
+            weight = taps_x[a] * taps_y[c] * around[a, c]
+            if weight == 0.0:
+                continue
+            p, q = i - R + a, j - R + c
+            if to_rim < step.reach:
+                weight *= missed(to_rim, rim[p, q], step)
+            for g in range(n):
+                d = math.inf
+                for k in range(wall.shape[0]):
+                    if wall[k] == g:
+                        d = min(d, free_by[k, p, q])
+                weight *= missed(clear[g], d, step)
+            total += weight
+    return total

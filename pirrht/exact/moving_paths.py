@@ -11,7 +11,7 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import normals, stream
 from pirrht.exact.bodies import clearance_from
 from pirrht.exact.domain import in_goal
-from pirrht.exact.moving import March, look, poses_of
+from pirrht.exact.moving_look import March, look, poses_of
 from pirrht.exact.optimal_paths import CAREFUL, LONGEST, SHORTEST
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE

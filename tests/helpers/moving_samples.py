@@ -16,7 +16,7 @@ from pirrht.compiled.jit import kernel
 from pirrht.compiled.streams import normals, stream
 from pirrht.exact.bodies import clearance_from
 from pirrht.exact.desirability import Desirability
-from pirrht.exact.moving import look, poses_of
+from pirrht.exact.moving_look import look, poses_of
 
 EARLY = 0.5826
 STEP = 2e-4  # [s]

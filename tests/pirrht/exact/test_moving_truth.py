@@ -71,6 +71,7 @@ def crossed() -> Desirability:
     return solved(room(crosser()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.4, -0.4, 1.0])
 def test_before_a_wall_at_constant_speed_a_path_pays_what_girsanov_says(speed):
     """With psi = 1 on it, psi = exp(-z (sqrt(c^2/b^4 + 2 q/(lambda b^2)) - c/b^2)) at z before a wall of speed c."""
@@ -114,7 +115,8 @@ def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
     assert now[some, 37] == pytest.approx(exact[some], abs=0.01)
 
 
-@pytest.mark.parametrize(("phi", "accuracy"), [(np.inf, 1e-3), pytest.param(3.0, 2e-3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("phi", "accuracy"), [(np.inf, 1e-3), (3.0, 2e-3)])
 def test_a_mover_that_stands_still_is_an_obstacle(phi, accuracy):
     solids = disc("disc", 0.0, 0.0, 0.3), block("box", 0.0, 0.0, (0.15, 0.5))
     rows = [(0.0, 2.0, 1.7, 0.3), (0.5, 2.0, 1.7, 0.3)], [(0.0, 3.2, 1.0, -0.4), (1.5, 3.2, 1.0, -0.4)]
@@ -125,6 +127,21 @@ def test_a_mover_that_stands_still_is_an_obstacle(phi, accuracy):
     x, _ = places(200)
     away = still.space.collision.clearance(x) > 0.02
     assert moving.value(x[away]) == pytest.approx(still.value(x[away]), rel=accuracy, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_psi_behind_a_wall_is_not_lost_beside_a_psi_that_is_a_thousand_nats_greater():
+    """A long wall, and the way around its end: 3.7 m there and as much back, at 100 nats a meter."""
+    scene = Scene(
+        name="hairpin", lower=np.zeros(2), upper=np.array([4.2, 0.8]), obstacles=(), robot_radius=0.05,
+        goal=Goal(center=np.array([0.2, 0.6]), radius=0.1), start=np.array([0.2, 0.2, 0.0]),
+        movers=(moved("wall", [(0.0, 1.9, 0.4, 0.0), (0.05, 1.9, 0.4, 0.0)], block("wall", 0.0, 0.0, (1.95, 0.01))),),
+    )  # fmt: skip
+    grid = solved(scene, 0.1)
+    x = np.array([[0.2, 0.33], [1.0, 0.335], [2.0, 0.2]])
+    assert grid.value(x) == pytest.approx(grid.value(x, 0.06), rel=1e-3)
+    assert grid.log_psi(x[0]) < -730.0
+    assert grid.log_psi(x[0] + [0.0, 0.14]) > -30.0
 
 
 def test_after_the_last_row_nothing_changes_any_more(crossed):
@@ -143,6 +160,7 @@ def test_psi_is_at_most_one_and_falls_as_the_rate_of_cost_grows(crossed):
     assert np.all(dear.value(x, t)[free] >= crossed.value(x, t)[free])
 
 
+@pytest.mark.slow
 def test_value_is_zero_in_the_goal_and_phi_in_a_moving_wall():
     grid = solved(room(crosser()), phi=2.0)
     assert grid.value(np.array([4.3, 0.6]), 0.7) == 0.0
@@ -173,6 +191,7 @@ def test_many_states_give_what_each_gives_at_its_time(crossed):
     assert crossed.control(x, t) == pytest.approx(np.array([crossed.control(a, b) for a, b in zip(x, t, strict=True)]))
 
 
+@pytest.mark.slow
 def test_a_mesh_is_as_far_as_the_box_that_it_is():
     rows = [(0.0, 2.0, 1.0, 0.0), (1.5, 2.2, 1.9, 2.0)]
     box = block("box", 0.1, 0.0, (0.15, 0.4), yaw=0.3)
@@ -184,6 +203,7 @@ def test_a_mesh_is_as_far_as_the_box_that_it_is():
     assert a[both] == pytest.approx(b[both], abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_motion_that_starts_over_is_one_of_many_rows():
     """Six periods from now the way is done: psi does not know whether there is a seventh."""
     turn = crosser(repeat=True)
@@ -229,6 +249,7 @@ def test_a_car_among_moving_bodies_is_refused_by_name():
         Desirability.of(problem, FreeSpace.of(scene))
 
 
+@pytest.mark.slow
 def test_optimal_paths_pass_a_crossing_disc_on_both_sides(crossed):
     shares = crossed.shares(np.array([0.6, 1.5]), 500, t=0.2)
     assert sum(shares.values()) == pytest.approx(1.0)
