@@ -19,6 +19,8 @@ from pirrht.exact.bridges import WALLS, Step, log_sum, missed, outside, walls_ar
 from pirrht.exact.payoffs import log_paid
 
 TILE = 16  # points along each side of a tile
+LITTLE = 1e-250  # sums below this are taken again, relative to the greatest psi within reach of the point itself
+SMALL = 575.0  # minus its logarithm [nats]
 
 
 def taps_along(count: int, first: float, spacing: float, low: float, high: float, step: Step) -> Array:
@@ -149,11 +151,11 @@ def _careful(later, block, i0, j0, i1, j1, base, out, room, begin, end, near, ta
             edge = min(min(x - room.left, room.right - x), min(y - room.low, room.high - y))
             ends = to_rim < step.reach or (step.wall < math.inf and (n > 0 or edge < step.reach))
             a, c = i0 - R + i, j0 - R + j
-            if n == 0 and not ends and (out[a, c] > -math.inf or base == -math.inf):
+            if n == 0 and not ends and (out[a, c] > base - SMALL or base == -math.inf):
                 continue
             top, around = base, block[i - R : i + R + 1, j - R : j + R + 1]
             total = _alive(around, rim, free_by, i, j, to_rim, n, wall, clear, taps_x[a], taps_y[c], step)
-            if total == 0.0 and base > -math.inf:  # too little beside what is behind a wall: relative to its own
+            if total < LITTLE and base > -math.inf:  # too little beside what is behind a wall: relative to its own
                 top = _block(later, a - R, c - R, a + R + 1, c + R + 1, own)
                 total = _alive(own, rim, free_by, i, j, to_rim, n, wall, clear, taps_x[a], taps_y[c], step)
             value = top - step.rate * step.dt + math.log(total) if total > 0.0 else -math.inf
