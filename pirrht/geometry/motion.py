@@ -9,7 +9,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.scene import Obstacle
+from pirrht.geometry.obstacle import Obstacle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -3,41 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Kind, Obstacle
 
-if TYPE_CHECKING:
-    from pirrht.geometry.motion import Mover
-
-
-class Kind(Enum):
-    """Shapes an obstacle can have; sizes are MuJoCo's (half sizes, radius and half length, half axes)."""
-
-    BOX = "box"
-    CYLINDER = "cylinder"
-    SPHERE = "sphere"
-    CAPSULE = "capsule"
-    ELLIPSOID = "ellipsoid"
-    MESH = "mesh"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Obstacle:
-    """One convex solid, fixed in the world."""
-
-    name: str
-    kind: Kind
-    size: Array  # (3,) MuJoCo's sizes of the kind [m]; unused for a mesh
-    position: Array  # (3,) centre [m]
-    rotation: Array  # (3, 3) body axes in world coordinates, as columns
-    vertices: Array | None = None  # (k, 3) corners of a mesh's convex hull in its own frame [m]
-    faces: NDArray[np.int64] | None = None  # (l, 3) triangles of that hull, indices of corners
+__all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "World"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,7 +65,7 @@ class Scene:
     robot_radius: float  # [m]
     robot_height: float = 0.1  # height of the sphere's centre above the ground [m]
     defaults: dict[str, float] = field(default_factory=dict)  # option name -> value the scene asks for
-    movers: tuple[Mover, ...] = ()  # bodies that move, none of them among the obstacles
+    movers: tuple[Mover, ...] = ()  # what moves; `obstacles` holds only what stands
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.robot_radius) and self.robot_radius > 0):
