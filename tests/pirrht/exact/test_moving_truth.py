@@ -152,6 +152,7 @@ def test_after_the_last_row_nothing_changes_any_more(crossed):
     assert crossed.log_psi(x, 1.999)[close] == pytest.approx(crossed.log_psi(x, 2.001)[close], rel=2e-3, abs=0.02)
 
 
+@pytest.mark.slow
 def test_psi_is_at_most_one_and_falls_as_the_rate_of_cost_grows(crossed):
     x, t = places(200)
     dear = solved(room(crosser()), q=1.2)
