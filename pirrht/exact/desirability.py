@@ -29,7 +29,8 @@ from pirrht.systems.unicycle import Unicycle
 from pirrht.topology.homology import class_id
 from pirrht.topology.moving import MovingHomology
 
-WALK = 0.01  # steps of paths that are drawn in continuous time [s]
+WALK = 0.01  # steps of paths that are drawn in continuous time [s] ...
+AMONG = 0.005  # ... and among moving bodies, where gaps close while a law is held
 
 
 class Solver(Protocol):
@@ -187,7 +188,7 @@ class Desirability:
 
         scene = self.space.scene
         homology = MovingHomology.of(scene.movers, scene.footprint, scene.goal.center, best_speed(self.problem))
-        return classes_of(self.grid, self.gain, self.space.homology, homology, x, t, WALK, samples, seed)
+        return classes_of(self.grid, self.gain, self.space.homology, homology, x, t, AMONG, samples, seed)
 
     def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
         value, slope = np.empty(len(states)), np.zeros_like(states)
