@@ -1,9 +1,10 @@
 """The exact answer on a grid: log psi, v = -lambda log psi and u* = lambda R^-1 G' grad log psi as functions of x.
 
-Samples are judged against it. Two problems can be asked for:
+Samples are judged against it. Three problems can be asked for:
 
 * in continuous time, `q psi/lambda = f.grad psi + tr(BB' Hess psi)/2` with psi = 1 on the goal's disc and
   exp(-phi/lambda) at obstacles and border: what drives and the exit rule "bridge" tend to;
+* the same among bodies that move, as a function of x and t;
 * with a step dt, `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a path ends only where a step ends: what
   the paper's procedure samples ("endpoint").
 """
@@ -16,9 +17,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact import discrete_time, heading_grid, planar
+from pirrht.exact import discrete_time, heading_grid, moving, planar
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -26,14 +27,17 @@ from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.topology.homology import class_id
+from pirrht.topology.moving import MovingHomology
 
-WALK = 0.01  # steps of paths that are drawn in continuous time [s]
+WALK = 0.01  # steps of paths that are drawn in continuous time [s] ...
+AMONG = 0.005  # ... and among moving bodies, where gaps close while a law is held
 
 
 class Solver(Protocol):
     """A module that solves for psi of one kind of problem."""
 
     look: Any  # compiled: (grid, x (n,), slope (n,)) -> log psi at x [nats]; its gradient goes to slope
+    # among moving bodies x is (n + 1,), the last of them the time [s]
 
     def spacing_for(self, problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
         """The spacing [m] asked for, or a default; refuses a grid that is too fine or too coarse."""
@@ -47,9 +51,10 @@ SOLVERS: dict[type[Dynamics], tuple[Solver, Solver]] = {
     SingleIntegrator: (planar, discrete_time),
     Unicycle: (heading_grid, heading_grid),
 }
+AMONG_MOVERS: dict[type[Dynamics], tuple[Solver, Solver]] = {SingleIntegrator: (moving, moving)}  # where bodies move
 
 
-def solver_for(problem: Problem, dt: float | None) -> Solver:
+def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
     """Who solves a problem, in continuous time or with a step dt [s].
 
     Raises:
@@ -57,16 +62,17 @@ def solver_for(problem: Problem, dt: float | None) -> Solver:
     """
     d = problem.dynamics
     # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
-    found = next((both for kind, both in SOLVERS.items() if isinstance(d, kind) and d.drift is kind.drift), None)
+    solvers, where = (AMONG_MOVERS, " among moving bodies") if space.scene.movers else (SOLVERS, "")
+    found = next((both for kind, both in solvers.items() if isinstance(d, kind) and d.drift is kind.drift), None)
     if found is None or callable(problem.q) or not d.constant or d.input_form:
-        known = " or ".join(kind.__name__ for kind in SOLVERS)
-        raise OptionError(f"no grid solves the dynamics {type(d).__name__}; it takes {known} with constant q")
+        known = " or ".join(kind.__name__ for kind in solvers)
+        raise OptionError(f"no grid solves the dynamics {type(d).__name__}{where}; it takes {known} with constant q")
     return found[0 if dt is None else 1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Desirability:
-    """log psi of one problem as a function of the state."""
+    """log psi of one problem as a function of the state, and among moving bodies of the time [s]."""
 
     problem: Problem
     space: FreeSpace
@@ -93,7 +99,7 @@ class Desirability:
         """
         d, x = problem.dynamics, np.zeros(problem.dynamics.n)
         spacing = cls.spacing_for(problem, space, spacing=spacing, dt=dt)
-        solver = solver_for(problem, dt)
+        solver = solver_for(problem, space, dt)
         gain: Array = problem.temperature * np.linalg.solve(problem.control_cost(x), d.G_c(x).T).astype(float)
         grid = solver.grid_of(problem, space, spacing, dt)
         return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, look=solver.look, gain=gain)
@@ -107,47 +113,67 @@ class Desirability:
         Raises:
             OptionError: as `of`.
         """
-        solver = solver_for(problem, dt)
+        solver = solver_for(problem, space, dt)
         if spacing is not None and not (math.isfinite(spacing) and spacing > 0):
             raise OptionError(f"spacing is {spacing:g}; it must be a positive number of meters")
         if dt is not None and not (math.isfinite(dt) and dt > 0):
             raise OptionError(f"dt is {dt:g}; it must be a positive number of seconds")
         return solver.spacing_for(problem, space, spacing, dt)
 
-    def log_psi(self, x: Array) -> Array | float:
-        """log psi at one state (n,) or many (k, n), (k,) [nats]; 0 in the goal, -phi/lambda at walls."""
+    @property
+    def moves(self) -> bool:
+        """Whether log psi depends on the time."""
+        return bool(self.space.scene.movers)
+
+    def log_psi(self, x: Array, t: Array | float = 0.0) -> Array | float:
+        """log psi at one state (n,) or many (k, n), (k,) [nats]; 0 in the goal, -phi/lambda at walls.
+
+        The time t [s], one or (k,), counts where bodies move.
+        """
         states = np.atleast_2d(np.asarray(x, dtype=float))
-        value, _ = self._at(states)
-        center, radius = self.space.scene.goal.center, self.space.scene.goal.radius
-        blocked = self.space.collision.clearance(states[:, :2]) <= 0.0
-        blocked &= np.hypot(*(states[:, :2] - center).T) > radius
-        value[blocked] = -self.problem.phi / self.problem.temperature
+        value, _ = self._at(states, t)
+        if not self.moves:
+            center, radius = self.space.scene.goal.center, self.space.scene.goal.radius
+            blocked = self.space.collision.clearance(states[:, :2]) <= 0.0
+            blocked &= np.hypot(*(states[:, :2] - center).T) > radius
+            value[blocked] = -self.problem.phi / self.problem.temperature
         return value if np.ndim(x) == 2 else float(value[0])
 
-    def value(self, x: Array) -> Array | float:
-        """v = -lambda log psi at one state (n,) or many (k, n), (k,) [cost]."""
-        return -self.problem.temperature * self.log_psi(x)
+    def value(self, x: Array, t: Array | float = 0.0) -> Array | float:
+        """v = -lambda log psi at one state (n,) or many (k, n), (k,) [cost], at a time t [s], one or (k,)."""
+        return -self.problem.temperature * self.log_psi(x, t)
 
-    def control(self, x: Array) -> Array:
-        """u* = lambda R^-1 G' grad log psi at one state (n,) or many (k, n), (m,) or (k, m); 0 in the goal."""
-        if np.ndim(x) == 2:
-            states = np.ascontiguousarray(x, dtype=float)
-            controls: Array = self._at(states)[1][:, -len(self.gain) :] @ self.gain.T
-            return controls
+    def control(self, x: Array, t: Array | float = 0.0) -> Array:
+        """u* = lambda R^-1 G' grad log psi at one state (n,) or many (k, n), (m,) or (k, m); 0 in the goal.
+
+        The time t [s], one or (k,), counts where bodies move.
+        """
+        if np.ndim(x) == 2 or self.moves:
+            states = np.ascontiguousarray(np.atleast_2d(x), dtype=float)
+            controls: Array = self._at(states, t)[1][:, -len(self.gain) :] @ self.gain.T
+            return controls if np.ndim(x) == 2 else controls[0]
         slope = np.zeros(len(x))
         self.look(self.grid, x, slope)
         control: Array = self.gain.dot(slope[-len(self.gain) :])
         return control
 
-    def shares(self, x: Array, samples: int = 2000, seed: int = 0) -> dict[str, float]:
+    def shares(self, x: Array, samples: int = 2000, seed: int = 0, *, t: float = 0.0) -> dict[str, float]:
         """How often optimally controlled paths from x (n,) take each class, most frequent first; drawn, not solved for.
 
         The names are those of the straight line from x. Their standard error is sqrt(share (1 - share) / samples).
+        Among moving bodies paths leave at t [s], and integers for each body follow those for what stands.
         """
+        x = np.array(x, dtype=float)
+        whole, outcome = self._paths(x, t, samples, seed) if self.moves else self._standing_paths(x, samples, seed)
+        arrived = whole[outcome == Outcome.GOAL]
+        classes, counts = np.unique(arrived, axis=0, return_counts=True)
+        order = np.argsort(-counts, kind="stable")
+        return {class_id(classes[k]): float(counts[k] / len(arrived)) for k in order}
+
+    def _standing_paths(self, x: Array, samples: int, seed: int) -> tuple[IntArray, IntArray]:
         from pirrht.exact.optimal_paths import Process, walker
 
         d, markers = self.problem.dynamics, self.space.homology.markers
-        x = np.array(x, dtype=float)
         turns, outcome = np.zeros((samples, len(markers))), np.zeros(samples, dtype=np.int64)
         process = Process(
             field=self.space.field, parameters=np.asarray(d.parameters, dtype=float), gain=self.gain,
@@ -155,14 +181,25 @@ class Desirability:
         )  # fmt: skip
         walk = walker(self.look, d.drift, self.dt is not None)
         walk(self.grid, process, markers, x, seed, turns, outcome)
-        whole = np.rint(turns - self.space.homology.straight(x[None, :2])[0]).astype(int)
-        arrived = whole[outcome == Outcome.GOAL]
-        classes, counts = np.unique(arrived, axis=0, return_counts=True)
-        order = np.argsort(-counts, kind="stable")
-        return {class_id(classes[k]): float(counts[k] / len(arrived)) for k in order}
+        return np.rint(turns - self.space.homology.straight(x[None, :2])[0]).astype(int), outcome
 
-    def _at(self, states: Array) -> tuple[Array, Array]:
+    def _paths(self, x: Array, t: float, samples: int, seed: int) -> tuple[IntArray, IntArray]:
+        from pirrht.exact.moving_paths import classes_of
+
+        scene = self.space.scene
+        homology = MovingHomology.of(scene.movers, scene.footprint, scene.goal.center, best_speed(self.problem))
+        return classes_of(self.grid, self.gain, self.space.homology, homology, x, t, AMONG, samples, seed)
+
+    def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
         value, slope = np.empty(len(states)), np.zeros_like(states)
+        if self.moves:
+            states = np.column_stack([states, np.broadcast_to(np.asarray(t, dtype=float), len(states))])
         for k in range(len(states)):
             value[k] = self.look(self.grid, states[k], slope[k])
         return value, slope
+
+
+def best_speed(problem: Problem) -> float:
+    """sqrt(2 q / r), at which a point comes cheapest to where nothing is in the way [m/s]."""
+    assert not callable(problem.q)
+    return math.sqrt(2.0 * problem.q / float(problem.control_cost(np.zeros(2))[0, 0]))

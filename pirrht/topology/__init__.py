@@ -4,6 +4,7 @@ obstacles     what can be wound around: components of the obstacles inflated by 
 homology      representative points zeta_l, H-signatures, and the integers that classes are
 cuts          the ray behind each marker, and which of them a segment crosses
 turns         whole turns of curves as (marker, turn) pairs, and their sums along edges
+moving        turns about bodies that move, of paths in space and time, and the classes that follow
 driven        the path driven so far, which goes before every class
 
 H = 1 + H(straight line to the goal point) + integers, so that equal classes are equal tuples and no tolerance is

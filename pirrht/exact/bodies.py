@@ -1,0 +1,139 @@
+"""How far the robot is from solids that stand and from solids that move, each asked in its own body's frame.
+
+Boxes, cylinders, spheres and capsules have closed forms. Of other solids a body moves a table along: FCL's distances
+on a lattice around each, sampled once, since in its own frame a shape stands still.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.motion import Mover
+from pirrht.geometry.scene import Obstacle, Scene, World
+from pirrht.geometry.shapes import Solids, distance_from, offset_from
+
+PITCH = 0.05  # spacing of a table as a share of the robot's radius
+FAR = 1e3  # half the side of the plane in which a body is looked at on its own [m]
+
+
+class Bodies(NamedTuple):
+    """K solids: those of the standing world, which is body 0, then those of J movers, bodies 1 to J."""
+
+    solids: Solids  # (K,) each in its own body's frame
+    owner: IntArray  # (K,) body of each
+    table: Array  # (k,) distances of solids without a closed form, one lattice after the other [m]
+    first: IntArray  # (K,) where a solid's lattice begins in `table`
+    shape: IntArray  # (K, 2) points of its lattice
+    corner: Array  # (K, 2) place of its first point [m]
+    pitch: float  # spacing of all lattices [m]
+    height: float  # of the robot's centre [m]
+    radius: float  # of the robot [m]
+
+
+def bodies_of(scene: Scene, reach: float) -> Bodies:
+    """The solids of a scene, distances from which are right up to a reach [m] and greater than it beyond."""
+    groups: list[tuple[Obstacle, ...]] = [scene.obstacles, *(mover.solids for mover in scene.movers)]
+    every = [solid for group in groups for solid in group]
+    solids = Solids.of(every)
+    K, pitch = len(every), PITCH * scene.robot_radius
+    first, shape, corner = np.zeros(K, dtype=np.int64), np.zeros((K, 2), dtype=np.int64), np.zeros((K, 2))
+    parts: list[Array] = [np.zeros(0)]
+    plane = np.full(2, FAR)
+    for k in np.flatnonzero(solids.form < 0):
+        corner[k] = solids.low[k] - reach - scene.robot_radius - pitch
+        shape[k] = np.ceil((solids.high[k] + reach + scene.robot_radius - corner[k]) / pitch).astype(int) + 2
+        first[k] = sum(map(len, parts))
+        alone = Collision(World(-plane, plane, (every[k],)), scene.footprint)
+        index = np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
+        parts.append(alone.distance(corner[k] + pitch * index))
+    return Bodies(
+        solids=solids,
+        owner=np.repeat(np.arange(len(groups)), [len(group) for group in groups]),
+        table=np.concatenate(parts),
+        first=first,
+        shape=shape,
+        corner=corner,
+        pitch=pitch,
+        height=float(scene.robot_height),
+        radius=float(scene.robot_radius),
+    )
+
+
+def poses_at(movers: tuple[Mover, ...], times: Array) -> Array:
+    """x, y [m] and yaw [rad] of all bodies at times (k,) [s], (k, 1 + J, 3); body 0 stays where it is."""
+    still = np.zeros((len(times), 1, 3))
+    return np.concatenate([still, *(mover.motion.pose(times)[:, None, :] for mover in movers)], axis=1)
+
+
+def frames_of(poses: Array) -> Array:
+    """Poses (..., 3) as x, y [m], cosine and sine of the yaw, (..., 4)."""
+    return np.concatenate([poses[..., :2], np.cos(poses[..., 2:]), np.sin(poses[..., 2:])], axis=-1)
+
+
+@inlined
+def clearance_from(bodies, k, pose, x, y):  # type: ignore[no-untyped-def]
+    """Clearance of the robot's centre at (x, y) [m] from solid k [m], minus the robot's radius deep inside.
+
+    Args:
+        bodies: of `Bodies`.
+        k: index of the solid.
+        pose: of all bodies, (1 + J, 4), as `frames_of` has it.
+        x, y: position [m].
+    """
+    u, v = _in_body(pose, bodies.owner[k], x, y)
+    if bodies.solids.form[k] >= 0:
+        return distance_from(bodies.solids, k, u, v, bodies.height) - bodies.radius
+    return _in_table(bodies, k, u, v)[0] - bodies.radius
+
+
+@kernel
+def clearance_and_slope(bodies, k, pose, x, y):  # type: ignore[no-untyped-def]
+    """The same, the vector (x, y) from the nearest point seen from above [m], and the gradient (x, y) of the distance.
+
+    The vector is zero inside.
+    """
+    owner = bodies.owner[k]
+    u, v = _in_body(pose, owner, x, y)
+    if bodies.solids.form[k] >= 0:
+        d = distance_from(bodies.solids, k, u, v, bodies.height)
+        if d <= 0.0:
+            return -bodies.radius, 0.0, 0.0, 0.0, 0.0
+        ex, ey = offset_from(bodies.solids, k, u, v, bodies.height)
+        gx, gy = ex / d, ey / d
+    else:
+        d, gx, gy = _in_table(bodies, k, u, v)
+        ex, ey = d * gx, d * gy
+    c, s = pose[owner, 2], pose[owner, 3]
+    return d - bodies.radius, c * ex - s * ey, s * ex + c * ey, c * gx - s * gy, s * gx + c * gy
+
+
+@inlined
+def _in_body(pose, owner, x, y):  # type: ignore[no-untyped-def]
+    """A point (x, y) as a body's own frame has it [m]."""
+    if owner == 0:
+        return x, y
+    dx, dy = x - pose[owner, 0], y - pose[owner, 1]
+    c, s = pose[owner, 2], pose[owner, 3]
+    return c * dx + s * dy, c * dy - s * dx
+
+
+@kernel
+def _in_table(bodies, k, u, v):  # type: ignore[no-untyped-def]
+    """Distance [m] and its gradient at (u, v) [m] in the frame of solid k; beside the lattice that of its margin."""
+    nx, ny = bodies.shape[k, 0], bodies.shape[k, 1]
+    fx, fy = (u - bodies.corner[k, 0]) / bodies.pitch, (v - bodies.corner[k, 1]) / bodies.pitch
+    gx, gy = min(max(fx, 0.0), nx - 1.0), min(max(fy, 0.0), ny - 1.0)
+    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
+    p, q = gx - i, gy - j
+    at = bodies.first[k] + i * ny + j
+    a, b, c, d = bodies.table[at], bodies.table[at + 1], bodies.table[at + ny], bodies.table[at + ny + 1]
+    low, high = a * (1.0 - q) + b * q, c * (1.0 - q) + d * q
+    away = math.sqrt((fx - gx) ** 2 + (fy - gy) ** 2) * bodies.pitch
+    slope_x, slope_y = (high - low) / bodies.pitch, ((b - a) * (1.0 - p) + (d - c) * p) / bodies.pitch
+    return low * (1.0 - p) + high * p + away, slope_x, slope_y

@@ -1,0 +1,241 @@
+"""The continuous-time equation among moving bodies: psi(x, y, t) of a point with isotropic noise.
+
+`-psi_t = -(q/lambda) psi + (b^2/2) Laplace psi`, psi = 1 on the goal's disc and exp(-phi/lambda) at walls, which are
+where they are at t. After the last row of the motions all stands still and psi is `planar`'s; from there `march` goes
+back in time. Where motions start over, periods are marched until psi repeats itself.
+What lies between grid points and frames `moving_look` says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.jit import kernel
+from pirrht.errors import OptionError
+from pirrht.exact import moving_look, planar
+from pirrht.exact.bodies import bodies_of, clearance_from, frames_of, poses_at
+from pirrht.exact.bridges import Room, Step
+from pirrht.exact.domain import Domain, affordable, frame_at, in_goal
+from pirrht.exact.march import march, taps_along
+from pirrht.exact.moving_look import BEYOND, March, in_wall
+from pirrht.exact.payoffs import at_goal
+from pirrht.exact.timetable import Timetable, timetable
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Scene
+from pirrht.problem import Problem
+
+WIDEST = 0.28  # deviation of a step at most, as a share of the robot's radius ...
+FASTEST = 1.1  # ... as one of the decay length 1/k, so that psi changes by e or so in a step ...
+BETWEEN = 0.33  # ... and as one of the geometric mean of both
+PER_STEP = 1.25  # points per deviation of a step
+NEXT = 0.5  # the next frame is at least this share of a step later
+MEMORY = 300_000_000  # bytes of frames
+THINNED = 8  # steps from one frame that is kept to the next at most
+SETTLED = 1e-3  # largest change of log psi from one period to the next [nats]
+PERIODS = 60
+
+look = moving_look.look
+
+
+def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
+    """The spacing [m] asked for, or one that keeps v to 0.1 %.
+
+    Raises:
+        OptionError: the grid would have too many points or frames, a spacing is too coarse, or there is a step dt.
+    """
+    if dt is not None:
+        raise OptionError("no grid solves a problem in steps among moving bodies; leave out dt (--exit bridge)")
+    scene = space.scene
+    radius, length = scene.robot_radius, 1.0 / planar.wavenumber_of(problem)
+    deviation = min(WIDEST * radius, FASTEST * length, BETWEEN * math.sqrt(radius * length))
+    most = deviation / PER_STEP
+    if spacing is not None and spacing > most:
+        raise OptionError(f"a spacing of {spacing:g} m is too coarse among moving bodies; choose at most {most:.2g} m")
+    chosen = affordable(scene, spacing or most, f"a step of {deviation:.2g} m is what the march can take")
+    _thinning(scene, chosen, timetable(scene.movers, _longest(problem, chosen)))
+    return chosen
+
+
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> March:
+    """The solution (G, nx, ny) [nats] in continuous time on a grid of this spacing [m]; dt is none.
+
+    Raises:
+        OptionError: as `spacing_for`, or a repeated motion does not settle.
+    """
+    scene = space.scene
+    table = timetable(scene.movers, _longest(problem, spacing))
+    solver = _Solver(problem, scene, spacing, table)
+    return solver.solution()
+
+
+def _noise(problem: Problem) -> float:
+    """b [m/sqrt(s)]."""
+    return float(problem.dynamics.B_c(np.zeros(2))[0, 0])
+
+
+def _longest(problem: Problem, spacing: float) -> float:
+    """Longest step of the march [s] on a grid of a spacing [m]."""
+    return (PER_STEP * spacing / _noise(problem)) ** 2
+
+
+def _thinning(scene: Scene, spacing: float, table: Timetable) -> int:
+    """Every which step is kept as a frame.
+
+    Raises:
+        OptionError: too many would be.
+    """
+    points = float(np.prod(np.ceil((scene.upper - scene.lower) / spacing) + 1))
+    steps = len(table.times)
+    thinning = max(1, math.ceil(4.0 * points * steps / MEMORY))
+    if thinning > THINNED:
+        raise OptionError(
+            f"motions of {table.times[-1]:.3g} s in {steps:,} steps on {points:,.0f} points are too much to solve for; "
+            "choose more --noise, a smaller workspace or shorter motions"
+        )
+    return thinning
+
+
+class _Solver:
+    """The march for one problem."""
+
+    def __init__(self, problem: Problem, scene: Scene, spacing: float, table: Timetable) -> None:
+        assert not callable(problem.q)
+        self.problem, self.scene, self.table, self.spacing = problem, scene, table, spacing
+        self.b = _noise(problem)
+        self.rate, self.wall = problem.q / problem.temperature, problem.phi / problem.temperature
+        self.longest = _longest(problem, spacing)
+        self.thinning = _thinning(scene, spacing, table)
+        widest = self.step(self.longest * (1.0 + NEXT) * self.thinning)
+        bodies = bodies_of(scene, widest.reach)
+        (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
+        frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
+        self.room = Room(frame, float(left), float(low), float(right), float(high), bodies)
+        self.shape = tuple(int(n) for n in np.ceil((scene.upper - scene.lower) / spacing - 1e-9).astype(int) + 1)
+        self.begin, self.end = (poses_at(scene.movers, t) for t in (table.after[:-1], table.before[1:]))
+        self._taps: dict[float, tuple[Array, Array, Array]] = {}
+
+    def step(self, dt: float) -> Step:
+        """A step of dt [s]."""
+        deviation = self.b * math.sqrt(dt)
+        reach = (BEYOND + math.sqrt(2.0 * self.rate * dt)) * deviation
+        return Step(dt, deviation, self.b, self.rate, self.wall, reach)
+
+    def solution(self) -> March:
+        """Frames of log psi at the times of the table."""
+        table, rest = self.table, self._rest()
+        last = len(table.times) - 1
+        kept = np.unique(np.concatenate([np.arange(last, -1, -self.thinning), [0]]))
+        frames = np.empty((len(kept), *self.shape), dtype=np.float32)
+        now = self._at_rest(rest)
+        if table.period > 0.0:
+            now = self._settled(now)
+        self._keep(frames, kept, last, now)
+        for k, earlier in self._back(now, last, 0):
+            self._keep(frames, kept, k, earlier)
+        step = self.step(self.longest)
+        arriving = frames_of(np.concatenate([self.begin[:1], self.end])[kept])
+        return March(
+            frame=self.room.frame, room=self.room, step=step, rest=rest, last=table.last, first=table.first,
+            period=table.period, ahead=NEXT * self.longest * self.thinning, times=table.times, begin=self.begin,
+            end=self.end, kept=kept, arriving=arriving, log_psi=frames,
+        )  # fmt: skip
+
+    def _keep(self, frames: NDArray[np.float32], kept: IntArray, k: int, now: Array) -> None:
+        at = np.searchsorted(kept, k)
+        if at < len(kept) and kept[at] == k:
+            frames[at] = now
+
+    def _rest(self) -> planar.Expansion:
+        """The solution with all bodies as they stand at the end of the table."""
+        end = float(self.table.times[-1])
+        still = tuple(solid for mover in self.scene.movers for solid in mover.at(end))
+        scene = replace(self.scene, obstacles=(*self.scene.obstacles, *still), movers=())
+        bodies = bodies_of(scene, scene.robot_radius)
+        pose = frames_of(np.zeros((1, 3)))
+
+        def clearance(points: Array) -> Array:
+            out: Array = np.minimum(points - scene.lower, scene.upper - points).min(axis=1)
+            _clearances(bodies, pose, np.ascontiguousarray(points), out)
+            return out
+
+        domain = Domain(
+            lower=scene.lower.astype(float), upper=scene.upper.astype(float), goal=scene.goal, clearance=clearance
+        )
+        k = planar.wavenumber_of(self.problem)
+        spacing = min(planar.FINEST / k, planar.COARSEST * scene.robot_radius)
+        return planar.solve(domain, wavenumber=k, wall=self.wall, spacing=spacing)
+
+    def _at_rest(self, rest: planar.Expansion) -> Array:
+        """log psi of the stationary solution on the grid of the march."""
+        out = np.empty(self.shape)
+        _sample(rest, self.room, frames_of(self.end[-1]), out)
+        return out
+
+    def _settled(self, now: Array) -> Array:
+        """log psi at the end of the table such that it is the same a period before.
+
+        Raises:
+            OptionError: it does not settle.
+        """
+        table, last = self.table, len(self.table.times) - 1
+        for _ in range(PERIODS):
+            before = now
+            *_, (_, now) = self._back(before, last, table.again)
+            both = np.isfinite(now) & np.isfinite(before)
+            same = bool(np.all(np.isfinite(now) == np.isfinite(before)))
+            if same and float(np.max(np.abs(now[both] - before[both]), initial=0.0)) < SETTLED:
+                return now
+        raise OptionError(
+            f"psi has not settled after {PERIODS} periods of {table.period:g} s of the repeated motions; "
+            "choose a longer period or a greater --q"
+        )
+
+    def _back(self, now: Array, last: int, first: int) -> Iterator[tuple[int, Array]]:
+        """(k, log psi at time k) from the one before `last` back to `first`."""
+        for k in range(last - 1, first - 1, -1):
+            dt = float(self.table.times[k + 1] - self.table.times[k])
+            step, out = self.step(dt), np.empty(self.shape)
+            begin, end = frames_of(self.begin[k]), frames_of(self.end[k])
+            march(now, out, self.room, begin, end, *self.taps(step), step)
+            now = out
+            yield k, now
+
+    def taps(self, step: Step) -> tuple[Array, Array, Array]:
+        """Weights of a step along x and y, and what it is paid at the goal: none depends on where bodies are."""
+        key = round(step.dt / self.longest, 9)
+        if key not in self._taps:
+            room, frame = self.room, self.room.frame
+            alone = np.empty(self.shape)
+            at_goal(frame, step, alone)
+            self._taps[key] = (
+                taps_along(self.shape[0], frame.x0, frame.spacing, room.left, room.right, step),
+                taps_along(self.shape[1], frame.y0, frame.spacing, room.low, room.high, step),
+                alone,
+            )
+        return self._taps[key]
+
+
+@kernel
+def _clearances(bodies, pose, points, out):  # type: ignore[no-untyped-def]
+    """Lower `out` (k,) [m] to the clearances of points (k, 2) [m] from all solids."""
+    for i in range(len(points)):
+        for k in range(bodies.owner.shape[0]):
+            out[i] = min(out[i], clearance_from(bodies, k, pose, points[i, 0], points[i, 1]))
+
+
+@kernel
+def _sample(rest, room, pose, out):  # type: ignore[no-untyped-def]
+    """log psi of a stationary solution on the grid of `room`, (nx, ny) [nats]; minus infinity in walls and goal."""
+    x, slope = np.empty(2), np.empty(2)
+    frame = room.frame
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            x[0], x[1] = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
+            blocked = in_goal(frame, x) or in_wall(room, pose, x[0], x[1])
+            out[i, j] = -math.inf if blocked else planar.look(rest, x, slope)

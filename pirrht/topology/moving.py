@@ -1,0 +1,167 @@
+"""Ways around bodies that move: how far a path in space and time turns about each of them.
+
+H_i is the turn of x(t) - o_i(t), with a marker o_i in every topological obstacle of every moving body. Between two rows
+of either motion that is a straight line, so it turns by one angle of at most half a turn. Paths that arrive at
+different times are closed by waiting at the goal point until the later of the two; whoever waits on waits with the
+other. The class of a path is by how many whole turns it differs from the base: straight to the goal point at the best
+speed, as if nothing was in the way, and then waiting.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.jit import kernel
+from pirrht.geometry.arcs import turns_of_chord
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.scene import Footprint, World
+from pirrht.topology.homology import integers
+from pirrht.topology.obstacles import components
+
+PLANE = 1e3  # half the side of the plane in which a body is looked at on its own [m]
+OFF = 0.25  # a marker's way may be replaced by its chord if that is off by so many robot radii
+
+
+class Tracks(NamedTuple):
+    """Where J markers are: places at times, straight in between, standing still before the first and after the last."""
+
+    first: IntArray  # (J + 1,) where the places of each begin
+    time: Array  # (k,) [s]
+    x: Array  # (k,) [m]
+    y: Array  # (k,) [m]
+    period: Array  # (J,) after which a marker's track starts over [s]; 0 where it does not
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MovingHomology:
+    """Turns of paths in space and time about J markers that move; paths are (k, 3) of x, y [m] and t [s]."""
+
+    names: tuple[str, ...]  # (J,) of the bodies that the markers belong to
+    tracks: Tracks
+    goal: Array  # (2,) goal representative point [m]
+    speed: float  # of the base, sqrt(2 q / r) [m/s]
+
+    @classmethod
+    def of(cls, movers: Sequence[Mover], footprint: Footprint, goal: Array, speed: float) -> MovingHomology:
+        """Markers of bodies for a robot, a goal point (2,) [m] and the best unhindered speed [m/s]."""
+        rows = [(m, point) for m in movers for point in markers_of(m, footprint)]
+        ways = [_way(mover.motion, point, OFF * footprint.radius) for mover, point in rows]
+        every = np.vstack([np.zeros((0, 3)), *ways])
+        tracks = Tracks(
+            first=np.cumsum([0, *map(len, ways)]),
+            time=every[:, 0].copy(),
+            x=every[:, 1].copy(),
+            y=every[:, 2].copy(),
+            period=np.array([m.motion.rows[-1, 0] if m.motion.repeat else 0.0 for m, _ in rows], dtype=float),
+        )
+        return cls(names=tuple(m.name for m, _ in rows), tracks=tracks, goal=np.array(goal, dtype=float), speed=speed)
+
+    @property
+    def J(self) -> int:
+        """Number of markers that move."""
+        return len(self.names)
+
+    def turns(self, path: Array) -> Array:
+        """H of a path (k, 3) [m, m, s] whose times do not fall, (J,) [turns]."""
+        out = np.zeros(self.J)
+        add_turns(self.tracks, np.ascontiguousarray(path, dtype=float), out)
+        return out
+
+    def wait(self, begin: float, end: float) -> Array:
+        """H of waiting at the goal point from one time to a later one [s], (J,) [turns]."""
+        return self.turns(np.array([[*self.goal, begin], [*self.goal, end]]))
+
+    def arrival(self, x: Array, t: float) -> float:
+        """When the base that leaves x (2,) [m] at t arrives [s]."""
+        return t + float(np.hypot(*(self.goal - x[:2]))) / self.speed
+
+    def base(self, x: Array, t: float, until: float) -> Array:
+        """H of the base that leaves x (2,) [m] at t and waits, if it arrives before, until a time [s], (J,) [turns]."""
+        arrival = self.arrival(x, t)
+        way = self.turns(np.array([[*x[:2], t], [*self.goal, arrival]]))
+        return way + self.wait(arrival, until) if until > arrival else way
+
+    def winding(self, path: Array) -> tuple[int, ...]:
+        """Class, J [turns], of a path (k, 3) [m, m, s] that is completed straight to the goal point when it ends."""
+        x, t, end = path[0, :2], float(path[0, 2]), float(path[-1, 2])
+        until = max(end, self.arrival(x, t))
+        closed = np.vstack([path, [*self.goal, end], [*self.goal, until]])
+        return integers(self.turns(closed) - self.base(x, t, until))
+
+
+def markers_of(mover: Mover, footprint: Footprint) -> Array:
+    """Points inside the topological obstacles of a body, in its own frame, (m, 2) [m]; one for solids that touch."""
+    plane = np.full(2, PLANE)
+    parts = components(Collision(World(-plane, plane, mover.solids), footprint))
+    return np.array([part.marker for part in parts if part.marker is not None], dtype=float).reshape(-1, 2)
+
+
+def _way(motion: Motion, point: Array, off: float) -> Array:
+    """Times [s] and places [m] of a point (2,) [m] of a body, (k, 3); chords are off by at most `off` [m]."""
+    arm = float(np.hypot(*point))
+    most = 2.0 * math.acos(max(1.0 - off / arm, 0.0)) if arm > off else math.inf
+    times = [motion.rows[:1, 0]]
+    for a, b in zip(motion.rows[:-1], motion.rows[1:], strict=True):
+        pieces = max(1, math.ceil(abs(b[3] - a[3]) / most)) if arm > 0.0 else 1
+        times.append(np.linspace(a[0], b[0], pieces + 1)[1:])
+    t = np.concatenate(times)
+    x, y, yaw = (np.interp(t, motion.rows[:, 0], motion.rows[:, k]) for k in (1, 2, 3))
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.column_stack([t - motion.lead, x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])
+
+
+@kernel
+def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
+    """Turn [turns] about marker j of a step that goes straight from (ax, ay) [m] at s to (bx, by) at t >= s [s]."""
+    begin, end, period = tracks.first[j], tracks.first[j + 1], tracks.period[j]
+    shift = 0.0
+    if period > 0.0 and s > tracks.time[begin]:
+        shift = math.floor((s - tracks.time[begin]) / period) * period
+    k = begin + np.searchsorted(tracks.time[begin:end], s - shift, side="right")  # the next place
+    mx, my = _place(tracks, begin, end, k, s - shift)
+    fx, fy = ax - mx, ay - my
+    total, now = 0.0, s
+    while True:
+        knot = tracks.time[k] + shift if k < end else math.inf
+        until = min(knot, t)
+        share = (until - s) / (t - s) if t > s else 1.0
+        px, py = ax + share * (bx - ax), ay + share * (by - ay)
+        mx, my = _place(tracks, begin, end, k, until - shift)
+        total += turns_of_chord(fx, fy, px - mx, py - my)
+        fx, fy, now = px - mx, py - my, until
+        if now >= t:
+            return total
+        k += 1
+        if k == end and period > 0.0:
+            k, shift = begin + 1, shift + period
+            gx, gy = px - tracks.x[begin], py - tracks.y[begin]
+            total += turns_of_chord(fx, fy, gx, gy)  # nothing but where the body jumps
+            fx, fy = gx, gy
+
+
+@kernel
+def _place(tracks, begin, end, k, t):  # type: ignore[no-untyped-def]
+    """Where a marker is at t [s] of its own clock, if place k is the next of those from begin to end."""
+    if k == begin:
+        return tracks.x[begin], tracks.y[begin]
+    if k >= end:
+        return tracks.x[end - 1], tracks.y[end - 1]
+    share = (t - tracks.time[k - 1]) / (tracks.time[k] - tracks.time[k - 1])
+    x = tracks.x[k - 1] + share * (tracks.x[k] - tracks.x[k - 1])
+    return x, tracks.y[k - 1] + share * (tracks.y[k] - tracks.y[k - 1])
+
+
+@kernel
+def add_turns(tracks, path, out):  # type: ignore[no-untyped-def]
+    """Add H of a path (k, 3) [m, m, s] to `out` (J,) [turns]."""
+    for j in range(out.shape[0]):
+        for k in range(path.shape[0] - 1):
+            a, b = path[k], path[k + 1]
+            out[j] += turns_of_step(tracks, j, a[0], a[1], a[2], b[0], b[1], b[2])

@@ -1,0 +1,80 @@
+"""Scenes with bodies that move, written as numbers: the three of the package, and what small tests need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from discs import Row, block, disc
+from scipy.spatial import ConvexHull
+
+from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+
+START = np.array([1.0, 2.5])
+
+
+def moved(name: str, rows: Sequence[Row], *solids: Obstacle, repeat: bool = False) -> Mover:
+    """A body whose rows are t [s], x, y [m] and a yaw [rad], of solids in its own frame."""
+    return Mover(name=name, solids=solids, motion=Motion(rows=np.array(rows, dtype=float), repeat=repeat))
+
+
+def as_mesh(box: Obstacle) -> Obstacle:
+    """The hull of a box's corners."""
+    corners = box.size * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    faces = ConvexHull(corners).simplices.astype(np.int64)
+    return replace(box, kind=Kind.MESH, vertices=corners, faces=faces)
+
+
+def hall(
+    name: str, movers: Sequence[Mover], standing: Sequence[Obstacle] = (), goal: Row = (5.5, 2.5), radius: float = 0.1
+) -> Scene:
+    """A workspace of 6 x 5 m with a start at (1, 2.5) and a goal's disc of 0.3 m."""
+    return Scene(
+        name=name,
+        lower=np.zeros(2),
+        upper=np.array([6.0, 5.0]),
+        obstacles=tuple(standing),
+        goal=Goal(center=np.array(goal, dtype=float), radius=0.3),
+        start=np.array([*START, 0.0]),
+        robot_radius=radius,
+        movers=tuple(movers),
+    )
+
+
+def crossing() -> Scene:
+    """One disc crosses the straight way."""
+    rows = [(0.0, 3.25, 1.09, 0.0), (4.5, 3.25, 3.79, 0.0)]
+    return hall("crossing", [moved("crosser", rows, disc("crosser", 0.0, 0.0, 0.3))])
+
+
+def closing_door() -> Scene:
+    """A gap that closes when the robot would arrive, and a way around."""
+    rows = [(0.0, 3.1, 1.7, 0.0), (0.3, 3.1, 1.7, 0.0), (1.7, 3.1, 2.5, 0.0)]
+    walls = [block("wall_low", 3.1, 1.075, (0.1, 1.075)), block("wall_high", 3.1, 3.175, (0.1, 0.325))]
+    door = moved("door", rows, block("door", 0.0, 0.0, (0.08, 0.4)))
+    return hall("closing_door", [door], walls, goal=(5.2, 2.5))
+
+
+def pincer() -> Scene:
+    """Two discs that meet on the straight way."""
+    low = moved("low", [(0.0, 3.25, 1.35, 0.0), (1.9, 3.25, 2.25, 0.0)], disc("low", 0.0, 0.0, 0.3))
+    high = moved("high", [(0.0, 3.25, 3.75, 0.0), (1.9, 3.25, 2.85, 0.0)], disc("high", 0.0, 0.0, 0.3))
+    return hall("pincer", [low, high])
+
+
+def oblique() -> Scene:
+    """Two discs on oblique ways with corners, a bar that turns while it drifts, and a standing block."""
+    one = [(0.0, 2.2, 3.6, 0.0), (1.1, 2.9, 2.7, 0.0), (2.7, 2.3, 1.6, 0.0), (4.1, 3.4, 1.2, 0.0)]
+    two = [(0.0, 4.9, 1.5, 0.0), (1.6, 4.3, 2.6, 0.0), (3.3, 4.7, 3.4, 0.0)]
+    bar = [(0.0, 3.3, 3.0, 0.4), (2.0, 3.5, 2.6, 3.1), (4.4, 3.2, 3.3, 6.5)]
+    movers = [
+        moved("one", one, disc("one", 0.0, 0.0, 0.25)),
+        moved("two", two, disc("two", 0.0, 0.0, 0.3)),
+        moved("bar", bar, block("bar", 0.0, 0.0, (0.55, 0.06))),
+    ]
+    return hall("oblique", movers, [block("block", 2.0, 2.2, (0.2, 0.3))])
+
+
+SCENES = {"crossing": crossing, "closing_door": closing_door, "pincer": pincer, "oblique": oblique}
