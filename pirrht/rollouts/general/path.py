@@ -163,6 +163,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     turning = drift is unicycle_drift and rows == m == 1
     car, leadable = turning and not gaining, takes_law(kind)
     bending = leadable and drifting and not noisy_position
+    losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
     isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @kernel
@@ -293,7 +294,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 homeward, headed = np.inf, False  # computed once, if a reference asks for it
                 # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
                 for g in range(0 if weigh else h, H if weigh else h + 1):
-                    if weigh and ratio[g] < ratio[h] - LOST:
+                    if losing and weigh and ratio[g] < ratio[h] - LOST:
                         lost[g] = True
                     if lost[g] and g != h:
                         continue
