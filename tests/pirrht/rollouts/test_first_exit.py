@@ -319,7 +319,7 @@ def test_a_step_around_a_circle_turns_by_its_angle():
 
 
 def test_noise_along_a_wall_carries_nothing_towards_it():
-    """The wall of `room` is at x = 1.9 to a centre: noise along y leaves over 5 times the room that noise along x does."""
+    """The wall of `room` is at x = 1.9 to a centre: noise along y leaves over 5 times the room of noise along x."""
     field, x = room().arena.field, 1.7
     c = float(interpolate(field, field.nearest, x, 1.0))
     towards, along = facing(field, x, 1.0, c, (0.04, 0.0, 0.0)), facing(field, x, 1.0, c, (0.0, 0.0, 0.04))
