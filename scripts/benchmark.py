@@ -4,12 +4,12 @@
                                             pip install 'pirrht[bench]'), control step, recording; or one --part of it
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
-    python scripts/benchmark.py ess         effective samples along a drive of the car, and log psi against a million
+    python scripts/benchmark.py ess         effective samples along a drive, and log psi against a million; --robot R
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
     python scripts/benchmark.py calibration  plans at random states of random scenes: how often is the truth within the
                                             standard errors that they claim? --part car: v of the car
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
-                                            --part line: on a line, against the exact grid
+                                            --part line: on a line, against the exact grid; --robot rover|car
 
 Times depend on the machine: quote ratios from one run.
 """
@@ -26,7 +26,7 @@ from sim.text import table, width
 
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
-    "speed": (None, "rollouts", "planners", "drive"),
+    "speed": (None, "rollouts", "planners", "drive", "systems"),
     "calibration": (None, "car"),
     "mass": (None, "line"),
 }
@@ -38,13 +38,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=TABLES)
     parser.add_argument("--scene", help="built-in name or MJCF file (the table's own)")
+    parser.add_argument("--robot", help="of `ess` (unicycle), of `mass` (hover), of `speed --part systems` (hover)")
     parser.add_argument("--drive", type=float, default=2.0, help="simulated seconds of the drives that are timed (2)")
     parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` and `ess` (1)")
     parser.add_argument(
         "--part",
         help="of `quality`: "
         + ", ".join(map(str, PARTS["quality"]))
-        + "; of `speed`: rollouts, planners, drive (all); of `calibration`: car; of `mass`: line",
+        + "; of `speed`: rollouts, planners, drive (all), systems; of `calibration`: car; of `mass`: line",
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
     parser.add_argument("--png", type=Path, help="draw `calibration`, or the parts samples and drives of `quality`")

@@ -350,7 +350,9 @@ def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
         return endpoint_exit(arena, nx, ny)
     field, (gx, gy) = arena.field, arena.goal
     ux, uy = (nx - x) / length, (ny - y) / length
-    until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, gx, gy, arena.radius)
+    until, reach = np.inf, length + arena.radius
+    if (gx - x) * (gx - x) + (gy - y) * (gy - y) <= reach * reach:
+        until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, gx, gy, arena.radius)
     stop = min(length, until)
     bow, pace = 0.5 * turn / length, 1.0 / math.sqrt(1.0 + 0.25 * turn * turn)
     s = 0.0

@@ -1,4 +1,4 @@
-"""Effective samples at the states of one drive in `clutter`, and whether log psi agrees with a million samples.
+"""Effective samples along one drive, in `clutter` unless asked, and whether log psi agrees with a million samples.
 
 psi of REPEATS runs is averaged, which keeps it unbiased; its error is their scatter. Where a run has about one
 effective sample the scatter says little: the paths that weigh most are too rare to be among those drawn, psi comes
@@ -48,9 +48,11 @@ class Figure:
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON of the figures."""
-    scenario = prepare(
-        options.scene or "clutter", robot="unicycle", given={"seed": 0, "rho": options.rho, "samples": FEW}
-    )
+    robot = options.robot or "unicycle"
+    own = {"rho": options.rho} if robot == "unicycle" else {}
+    noise = {"noise": options.noises[0]} if options.noises else {}
+    given = {"seed": 0, "samples": FEW, **own, **noise}
+    scenario = prepare(options.scene or "clutter", robot=robot, given=given)
     tree = scenario.grown_tree()
     found = [figure for x in driven(scenario, tree) for figure in figures(scenario, tree, x)]
     table = []
@@ -59,7 +61,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
         table.append(
             [
                 guide,
-                f"{options.rho:g}",
+                robot,
                 str(len(own)),
                 f"{np.mean([f.ess for f in own]):.1f}",
                 f"{np.mean([f.class_ess for f in own]):.1f}",
@@ -70,7 +72,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
                 f"{np.sum([f.off <= WITHIN for f in own])}",
             ]
         )
-    header = ["guide", "rho", "states", "ESS", "in class", "no survivor"]
+    header = ["guide", "robot", "states", "ESS", "in class", "no survivor"]
     header += ["log psi - 10^6", "error", "of 10^6", "within 3"]
     return header, table, [{**vars(figure), "off": figure.off} for figure in found]
 

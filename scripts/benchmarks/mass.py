@@ -1,5 +1,7 @@
 """The value of a mass at random states of `slit` and of random scenes: a million samples of three kinds, and plans.
 
+Or of a rover or a car that accelerates, with --robot.
+
 psi does not depend on what samples follow. So a million are drawn three times: led by the feedback of every class's
 guide, as plans are; holding every reference's tape; and nine of ten led by the guide of another class than the
 cheapest, the rest on tapes, without which paths of the cheapest class would hardly ever come up. All are weighed by the
@@ -68,7 +70,7 @@ def records(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """One record per state."""
     count, seed = options.states or STATES, options.first_seed
     with tqdm(total=count, desc="states", leave=False, disable=None) as bar:
-        for scenario in scenarios(seed, options.noises):
+        for scenario in scenarios(seed, options.noises, options.robot or "hover"):
             controller = scenario.controller(scenario.grown_tree())
             assert isinstance(controller, Controller)
             for x in states_in(scenario, controller, min(EACH, count), seed):
@@ -79,25 +81,26 @@ def records(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 return
 
 
-def scenarios(seed: int, noises: list[float] | None = None) -> Iterator[Scenario]:
-    """`slit` and then random scenes, for a mass under default settings or with the noises [m/s/sqrt(s)] in turn."""
+def scenarios(seed: int, noises: list[float] | None = None, robot: str = "hover") -> Iterator[Scenario]:
+    """`slit` and then random scenes, for a robot under default settings or with the noises [m/s/sqrt(s)] in turn."""
     given: dict[str, Any] = {"seed": seed}
-    made: Callable[[], Scenario] = lambda: prepare("slit", robot="hover", given=given)  # noqa: E731
+    made: Callable[[], Scenario] = lambda: prepare("slit", robot=robot, given=given)  # noqa: E731
     k = 0
     while True:
         scenario = made()
         yield scenario if not noises else scenario.with_settings(noise=noises[k % len(noises)])
-        made = lambda number=seed + k: scenario_of(number, {**given, "seed": number}, robot="hover")  # noqa: E731
+        made = lambda number=seed + k: scenario_of(number, {**given, "seed": number}, robot=robot)  # noqa: E731
         k += 1
 
 
 def states_in(scenario: Scenario, controller: Controller, count: int, seed: int) -> list[Array]:
-    """Random positions and velocities, (4,), from which there is a way, `count` at most."""
-    rng, found = np.random.default_rng([seed, 62]), []
+    """Random positions, headings and velocities, (n,), from which there is a way, `count` at most."""
+    rng, found, names = np.random.default_rng([seed, 62]), [], scenario.problem.dynamics.states
     for place in random_states(scenario.space, 4 * count, seed):
         speed = rng.random() * min(FASTEST, np.sqrt(2.0 * BRAKE * scenario.space.clearance(place)))
         angle = rng.uniform(-np.pi, np.pi)
-        x = np.array([*place, speed * np.cos(angle), speed * np.sin(angle)])
+        parts = {"vx": speed * np.cos(angle), "vy": speed * np.sin(angle), "heading": angle, "speed": speed}
+        x = np.array([*place, *(parts[name] for name in names[2:])])
         try:
             assert controller.tree is not None
             controller.tree.references(x)
@@ -110,7 +113,7 @@ def states_in(scenario: Scenario, controller: Controller, count: int, seed: int)
 
 
 def record(scenario: Scenario, controller: Controller, x: Array, samples: int, plans: int) -> dict[str, Any]:
-    """What samples of three kinds and plans say at x (4,)."""
+    """What samples of three kinds and plans say at x (n,)."""
     lam = scenario.problem.temperature
     batches = batches_at(controller, x)
     said = {kind: psi_of(controller.path_integral, batches[kind], samples, 1 + k) for k, kind in enumerate(KINDS)}
@@ -118,7 +121,7 @@ def record(scenario: Scenario, controller: Controller, x: Array, samples: int, p
     v = -lam * truth.log_psi
     out: dict[str, Any] = {
         "scene": scenario.loaded.scene.name, "x": x.tolist(), "noise": scenario.settings.noise,
-        "clearance": scenario.space.clearance(x), "speed": float(np.hypot(*x[2:])),
+        "clearance": scenario.space.clearance(x), "speed": _speed(scenario, x),
         "classes": len(batches["guided"].proposals), "v": v, "v_error": lam * truth.error,
         "claims_enough": all(said[kind].ess >= 100.0 for kind in KINDS),
     }  # fmt: skip
@@ -139,8 +142,13 @@ def record(scenario: Scenario, controller: Controller, x: Array, samples: int, p
     return out | {"plans": {"bias": bias, "rms": rms[0], "claimed": rms[1], "without": plans - len(off)}}
 
 
+def _speed(scenario: Scenario, x: Array) -> float:
+    """How fast x (n,) moves without control [m/s]."""
+    return float(np.hypot(*scenario.problem.dynamics.f(x)[:2]))
+
+
 def batches_at(controller: Controller, x: Array) -> dict[str, Batch]:
-    """What samples of each of KINDS from x (4,) follow; their numbers are shares only."""
+    """What samples of each of KINDS from x (n,) follow; their numbers are shares only."""
     assert controller.tree is not None
     controller.begin(x)
     references = controller.tree.references(x)

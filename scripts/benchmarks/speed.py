@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks import planners, rollouts
+from benchmarks import planners, rollouts, systems
 from benchmarks.timing import row
 
 from sim.recording.recorder import Recorder, Sinks
@@ -27,6 +27,8 @@ PARTS = {"rollouts": rollouts.rows, "planners": planners.rows}
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON of all parts, or of the one that is asked for."""
     parts = {**PARTS, "drive": drive}
+    if options.part == "systems":
+        parts = {"systems": systems.rows}
     table: list[list[str]] = []
     values: dict[str, Any] = {}
     for name in [options.part] if options.part else parts:

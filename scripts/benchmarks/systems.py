@@ -1,0 +1,86 @@
+"""Speed of robots whose noise enters through their inputs: planning, a drive's control steps, rollouts.
+
+Rollouts are those of a plan at the start: what follows guides, with the likelihood under every reference, and what
+holds tapes. The rate counts steps of the grid; near walls each of them may be several of a path's own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from benchmarks.timing import interleaved, row
+
+from pirrht.control.controller import Controller
+from pirrht.guidance.leads import Batch, Proposal, Tape
+from sim.rehearsal import rehearse
+from sim.scenario import Scenario, prepare
+
+VERTICES, CLASSES, SAMPLES = 2000, 8, 300
+MANY = 20_000  # rollouts that are timed
+REPEATS = 5
+
+
+def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
+    """Table and JSON for one robot."""
+    robot, scene = options.robot or "hover", options.scene or "clutter"
+    given = {"vertices": VERTICES, "classes": CLASSES, "samples": SAMPLES}
+    scenario = prepare(scene, robot=robot, given=given)
+    rehearse(scenario, driving=True)
+    seconds = {f"{robot}, {scene}: planning {VERTICES} vertices": planning(scenario)}
+    steps, classes = control_steps(scenario, options.drive)
+    seconds[f"{robot}, {scene}: control step"] = float(np.median(steps))
+    table = [
+        row(name, spent, note=f"{classes:.1f} classes" if "step" in name else "") for name, spent in seconds.items()
+    ]
+    rates = rollouts(scenario)
+    for name, (spent, rate) in rates.items():
+        table.append(row(f"{robot}, {scene}: {MANY} rollouts, {name}", spent, rate=f"{rate / 1e6:.1f} M steps/s"))
+    return table, {"seconds": seconds, "classes": classes, "steps_per_second": {k: v[1] for k, v in rates.items()}}
+
+
+def planning(scenario: Scenario) -> float:
+    """Median time to grow a tree of VERTICES [s]."""
+    spent = []
+    for seed in range(REPEATS):
+        began = time.perf_counter()
+        scenario.with_settings(seed=seed).grown_tree()
+        spent.append(time.perf_counter() - began)
+    return float(np.median(spent))
+
+
+def control_steps(scenario: Scenario, seconds: float) -> tuple[list[float], float]:
+    """Wall times of control steps [s], and the mean number of classes around which they sample."""
+    timed = scenario.with_settings(max_time=seconds)
+    frames = [
+        (f.plan_seconds, len(f.plan.references)) for f in timed.drive(timed.plant(), timed.driver(timed.grown_tree()))
+    ]
+    return [spent for spent, _ in frames[1:]], float(np.mean([count for _, count in frames]))
+
+
+def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
+    """Median time [s] and steps per second of rollouts that are led and of those that hold tapes, on all threads."""
+    controller = scenario.controller(scenario.grown_tree())
+    assert isinstance(controller, Controller)
+    assert controller.tree is not None
+    x, integral = scenario.start, controller.path_integral
+    references = controller.tree.references(x)
+    guided = controller.batch(x, references)
+    one = min(len(guided.proposals), 1)
+    tapes = tuple(
+        Proposal(lead=Tape(guided.times, reference.trajectory.tape(guided.times)), count=MANY // len(references))
+        for reference in references
+    )
+    batches: dict[str, Batch] = {
+        f"{len(references)} guides": guided.counting([MANY // len(references)] * len(references)),
+        "one guide": replace(guided, proposals=guided.proposals[:one]).counting([MANY]),
+    }
+    if controller.tree.steering.drives:
+        batches[f"{len(references)} tapes"] = replace(guided, proposals=tapes)
+    work = {name: (lambda k, batch=batch: integral.rollout(batch, k)) for name, batch in batches.items()}
+    seconds = interleaved(work, REPEATS)
+    counted = {name: int(integral.rollout(batch, 0).paths.steps.sum()) for name, batch in batches.items()}
+    return {name: (spent, counted[name] / spent) for name, spent in seconds.items()}
