@@ -146,6 +146,7 @@ class Controller(Policy):
             fallback="no survivor" if estimate is None else None,
             instead=self._instead(batch, references) if estimate is None else None,
             law=law,
+            time=self.drive.time,
             push=push,
             span=self.path_integral.sampling.dt,
             shares=None if law is None else law.weights(x, 0.0),

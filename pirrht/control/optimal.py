@@ -45,12 +45,13 @@ class Optimal(Policy):
         return PathIntegral(self.problem, self.space, self._sampling)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """The law from state x (n,) on, and v there [cost]; it does not change and takes no time."""
+        """The law from state x (n,) on, and v there [cost]; where nothing moves it does not change with time."""
+        now = self.drive.time
 
         def law(state: Array, since: float = 0.0) -> Array:
-            return self.desirability.control(state)
+            return self.desirability.control(state, now + since)
 
-        value = self.desirability.value(x)
+        value = self.desirability.value(x, now)
         return Plan(
             state=x,
             times=np.array([0.0, DRAWN]),
@@ -60,5 +61,6 @@ class Optimal(Policy):
             fallback=None,
             instead=law(x)[None, :],
             law=law,
+            time=now,
             exact=float(value),
         )

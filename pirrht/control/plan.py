@@ -31,6 +31,7 @@ class Plan:
     span: float = np.inf  # how long the law is followed [s]; then the tape
     shares: dict[str, float] | None = None  # weight of every class under the law
     followed: str | None = None  # the class that the control is of, where it is of one alone
+    time: float = 0.0  # of the drive when it was made, or for which [s]
     exact: float | None = None  # v at the state [cost], where it is known without samples
 
     @property

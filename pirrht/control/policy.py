@@ -20,11 +20,13 @@ class Drive:
         self.path = Driven(space.homology, x)
         self.since_plan = 0.0  # [s]
         self.since_estimate = 0.0  # since the last plan that samples told anything [s]
+        self.time = 0.0  # of the drive, which is that of bodies that move [s]
 
     def passed(self, duration: float) -> None:
         """Let time [s] pass."""
         self.since_plan += duration
         self.since_estimate += duration
+        self.time += duration
 
 
 class Policy(ABC):

@@ -21,9 +21,9 @@ class Truth:
     control: Array  # u*, (m,)
 
     @classmethod
-    def at(cls, grid: Desirability, x: Array) -> Truth:
-        """Value and control at state x (n,)."""
-        return cls(value=float(grid.value(x)), control=grid.control(x))
+    def at(cls, grid: Desirability, x: Array, time: float = 0.0) -> Truth:
+        """Value and control at state x (n,), and a time [s] that counts where bodies move."""
+        return cls(value=float(grid.value(x, time)), control=grid.control(x, time))
 
     def errors(self, e: Estimate) -> tuple[float, float]:
         """How far an estimate's value and control are off."""
@@ -44,7 +44,7 @@ class Witness:
 
     def add(self, plan: Plan) -> Truth:
         """Take a plan into account; the truth where it was made."""
-        truth = Truth.at(self._grid, plan.state)
+        truth = Truth.at(self._grid, plan.state, plan.time)
         self._first = self._first or truth
         self._distances.append(truth.distance(plan.control))
         return truth
