@@ -74,7 +74,8 @@ def log_weights(
     """Logarithm of the contribution to psi of each sample, (S,) [nats], or of those from part[0] to part[1].
 
     Args:
-        rule: one of WEIGHTS; "average" is the paper's (sections III-B and IV-C).
+        rule: one of WEIGHTS; "average" is the paper's (sections III-B and IV-C). Under "biased" samples weigh by their
+            cost alone, whatever drew them (Trevisan and Alonso-Mora, IEEE RA-L 2024): no estimate of psi.
         first: (H+1,) first sample of each reference; the last entry is S.
     """
     number = np.diff(first)
@@ -88,7 +89,7 @@ def log_weights(
         own = np.searchsorted(first, samples, side="right") - 1
         # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
         log_weight += np.log(S / (H * number[own])) - paths.log_ratio[samples, own]
-    else:
+    elif rule != "biased":
         log_weight -= _log_mean(paths.log_ratio[chosen], number / S)
     log_weight[outcome == Outcome.TIMEOUT] = -np.inf
     return log_weight

@@ -9,7 +9,7 @@ import numpy as np
 from pirrht.errors import OptionError
 
 EXITS = ("bridge", "endpoint")
-WEIGHTS = ("balance", "average")
+WEIGHTS = ("balance", "average", "biased")
 GUIDES = ("feedback", "open-loop")
 ALLOCATIONS = ("contribution", "equal")
 DRAWS = ("antithetic", "independent")
@@ -31,7 +31,8 @@ class Sampling:
     first: float | None = None  # with exit along the step, the first dt is cut into steps of this length [s]
     samples: int = 200  # N, around each reference
     exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
-    weights: str = "balance"  # "balance" heuristic or plain "average" (the paper's)
+    # "balance" heuristic, plain "average" (the paper's), or "biased": no likelihood ratio, as in Biased-MPPI.
+    weights: str = "balance"
     # Samples of a point climb psi of their class from where they are, those of other systems follow a guide's feedback;
     # or they hold the tape of their reference "open-loop" (paper).
     guide: str = "feedback"

@@ -96,7 +96,8 @@ PLANNER_OPTIONS = (
         metavar="RULE", choices=STEPS, paper="uniform",
     ),
     _setting(
-        "weights", "how references mix: balance or average (the paper)", metavar="RULE", choices=WEIGHTS,
+        "weights", "how references mix: balance, average (paper) or biased (no likelihood ratio, as in Biased-MPPI)",
+        metavar="RULE", choices=WEIGHTS,
         paper="average",
     ),
     _setting(

@@ -130,3 +130,16 @@ def test_unequal_counts_keep_the_value():
         found = [at_strip(integral, 0.2, (1, -1), seed, counts=[15000, 3000]) for seed in range(SEEDS)]
         assert within([e.value for e in found], value), weights
         assert within([e.control for e in found], [control, 0.0]), weights
+
+
+def test_without_the_likelihood_ratio_only_what_controls_cost_is_left_out():
+    """With passive samples "biased" is what "balance" says; with samples that are driven, v lacks half of its cost."""
+    b, L = 0.5, 0.5
+    problem, space = strip(b, L), strip_space(L)
+    said = {}
+    for weights in ("balance", "biased"):
+        for sides in ((), RIGHT):
+            sampling = Sampling(dt=0.05, samples=4000, guide="open-loop", weights=weights)
+            said[weights, sides] = at_strip(PathIntegral(problem, space, sampling), 0.2, sides, 3)
+    assert said["biased", ()].value == said["balance", ()].value
+    assert said["biased", RIGHT].value < 0.9 * said["balance", RIGHT].value
