@@ -12,6 +12,8 @@ from typing import Any
 from pirrht.errors import OptionError, PirrhtError
 from sim.systems import BUILT_IN, System, named, names, register
 
+_folders: set[Path] = set()  # of modules that systems came from
+
 
 def chosen(which: str | System) -> System:
     """A system, registered: itself, the built-in one of that name, or MODULE:NAME of a module that is imported.
@@ -52,13 +54,30 @@ def source(which: str | System | None) -> bytes:
     return Path(file).read_bytes() if file is not None and Path(file).is_file() else b""
 
 
+def blamed(error: BaseException) -> str | None:
+    """Where somebody's own code raised an error, and what: the last line of its traceback in a file of theirs.
+
+    That is a file in the folder of a module that a system came from.
+    """
+    place, trace = None, error.__traceback__
+    while trace is not None:
+        code = trace.tb_frame.f_code
+        if any(Path(code.co_filename).parent == folder for folder in _folders):
+            place = f"{code.co_filename}, line {trace.tb_lineno}, in {code.co_name}"
+        trace = trace.tb_next
+    return None if place is None else f"{place}: {_told(error)}; mend it"
+
+
 def _module(name: str, which: str) -> Any:
     folder = os.getcwd()
     if folder not in sys.path and "" not in sys.path:
         sys.path.insert(0, folder)
     importlib.invalidate_caches()
     try:
-        return importlib.import_module(name)
+        module = importlib.import_module(name)
+        if (file := getattr(module, "__file__", None)) is not None:
+            _folders.add(Path(file).resolve().parent)
+        return module
     except PirrhtError as error:
         raise OptionError(f"--system {which}: {error}") from None
     except (Exception, SystemExit) as error:

@@ -185,10 +185,23 @@ class Dynamics(ABC):
                 raise OptionError(f"{name}: {what} is a {type(block).__name__}; it must be an array or a function")
             if not callable(block) and np.shape(block) != (self.m, self.m):
                 raise OptionError(f"{name}: {what} is {np.shape(block)}; with m = {self.m} it must be {self.m, self.m}")
-        try:
-            self.drift(np.zeros(self.n), self.parameters, np.zeros(self.n))
-        except TypeError as error:
-            raise OptionError(f"{name}: drift(x, p, out) cannot be called ({error}); make it a @staticmethod") from None
+        self._try_drift(name)
+
+    def _try_drift(self, name: str) -> None:
+        """Refuse a drift that cannot be called, fails, or says what is no number at two states."""
+        rates = np.zeros((2, self.n))
+        for x, out in zip((0.0, 0.3), rates, strict=True):
+            try:
+                self.drift(np.full(self.n, x), self.parameters, out)
+            except TypeError as error:
+                raise OptionError(
+                    f"{name}: drift(x, p, out) cannot be called ({error}); make it a @staticmethod"
+                ) from None
+            except Exception as error:
+                told = " ".join(f"{type(error).__name__}: {error}".split())
+                raise OptionError(f"{name}: drift(x, p, out) fails at x = {[x] * self.n} ({told}); mend it") from None
+        if not np.isfinite(rates).all(axis=1).any():
+            raise OptionError(f"{name}: drift(x, p, out) writes {rates[1].tolist()} at x = {[0.3] * self.n}; mend it")
 
     def _check_inputs(self, name: str) -> None:
         """Refuse an input form that is none."""

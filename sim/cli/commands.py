@@ -172,6 +172,8 @@ def estimate(arguments: argparse.Namespace) -> int:
         say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples")
     for line in tables.doubts(estimates, [r.id for r in references], scenario.settings.target_error):
         say(line)
+    if scenario.settings.weights == "biased":
+        say("--weights biased leaves the likelihood ratio out: v and shares are no estimates, however many samples")
     if arguments.json:
         write_json(arguments.json, estimate_json(scenario, references, estimates, truth))
     return 0
@@ -239,12 +241,14 @@ def given(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def _scenario(arguments: argparse.Namespace) -> Scenario:
     if arguments.start is not None and len(arguments.start) not in (2, 3):
-        raise OptionError(f"--start has {len(arguments.start)} numbers; it must be X Y or X Y TH")
+        raise OptionError(
+            f"--start has {len(arguments.start)} numbers; it must be X Y, and TH if the robot has a heading"
+        )
     warm.notice().sampling = arguments.command != "plan"
     said = vars(arguments)
     scenario = prepare(arguments.scene, **options.task(said), given=given(arguments))
     if arguments.start is not None and len(arguments.start) == 3 and not scenario.problem.dynamics.angles:
-        raise OptionError(f"--start has a heading, and a {scenario.system.name} has none; give X Y")
+        raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
     said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
     return scenario
 

@@ -94,11 +94,21 @@ def _status(command: Callable[[], int]) -> int:
         return BAD_INPUT
     except OSError as error:
         return _refused(error)
-    except Exception:
+    except Exception as error:
         if not _swallowed:
-            raise
+            return _blamed(error)
         tell(WORDS[signal.Signals(_swallowed[0]).name])  # what a callback was kept from doing is missed now
         return BY_SIGNAL + _swallowed[0]
+
+
+def _blamed(error: Exception) -> int:
+    """The status of an error in somebody's own system, told in a line; others are ours and are raised again."""
+    systems = sys.modules.get("sim.system_import")
+    told = None if systems is None else systems.blamed(error)
+    if told is None:
+        raise error
+    tell(told)
+    return BAD_INPUT
 
 
 def _flushed(command: Callable[[], int]) -> int:

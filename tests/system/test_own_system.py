@@ -91,3 +91,25 @@ def test_a_boat_is_an_environment(moor):
     x = np.array([float(word) for word in call(moor, "-c", code).split()])
     np.testing.assert_allclose(x, [1.0, 2.5 + 0.2 * 1.0], atol=4 * 0.1)  # drifts for a second
     assert x[1] != 2.5
+
+
+@pytest.mark.parametrize(
+    ("line", "wrong", "words"),
+    [
+        ("= 0.0, p[0]", "= 0.0, q[0]", "drift(x, p, out) fails at x = [0.0, 0.0] (NameError"),
+        ("= 0.0, p[0]", "= 0.0, np.nan", "drift(x, p, out) writes [0.0, nan]"),
+        ("return rng.uniform(", "return sea.uniform(", "in sample: NameError: name 'sea' is not defined; mend it"),
+    ],
+)
+def test_what_fails_in_a_boats_own_code_is_told_in_one_line(moor, line, wrong, words):
+    text = (moor / "moor.py").read_text()
+    assert line in text
+    (moor / "leak.py").write_text(text.replace(line, wrong))
+    args = [word.replace("moor:", "leak:") for word in BOAT]
+    done = subprocess.run(
+        [sys.executable, "-m", "sim.cli", "plan", *args],
+        cwd=moor, env=environment(), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
