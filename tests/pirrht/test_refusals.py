@@ -186,13 +186,5 @@ def loaded(tmp_path: Path) -> Callable[[str], Loaded]:
     return loaded
 
 
-@pytest.mark.parametrize(
-    "motion", ['numeric name="pirrht_motion_door" data="0 5 5 0"', 'text name="pirrht_motion_door" data="repeat"']
-)
-def test_a_scene_in_motion_is_refused_by_the_body_that_moves(loaded: Callable[[str], Loaded], motion: str) -> None:
-    with pytest.raises(SceneError, match=r'body "door" moves .*moving obstacles are not supported yet; remove'):
-        loaded(f"<{motion}/>")
-
-
 def test_a_mocap_body_without_motion_is_an_obstacle_that_stands(loaded: Callable[[str], Loaded]) -> None:
     assert [o.name for o in loaded("").scene.obstacles] == ["door"]
