@@ -22,7 +22,6 @@ from pirrht import (
     Problem,
     Sampling,
     Scene,
-    SceneError,
     SingleIntegrator,
     StraightLine,
     Unicycle,
