@@ -5,6 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
+def told(error: BaseException) -> str:
+    """An error of somebody else's code in one line, its type first."""
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
 class PirrhtError(Exception):
     """Base of all errors of this project; its text is one line for a person."""
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pirrht.errors import OptionError, PirrhtError
+from pirrht.errors import OptionError, PirrhtError, told
 from sim.systems import BUILT_IN, System, named, names, register
 
 _folders: set[Path] = set()  # of modules that systems came from
@@ -65,7 +65,7 @@ def blamed(error: BaseException) -> str | None:
         if any(Path(code.co_filename).parent == folder for folder in _folders):
             place = f"{code.co_filename}, line {trace.tb_lineno}, in {code.co_name}"
         trace = trace.tb_next
-    return None if place is None else f"{place}: {_told(error)}; mend it"
+    return None if place is None else f"{place}: {told(error)}; mend it"
 
 
 def _module(name: str, which: str) -> Any:
@@ -86,7 +86,7 @@ def _module(name: str, which: str) -> Any:
                 f"--system {which}: there is no module {name} in {folder} or among what is installed; mend the name, "
                 "or set PYTHONPATH"
             ) from None
-        raise OptionError(f"--system {which}: {_told(error)} while the module {name} was imported; mend it") from None
+        raise OptionError(f"--system {which}: {told(error)} while the module {name} was imported; mend it") from None
 
 
 def _called(function: Callable[[], Any], which: str) -> Any:
@@ -95,16 +95,12 @@ def _called(function: Callable[[], Any], which: str) -> Any:
     except PirrhtError as error:
         raise OptionError(f"--system {which}: {error}") from None
     except (Exception, SystemExit) as error:
-        raise OptionError(f"--system {which}: {_told(error)} when it was called without arguments; mend it") from None
+        raise OptionError(f"--system {which}: {told(error)} when it was called without arguments; mend it") from None
 
 
 def _parents(name: str) -> list[str]:
     parts = name.split(".")
     return [".".join(parts[: i + 1]) for i in range(len(parts))]
-
-
-def _told(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def _offers(module: str) -> str:

@@ -9,7 +9,7 @@ swept on the way.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import cos, hypot, inf, remainder, sin, tau
 
 import numpy as np
@@ -69,11 +69,16 @@ class Body:
 
     def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
         """Whether it touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
-        for tail, s, head, t in self._pieces(a, begin, b, end):
-            free_a, free_b = self.clearance(tail, s), self.clearance(head, t)
-            if min(free_a, free_b) <= 0.0 or self._between(tail, s, free_a, head, t, free_b):
-                return True
-        return False
+        return any(self._meets(*piece) for piece in self._pieces(a, begin, b, end))
+
+    def _meets(self, a: Array, s: float, b: Array, t: float) -> bool:
+        """The same between two times of the rows [s]."""
+        length, duration = hypot(b[0] - a[0], b[1] - a[1]), t - s
+
+        def way(begin: float, end: float) -> float:
+            return (end - begin) * length + self._way(s + begin * duration, s + end * duration)
+
+        return touches(lambda share: self.clearance(a + share * (b - a), s + share * duration), way)
 
     def _pieces(self, a: Array, begin: float, b: Array, end: float) -> Iterator[tuple[Array, float, Array, float]]:
         """A straight way cut where the motion starts over: places (2,) [m] and times of the rows [s] of both ends."""
@@ -83,16 +88,6 @@ class Body:
             yield a, s, middle, self._length
             a, begin, count, s = middle, until, count + 1, 0.0
         yield a, s, b, s + end - begin
-
-    def _between(self, a: Array, s: float, free_a: float, b: Array, t: float, free_b: float) -> bool:
-        length = hypot(b[0] - a[0], b[1] - a[1]) + self._way(s, t)
-        if free_a + free_b > length or length < SHORTEST:
-            return False
-        middle, half = 0.5 * (a + b), 0.5 * (s + t)
-        free = self.clearance(middle, half)
-        if free <= 0.0:
-            return True
-        return self._between(a, s, free_a, middle, half, free) or self._between(middle, half, free, b, t, free_b)
 
 
 class Crowd:
@@ -148,6 +143,27 @@ class Crowd:
         free, at_x, at_y, when, holds, ends = self._each.T
         lower = free - np.hypot(place[0] - at_x, place[1] - at_y) - self._speeds * np.abs(time - when)
         return np.where((holds <= time) & (time < ends), lower, -inf)
+
+
+def touches(free: Callable[[float], float], way: Callable[[float, float], float]) -> bool:
+    """Whether two things that move touch on their way.
+
+    Args:
+        free: the free distance between them at a share of the way [m]; at most 0 in contact.
+        way: how far they may come nearer between two shares at most [m].
+    """
+    pieces = [(0.0, free(0.0), 1.0, free(1.0))]
+    while pieces:
+        a, free_a, b, free_b = pieces.pop()
+        if min(free_a, free_b) <= 0.0:
+            return True
+        length = way(a, b)
+        if free_a + free_b > length or length < SHORTEST:
+            continue
+        middle = 0.5 * (a + b)
+        between = free(middle)
+        pieces += [(middle, between, b, free_b), (a, free_a, middle, between)]
+    return False
 
 
 def reach_of(mover: Mover) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.obstacle import Obstacle, about_vertical
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,13 +70,5 @@ class Mover:
     def at(self, time: float) -> tuple[Obstacle, ...]:
         """Its solids in the world at a time [s]."""
         x, y, yaw = self.motion.pose(time)
-        c, s = math.cos(yaw), math.sin(yaw)
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        shift = np.array([x, y, 0.0])
-        return tuple(
-            Obstacle(
-                name=o.name, kind=o.kind, size=o.size, vertices=o.vertices, faces=o.faces,
-                position=turn @ o.position + shift, rotation=turn @ o.rotation,
-            )
-            for o in self.solids
-        )  # fmt: skip
+        turn, shift = about_vertical(yaw), np.array([x, y, 0.0])
+        return tuple(replace(o, position=turn @ o.position + shift, rotation=turn @ o.rotation) for o in self.solids)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -20,6 +21,12 @@ class Kind(Enum):
     CAPSULE = "capsule"
     ELLIPSOID = "ellipsoid"
     MESH = "mesh"
+
+
+def about_vertical(yaw: float) -> Array:
+    """The rotation (3, 3) by a yaw [rad]."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -45,18 +45,12 @@ class Follow(Lead):
         row = np.arange(T * FINER)
         i, share = row // FINER, (row % FINER / FINER)[:, None]
         then = np.maximum(np.minimum(i + 1, guide.length - 1), i)
-        parts = [(1.0 - share) * part[i] + share * part[then] for part in self._changing(T)]
-        parts += [self._states(i, share), *(part[i].reshape(len(row), -1) for part in self._steady())]
+        parts = [(1.0 - share) * part[i] + share * part[then] for part in (guide.modes, guide.gains.reshape(T, -1))]
+        parts.append(self._states(i, share))
+        parts += [part[i].reshape(len(row), -1) for part in (guide.share, guide.inverse, guide.volume)]
         table = np.hstack(parts)
         width = table.shape[1]
         leads.law[h, :, :width], leads.law[h, :, width], leads.law[h, :, width + 1 :] = table, guide.steep, guide.metric
-
-    def _changing(self, T: int) -> tuple[Array, Array]:
-        """What is taken from both ends of a step, 2 x (T, ..)."""
-        return self.guide.modes, self.guide.gains.reshape(T, -1)
-
-    def _steady(self) -> tuple[Array, Array, Array]:
-        return self.guide.share, self.guide.inverse, self.guide.volume
 
     def _states(self, i: IntArray, share: Array) -> Array:
         """States (k, n) at shares (k, 1) of steps i (k,): straight lines, but for positions, which go on smoothly."""

@@ -274,20 +274,19 @@ def fitting(near, rest, least, scale):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def facing(field, x, y, c, cov):  # type: ignore[no-untyped-def]
-    """Clearance c [m] of (x, y) over the share of noise that a wall faces, where noise acts along a line.
+def facing(field, x, y, cov):  # type: ignore[no-untyped-def]
+    """Clearance of (x, y) [m] over the share of noise that a wall faces, where noise acts along a line.
 
     What moves alongside a wall, and to and fro, comes no nearer to it. The covariance (xx, xy, yy) may be per second.
     """
-    size, nearest = cov[0] + cov[2], c
+    size, nearest = cov[0] + cov[2], np.inf
     for k in range(2):
         d, gx, gy = with_slope(field, field.nearest if k == 0 else field.second, x, y)
         square = gx * gx + gy * gy
         share = (
             ONE if square == 0.0 else (cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy) / (square * size)
         )
-        gap = d / math.sqrt(max(share, SIDEWAYS))
-        nearest = gap if k == 0 else min(nearest, gap)
+        nearest = min(nearest, d / math.sqrt(max(share, SIDEWAYS)))
     return nearest
 
 

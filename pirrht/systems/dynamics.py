@@ -17,7 +17,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, told
 from pirrht.geometry.scene import Scene
 
 PROBES = 5  # states at which it is asked how noise acts on the position
@@ -198,8 +198,8 @@ class Dynamics(ABC):
                     f"{name}: drift(x, p, out) cannot be called ({error}); make it a @staticmethod"
                 ) from None
             except Exception as error:
-                told = " ".join(f"{type(error).__name__}: {error}".split())
-                raise OptionError(f"{name}: drift(x, p, out) fails at x = {[x] * self.n} ({told}); mend it") from None
+                at = f"{name}: drift(x, p, out) fails at x = {[x] * self.n}"
+                raise OptionError(f"{at} ({told(error)}); mend it") from None
         if not np.isfinite(rates).all(axis=1).any():
             raise OptionError(f"{name}: drift(x, p, out) writes {rates[1].tolist()} at x = {[0.3] * self.n}; mend it")
 

@@ -26,6 +26,7 @@ from sim.importing.target import (
     GOAL,
     START,
     Imported,
+    check_borders,
     check_target,
     draft,
     loaded,
@@ -85,8 +86,7 @@ def import_motions(
     place = numbers_of(source, START, PLACE if start is None else start, (2, 3))
     disc = numbers_of(source, GOAL, DISC if goal is None else goal, (3,))
     bounds = numbers_of(source, BORDER, ARENA if workspace is None else workspace, (4,))
-    if not (bounds[0] < bounds[1] and bounds[2] < bounds[3]):
-        raise SceneError(f"{source}: the workspace {bounds.tolist()} is empty; write {BORDER}, least first")
+    check_borders(source, bounds)
     motions, bodies = zip(*(_elements(track) for track in tracks), strict=True)
     scene = scene_text(target.stem, (*CUSTOM, *motions), (*WALLS, *bodies), place, disc, bounds)
     with draft(scene, target) as new:

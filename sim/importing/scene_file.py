@@ -24,6 +24,7 @@ from sim.importing.target import (
     GOAL,
     START,
     Imported,
+    check_borders,
     check_target,
     draft,
     loaded,
@@ -135,8 +136,7 @@ def _workspace(source: Path, world: World, given: Sequence[float] | None, start:
         bounds = world.ground
     else:
         raise SceneError(f"{source}: no ground plane bounds it: add {_example(world, start, goal)}")
-    if not (bounds[0] < bounds[1] and bounds[2] < bounds[3]):
-        raise SceneError(f"{source}: the workspace {bounds.tolist()} is empty; write {BORDER}, least first")
+    check_borders(source, bounds)
     return bounds
 
 

@@ -154,6 +154,16 @@ def numbers_of(source: Path, option: str, given: Sequence[float] | Array, counts
     return values
 
 
+def check_borders(source: Path, bounds: Array) -> None:
+    """Refuse a workspace (4,) [m] without an inside.
+
+    Raises:
+        SceneError: names the option and what would do.
+    """
+    if not (bounds[0] < bounds[1] and bounds[2] < bounds[3]):
+        raise SceneError(f"{source}: the workspace {bounds.tolist()} is empty; write {BORDER}, least first")
+
+
 def text(*values: float) -> str:
     """Numbers as MJCF has them."""
     return " ".join(f"{value:.10g}" for value in values)

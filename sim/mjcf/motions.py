@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import remainder, tau
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.motion import Motion, Mover
-from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.obstacle import Obstacle, about_vertical
 from pirrht.geometry.scene import Scene
 from sim.mjcf.coordinates import heading_of
 from sim.mjcf.numbers import MOTION, refuse_far
@@ -137,17 +138,8 @@ def _check_place(data: mujoco.MjData, body: int, name: str, motion: Motion, path
 def _in_body(solid: Obstacle, motion: Motion) -> Obstacle:
     """A solid in the frame of its body at yaw 0, where the body stands at the first row."""
     _, x, y, yaw = motion.rows[0]
-    c, s = np.cos(yaw), np.sin(yaw)
-    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    return Obstacle(
-        name=solid.name,
-        kind=solid.kind,
-        size=solid.size,
-        position=turn @ (solid.position - np.array([x, y, 0.0])),
-        rotation=turn @ solid.rotation,
-        vertices=solid.vertices,
-        faces=solid.faces,
-    )
+    turn = about_vertical(-yaw)
+    return replace(solid, position=turn @ (solid.position - np.array([x, y, 0.0])), rotation=turn @ solid.rotation)
 
 
 def check_start(scene: Scene, path: Path) -> None:

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.geometry.collision import SHORTEST
+from pirrht.geometry.crowd import touches
 from sim.mjcf.mocap import Mocap
 from sim.mjcf.obstacles import Mask
-
-SHORTEST = 1e-4  # what a body cuts off less of is only grazed [m]
 
 
 class Sweep:
@@ -50,15 +50,4 @@ class Sweep:
                 for mine, other in self._pairs
             )
 
-        pieces = [(0.0, free(0.0), 1.0, free(1.0))] if self._pairs else []
-        while pieces:
-            a, free_a, b, free_b = pieces.pop()
-            if min(free_a, free_b) <= 0.0:
-                return True
-            length = (b - a) * own + way(time(a), time(b))
-            if free_a + free_b > length or length < SHORTEST:
-                continue
-            middle = 0.5 * (a + b)
-            between = free(middle)
-            pieces += [(middle, between, b, free_b), (a, free_a, middle, between)]
-        return False
+        return bool(self._pairs) and touches(free, lambda a, b: (b - a) * own + way(time(a), time(b)))

@@ -239,6 +239,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         shape_inverse, end = shape + modes * modes, shape + 2 * modes * modes
         D[:, :], B[:, :], f[:], pushed[:], stage[:] = setup.gain, setup.diffusion, 0.0, 0.0, 0
         lost[:] = False
+        drifted = False  # whether f is that of x already
         x[:], moved[:] = origin.x, origin.x
         xx, xy, yy = covariance(B)
         steep = STEEP * D[0, 0]
@@ -264,14 +265,14 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 if gaining:
                     gain_at(x, p, G)
                     solve(B, G, D)
-                if drifting:
+                if drifting and not drifted:
                     drift(x, p, f)
                 dt = left
                 if noisy_position and least < left:
                     scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
                     gap = before[0]
                     if along_line and gap > 0.0 and scale * gap * gap < left:
-                        gap = facing(arena.field, x[0], x[1], gap, (xx, xy, yy))
+                        gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
                     near = max(min(min(gap, before[1]), max(before[2], RIM * radius)), 0.0)
                     dt = fitting(near, left, least, scale)
                 left -= dt
@@ -294,9 +295,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 homeward, headed = np.inf, False  # computed once, if a reference asks for it
                 # a_g = B_c^-1 G_c u_g of every reference at this state; of the one followed, if nothing is weighed.
                 for g in range(0 if weigh else h, H if weigh else h + 1):
-                    if losing and weigh and ratio[g] < ratio[h] - LOST:
-                        lost[g] = True
-                    if lost[g] and g != h:
+                    lost[g] = lost[g] or (losing and weigh and ratio[g] < ratio[h] - LOST)
+                    if lost[g]:  # never of h
                         continue
                     if noisy_position and count[g] > 0:
                         stage[g], sx, sy = uphill(
@@ -443,6 +443,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                         moved[fixed + j] += B[j, k] * y[k]
                 if bent and not arrived:  # between two steps its velocity changes, and the way is no chord
                     drift(moved, p, f)
+                    drifted = True
                     turn = turn_of(vx, vy, f[0], f[1], moved[0] - x[0], moved[1] - x[1], dt)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
@@ -492,7 +493,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1], turn)
                 if weigh:
                     for g in range(H):
-                        if lost[g] and g != h:
+                        if lost[g]:
                             continue
                         if car and led[g] > i:
                             if until > 0.0:

@@ -6,12 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from discs import disc
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.scene import Goal, Scene
 from pirrht.guidance.any_ddp import empty_course
 from pirrht.guidance.any_guides import AnyGuidance, AnyGuide
 from pirrht.guidance.following import Follow
@@ -27,13 +28,10 @@ STEP = 0.1
 @cache
 def beside_a_pillar() -> tuple[PathIntegral, AnyGuidance]:
     """A mass before a pillar of radius 0.3 that stands in its way to the goal."""
-    pillar = Obstacle(
-        name="pillar", kind=Kind.CYLINDER, size=np.array([0.3, 0.2, 0.0]), position=np.array([2.0, 1.9, 0.2]),
-        rotation=np.eye(3),
-    )  # fmt: skip
     scene = Scene(
-        name="pillar", lower=np.zeros(2), upper=np.array([5.0, 4.0]), obstacles=(pillar,), start=np.array([0.5, 2, 0]),
-        goal=Goal(center=np.array([4.0, 2.0]), radius=0.3), robot_radius=0.1,
+        name="pillar", lower=np.zeros(2), upper=np.array([5.0, 4.0]), start=np.array([0.5, 2.0, 0.0]),
+        obstacles=(disc("pillar", 2.0, 1.9, 0.3),), robot_radius=0.1,
+        goal=Goal(center=np.array([4.0, 2.0]), radius=0.3),
     )  # fmt: skip
     problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
     integral = PathIntegral(problem, FreeSpace.of(scene), Sampling(dt=STEP, threads=1))

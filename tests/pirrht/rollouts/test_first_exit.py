@@ -322,7 +322,7 @@ def test_noise_along_a_wall_carries_nothing_towards_it():
     """The wall of `room` is at x = 1.9 to a centre: noise along y leaves over 5 times the room of noise along x."""
     field, x = room().arena.field, 1.7
     c = float(interpolate(field, field.nearest, x, 1.0))
-    towards, along = facing(field, x, 1.0, c, (0.04, 0.0, 0.0)), facing(field, x, 1.0, c, (0.0, 0.0, 0.04))
+    towards, along = facing(field, x, 1.0, (0.04, 0.0, 0.0)), facing(field, x, 1.0, (0.0, 0.0, 0.04))
     assert towards == pytest.approx(c, rel=0.03)
     assert 5.0 * towards < along <= c / np.sqrt(0.02)
-    assert facing(field, x, 1.0, c, (0.02, 0.02, 0.02)) == pytest.approx(c * np.sqrt(2.0), rel=0.25)
+    assert facing(field, x, 1.0, (0.02, 0.02, 0.02)) == pytest.approx(c * np.sqrt(2.0), rel=0.25)
