@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts, normalised
-from pirrht.rollouts.records import Chosen, Kernels, Setup
+from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup
 
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to a tape
 
@@ -19,7 +19,7 @@ class Replay(NamedTuple):
     """Makes tapes and shown paths of the samples that an estimate rests on."""
 
     kernels: Kernels
-    setup: Setup
+    setup: Setup | MovingSetup
 
     def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
         """States (c, T+1, n) of chosen samples (c,), and the number of steps each took, (c,)."""

@@ -35,6 +35,7 @@ class Traffic(NamedTuple):
     jumping: NDArray[np.bool_]  # (J,) whether it does so elsewhere than it ends
     radius: Array  # (J,) of the disc around a body's origin outside of which the robot's centre is free [m]
     fastest: Array  # (J,) speed of any point of a body at most, jumps aside [m/s]
+    speed: float  # the greatest of these [m/s]
     reach: float  # clearances are told up to this [m]
 
     @classmethod
@@ -44,6 +45,7 @@ class Traffic(NamedTuple):
         reach = max(REACH * footprint.radius, LEAST)
         motions = [mover.motion for mover in movers]
         reaches = [reach_of(mover) for mover in movers]
+        fastest = np.array([speed_bound(m, r) for m, r in zip(motions, reaches, strict=True)], dtype=float)
         return cls(
             bodies=gathered([(), *(mover.solids for mover in movers)], footprint, reach),
             solid=np.cumsum([0, *(len(mover.solids) for mover in movers)]),
@@ -53,7 +55,8 @@ class Traffic(NamedTuple):
             period=np.array([motion.rows[-1, 0] if motion.repeat else 0.0 for motion in motions], dtype=float),
             jumping=np.array([jumps(motion) for motion in motions], dtype=np.bool_),
             radius=np.array(reaches, dtype=float) + footprint.radius,
-            fastest=np.array([speed_bound(m, r) for m, r in zip(motions, reaches, strict=True)], dtype=float),
+            fastest=fastest,
+            speed=float(fastest.max(initial=0.0)),
             reach=reach,
         )
 

@@ -15,14 +15,17 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
+from pirrht.geometry.traffic import traffic_clearance
 from pirrht.guidance.any_ddp import Course, Task, empty_course, optimiser
 from pirrht.guidance.tracking import MARGIN, PARABOLA, SAG, TOLERANCE, WILD, wall_radius, worth
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.path import takes_law
-from pirrht.rollouts.records import Setup, law_width
+from pirrht.rollouts.records import MovingSetup, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics, no_homing
+from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.marks import NO_MARKS, Marks
 
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
@@ -118,14 +121,18 @@ class AnyGuidance:
 
     Args:
         sways: whether controls may rise or fall within a step, as the noise of rollouts does.
+        homology: of paths in space and time, where bodies move.
     """
 
-    def __init__(self, problem: Problem, setup: Setup, *, sways: bool) -> None:
+    def __init__(
+        self, problem: Problem, setup: Setup | MovingSetup, *, sways: bool, homology: TimedHomology | None = None
+    ) -> None:
         assert self.suits(problem)
         d = problem.dynamics
-        self.problem, self.setup = problem, setup
+        self.problem, self.setup, self.homology = problem, setup, homology
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
-        self.passes, self.halts = optimiser(kind_of(problem)), d.homing is no_homing
+        kind = kind_of(problem)
+        self.passes, self.halts = optimiser(kind), kind.homing is no_homing
         self.active = self._asked()
         spread, curved, at_once = self._noise()
         most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
@@ -210,7 +217,7 @@ class AnyGuidance:
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
-        self._from(x, np.arange(3.0), 0, (self._empty(2), 1), WARM)
+        self._from(self._clock(x, np.arange(3.0), 0.0), x, np.arange(3.0), 0, (self._empty(2), 1), WARM)
 
     def improve(
         self,
@@ -220,6 +227,7 @@ class AnyGuidance:
         trajectory: Trajectory,
         last: AnyGuide | None = None,
         elapsed: float = 0.0,
+        time: float = 0.0,
     ) -> AnyGuide | None:
         """A guide from x (n,) in the class with this additive key; None if it does not arrive within `times`.
 
@@ -227,24 +235,40 @@ class AnyGuidance:
             times: ends of the rollout steps, (T+1,) from 0 [s].
             trajectory: the reference.
             last: the guide of the same class made `elapsed` [s] ago.
+            time: now, on the clock of what moves [s].
 
         If the improvement leaves the class or touches something, samples follow the reference itself, with feedback;
         but where noise has carried the robot into a wall's zone the last guide is the way out of it.
         """
-        guide = None
+        guide, clock = None, self._clock(x, times, time)
         if last is not None:
-            guide = self._from(x, times, key, self._shifted(last, times, elapsed), WARM)
+            guide = self._from(clock, x, times, key, self._shifted(last, times, elapsed), WARM)
             if guide is not None and guide.valid:
                 return guide
-        if guide is not None and not clearance(self.setup.arena.field, x[0], x[1]) > 0.0:
+        if guide is not None and not self._clearance(x, time) > 0.0:
             return guide
         begun = self._along if trajectory.slack is None else self._tracked
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of a room.
         stages = COLD[1:] if self.problem.dynamics.noisy_position else COLD
-        guide = self._from(x, times, key, begun(x, trajectory, times), stages)
+        guide = self._from(clock, x, times, key, begun(x, trajectory, times), stages)
         if guide is None or guide.valid:
             return guide
-        return self._from(x, times, key, begun(x, trajectory, times), NONE)
+        return self._from(clock, x, times, key, begun(x, trajectory, times), NONE)
+
+    def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
+        """What paths from x (n,) meet, and ends of their steps (T+1,) [s] on the clock of what moves."""
+        if not isinstance(self.setup, MovingSetup):
+            return self.setup, times
+        then = np.ascontiguousarray(times + time)
+        marks = NO_MARKS if self.homology is None else Marks.of(self.homology, x, then)
+        return self.setup._replace(marks=marks), then
+
+    def _clearance(self, x: Array, time: float) -> float:
+        """Of the robot's centre at x (n,) [m], from what moves at a time [s]."""
+        free = float(clearance(self.setup.arena.field, x[0], x[1]))
+        if isinstance(self.setup, MovingSetup):
+            free = min(free, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
+        return free
 
     def counts(self, guides: Sequence[AnyGuide | None], samples: int) -> list[int]:
         """Samples around each reference, (H,): N, or few where a class can hardly carry any weight (`worth`)."""
@@ -254,9 +278,15 @@ class AnyGuidance:
         return empty_course(T, self.problem.dynamics.n, self.width)
 
     def _from(
-        self, x: Array, times: Array, key: int, start: tuple[Course, int], stages: Sequence[tuple[float, int]]
+        self,
+        clock: tuple[Setup | MovingSetup, Array],
+        x: Array,
+        times: Array,
+        key: int,
+        start: tuple[Course, int],
+        stages: Sequence[tuple[float, int]],
     ) -> AnyGuide | None:
-        course, length = start
+        (setup, then), (course, length) = clock, start
         course.states[0] = x
         cost = priced = np.inf
         sound = False
@@ -265,7 +295,7 @@ class AnyGuidance:
                 return None
             length = self._held_on(course, times, length)
             task = self.tasks[warmth]
-            length, cost, priced, _, sound = self.passes.optimise(self.setup, task, times, key, rounds, course, length)
+            length, cost, priced, _, sound = self.passes.optimise(setup, task, then, key, rounds, course, length)
         if length < 1:
             return None
         length = self._held_on(course, times, length)
