@@ -17,11 +17,13 @@ from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
 from pirrht.geometry.traffic import traffic_clearance
 from pirrht.guidance.any_ddp import Course, Task, empty_course, optimiser
+from pirrht.guidance.gates import CARELESS, gates_of
 from pirrht.guidance.tracking import MARGIN, PARABOLA, SAG, TOLERANCE, WILD, wall_radius, worth
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kind_of
+from pirrht.rollouts.gates import GATE, GATES
 from pirrht.rollouts.general.path import takes_law
-from pirrht.rollouts.records import MovingSetup, Setup, law_width
+from pirrht.rollouts.records import FINER, MovingSetup, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics, no_homing
 from pirrht.topology.in_time import TimedHomology
@@ -83,6 +85,7 @@ class AnyGuide:
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
     priced: float  # the same with clearance priced [cost]
     valid: bool  # whether it touches nothing and is of its class
+    gates: Array | None = None  # (T FINER, GATES, GATE) of a point among what moves: walls it has yet to pass
 
     def input_of(self, x: Array, a: Array) -> Array:
         """The control u (m,) at x (n,) of one in noise units (m,)."""
@@ -132,6 +135,7 @@ class AnyGuidance:
         self.problem, self.setup, self.homology = problem, setup, homology
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         kind = kind_of(problem)
+        self.gated = kind.moving and d.n == d.m == 2 and not d.input_form
         self.passes, self.halts = optimiser(kind), kind.homing is no_homing
         self.active = self._asked()
         spread, curved, at_once = self._noise()
@@ -146,7 +150,7 @@ class AnyGuidance:
     @property
     def law_width(self) -> int:
         """Numbers of the law of a step."""
-        return law_width(self.problem.dynamics.n, self.width)
+        return law_width(self.problem.dynamics.n, self.width) + (GATES * GATE if self.gated else 0)
 
     @staticmethod
     def suits(problem: Problem) -> bool:
@@ -307,7 +311,23 @@ class AnyGuidance:
             dynamics=self.problem.dynamics, times=times, states=course.states, modes=course.control,
             gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
             metric=self.metric, steep=self.tasks[1.0].steep, length=length, cost=cost, priced=priced, valid=bool(sound),
+            gates=self._gates(setup, then, course.states, length) if self.gated else None,
         )  # fmt: skip
+
+    def _gates(self, setup: Setup | MovingSetup, times: Array, states: Array, length: int) -> Array:
+        """Gates (T FINER, GATES, GATE) of a guide (T+1, 2) at times (T+1,) [s]; none past its length."""
+        rows = length * FINER + 1
+        i, share = np.divmod(np.arange(rows) / FINER, 1.0)
+        i = np.minimum(i.astype(np.int64), len(times) - 2)
+        share = np.where(np.arange(rows) == (len(times) - 1) * FINER, 1.0, share)[:, None]
+        places = np.ascontiguousarray((1.0 - share) * states[i] + share * states[i + 1])
+        when = (1.0 - share[:, 0]) * times[i] + share[:, 0] * times[i + 1]
+        d = self.problem.dynamics
+        noise = math.sqrt(float(np.trace(d.B_c(states[0]) @ d.B_c(states[0]).T)) / 2.0)
+        out = np.zeros(((len(times) - 1) * FINER, GATES, GATE))
+        found = gates_of(setup, places, when, noise, CARELESS * noise * math.sqrt(float(when[-1] - when[0])))
+        out[: rows - 1] = found[: rows - 1]
+        return out
 
     def _held_on(self, course: Course, times: Array, length: int) -> int:
         """Hold the last law for ON steps more, in which what nothing homes in enters the goal; how many steps it has.

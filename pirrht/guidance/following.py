@@ -9,6 +9,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.guidance.any_guides import AnyGuide
+from pirrht.guidance.gates import without
 from pirrht.guidance.leads import Along, Lead
 from pirrht.guidance.tracking import Guide
 from pirrht.rollouts.records import FINER, Leads
@@ -47,9 +48,19 @@ class Follow(Lead):
         then = np.maximum(np.minimum(i + 1, guide.length - 1), i)
         parts = [(1.0 - share) * part[i] + share * part[then] for part in self._changing(T)]
         parts += [self._states(i, share), *(part[i].reshape(len(row), -1) for part in self._steady())]
+        if guide.gates is not None:
+            d = guide.dynamics
+            gains = parts[1].reshape(-1, d.m, d.n)
+            modes, gains, gates = without(guide.gates, d.B_c(guide.states[0]), parts[0], gains)
+            parts[:2] = [modes, gains.reshape(len(row), -1)]
+            leads.law[h, :, -gates[0].size :] = gates.reshape(len(row), -1)
         table = np.hstack(parts)
-        width = table.shape[1]
-        leads.law[h, :, :width], leads.law[h, :, width], leads.law[h, :, width + 1 :] = table, guide.steep, guide.metric
+        width, n = table.shape[1], len(guide.metric)
+        leads.law[h, :, :width], leads.law[h, :, width], leads.law[h, :, width + 1 : width + 1 + n] = (
+            table,
+            guide.steep,
+            guide.metric,
+        )
 
     def _changing(self, T: int) -> tuple[Array, Array]:
         """What is taken from both ends of a step, 2 x (T, ..)."""

@@ -67,6 +67,7 @@ from pirrht.rollouts.first_exit import (
     wall_slope,
 )
 from pirrht.rollouts.first_exit import GOAL as REACHED
+from pirrht.rollouts.gates import gate_slope
 from pirrht.rollouts.homing import STEEP, homing, wrapped
 from pirrht.rollouts.records import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
@@ -190,6 +191,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     noise_at: Any = diffusion_of(kind) if varying else drift
     fixed = n - rows
     moving = kind.moving
+    gated = moving and n == 2 and m == 2 and rows == 2
     turning = drift is unicycle_drift and rows == m == 1 and not moving
     car, leadable = turning and not gaining, takes_law(kind)
     bending = leadable and drifting and not noisy_position
@@ -395,6 +397,11 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                                     off = wrapped(off)
                                 for j in range(modes):
                                     wide[g, j] += law[g, s, slopes + j * n + k] * off
+                            if gated:
+                                at_x, at_y = x[0] - law[g, s, there], x[1] - law[g, s, there + 1]
+                                sx, sy = gate_slope(law, g, s, end + 2 + n, at_x, at_y)
+                                for j in range(m):
+                                    wide[g, j] += B[0, j] * sx + B[1, j] * sy
                             for j in range(modes):
                                 wide[g, j] = max(-law[g, s, end + 1], min(law[g, s, end + 1], wide[g, j]))
                         else:
