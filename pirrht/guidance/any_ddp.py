@@ -19,12 +19,12 @@ from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.guidance.ddp import HALVINGS, LEAST_CURVATURE, class_of
 from pirrht.guidance.priced import expand_price, price_of
-from pirrht.guidance.priced_among import expand_among, price_among, touches
+from pirrht.guidance.priced_among import expand_among, expand_point, point_price, price_among, touches
 from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.guidance.step_map import NUDGE, step_of
 from pirrht.rollouts.among import HELD
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
-from pirrht.rollouts.general.path import Kind, diffusion_of
+from pirrht.rollouts.general.path import Kind, diffusion_of, is_gated
 from pirrht.rollouts.homing import wrapped
 from pirrht.systems.dynamics import no_homing
 from pirrht.topology.marks import key_of_path
@@ -92,6 +92,7 @@ def optimiser(kind: Kind) -> Optimiser:
     noise_at: Any = diffusion_of(kind) if through_inputs else kind.drift
 
     moving = kind.moving
+    point = is_gated(kind)
     stranded = noisy_position and homing_of is no_homing
 
     @kernel
@@ -184,9 +185,13 @@ def optimiser(kind: Kind) -> Optimiser:
             for j in range(u.shape[0]):
                 running += 0.5 * task.temperature * u[j] * u[j] * dt
             cost, priced = cost + running, priced + running
-            priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points)
+            if point:
+                priced += point_price(setup.arena.field, task, x[0], x[1], dx, dy, dt, points)
+            else:
+                priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points)
             if moving:
-                priced += price_among(setup.traffic, task, x[0], x[1], dx, dy, bow[0], bow[1], times[i], dt, points)
+                now, bow_x, bow_y = times[i], bow[0], bow[1]
+                priced += price_among(setup.traffic, task, x[0], x[1], dx, dy, bow_x, bow_y, now, dt, points, point)
             if held:
                 off_x, off_y = states[i + 1, 0] - course.aims[i + 1, 0], states[i + 1, 1] - course.aims[i + 1, 1]
                 priced += task.hold * (off_x * off_x + off_y * off_y) * dt
@@ -266,9 +271,14 @@ def optimiser(kind: Kind) -> Optimiser:
                 velocity(setup, states[i + 1], other)
                 bx, by = f[0] - other[0], f[1] - other[1]
             # The price on clearance is a function of the states before and after the step.
-            near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, slope, bend)
+            if point:
+                near = expand_point(setup.arena.field, task, x, y, dx, dy, dt, points, slope, bend)
+            else:
+                near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, slope, bend)
             if moving:
-                near = expand_among(setup.traffic, task, x, y, dx, dy, bx, by, times[i], dt, points, near, slope, bend)
+                near = expand_among(
+                    setup.traffic, task, x, y, dx, dy, bx, by, times[i], dt, points, point, near, slope, bend
+                )
             if near:
                 _follow(setup, states[i], states[i + 1], bends, chain)
             for j in range(n):

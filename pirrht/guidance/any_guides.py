@@ -22,7 +22,7 @@ from pirrht.guidance.tracking import MARGIN, PARABOLA, SAG, TOLERANCE, WILD, wal
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.gates import GATE, GATES
-from pirrht.rollouts.general.path import takes_law
+from pirrht.rollouts.general.path import is_gated, takes_law
 from pirrht.rollouts.records import FINER, MovingSetup, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics, no_homing
@@ -39,6 +39,8 @@ RAMP = 0.5  # of the slack of such a reference it takes to get up to its pace
 STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
 STEERED = 3.0  # lambda / (time in which noise carries the position over its clearance) costs so much
 SHAKEN = 0.75  # likewise where noise acts on the position itself; both tuned for even weights
+BESIDE = 0.5  # and where it does so among bodies that move, in lambda b^2 / c^2
+FADED = 5.0  # layers beyond which a wall then costs nothing
 SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
 PIECES = 5  # steps of it
 PROBES = 8  # states at which this is asked
@@ -135,7 +137,7 @@ class AnyGuidance:
         self.problem, self.setup, self.homology = problem, setup, homology
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         kind = kind_of(problem)
-        self.gated = kind.moving and d.n == d.m == 2 and not d.input_form
+        self.gated = is_gated(kind)
         self.passes, self.halts = optimiser(kind), kind.homing is no_homing
         self.active = self._asked()
         spread, curved, at_once = self._noise()
@@ -157,17 +159,28 @@ class AnyGuidance:
         """Whether guides can be made: all but points, which climb, and cars, whose guides are `tracking`'s."""
         return takes_law(kind_of(problem))
 
+    @property
+    def _share(self) -> float:
+        """Price at walls over what noise does there."""
+        if self.gated:
+            return BESIDE
+        return SHAKEN if self.problem.dynamics.noisy_position else STEERED
+
     def _task(self, warmth: float, strength: float, pace: float, curved: bool) -> Task:
         """What is minimised if walls were met under `warmth` times lambda; see `tracking.boundary_layer`."""
         temperature, rate = self.problem.temperature, self.problem.least_rate
         force = rate / wall_radius(self.problem)
         push = warmth * temperature * strength ** (2.0 / 3.0)
         layer = (push / force) ** 0.6
+        if self.gated:
+            # psi, which vanishes like the distance c, has the price lambda b^2 / (2 c^2) beside a flat wall.
+            push = warmth * temperature * pace * pace
+            layer = (push / force) ** (1.0 / 3.0)
         return Task(
             temperature=temperature,
-            margin=MARGIN * layer,
+            margin=(FADED if self.gated else MARGIN) * layer,
             least=PARABOLA * layer,
-            price=(SHAKEN if self.problem.dynamics.noisy_position else STEERED) * push,
+            price=self._share * push,
             spacing=math.sqrt(8.0 * wall_radius(self.problem) * SAG * layer),
             tolerance=TOLERANCE * warmth * temperature,
             steep=STEEP * math.sqrt(2.0 * rate / temperature),

@@ -20,7 +20,7 @@ def mills(z):  # type: ignore[no-untyped-def]
 
 @inlined
 def gate_slope(law, g, s, at, dx, dy):  # type: ignore[no-untyped-def]
-    """Slope (x, y) of log psi that gates add [1/m], (dx, dy) [m] off the guide; row s of a law has them from `at` on."""
+    """Slope (x, y) of log psi that gates add [1/m], (dx, dy) [m] off the guide; row s of a law has them from `at`."""
     sx, sy = 0.0, 0.0
     for k in range(GATES):
         first = at + GATE * k

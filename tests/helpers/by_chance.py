@@ -12,7 +12,7 @@ from pirrht.compiled.streams import stream, uniform
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.any_guides import AnyGuidance, AnyGuide, Track
 from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Proposal
+from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.guidance.priced_among import touches
 from pirrht.rollouts.among import HELD
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
@@ -105,6 +105,10 @@ def guided(
     keys = {integral.homology.key(winding): winding for winding in known}
     made = [(key, guidance.improve(x, times, key, known[winding], time=t)) for key, winding in keys.items()]
     kept = [(key, guide) for key, guide in made if guide is not None]
+    if not kept:
+        key, winding = next(iter(keys.items()))
+        tape = Tape(times, known[winding].tape(times))
+        return Batch(state=x, times=times, proposals=(Proposal(lead=tape, count=samples, key=key),), time=t), [], []
     least = min(guide.priced for _, guide in kept)
     kept = [(key, guide) for key, guide in kept if guide.priced < least + ASIDE * integral.temperature]
     counts = guidance.counts([guide for _, guide in kept], samples)

@@ -168,6 +168,11 @@ def diffusion_of(kind: Kind) -> Any:
     return through_inputs if kind.input_form else as_it_is
 
 
+def is_gated(kind: Kind) -> bool:
+    """Whether walls that are yet to be passed bend its law (`gates`): of a point where bodies move."""
+    return kind.moving and kind.n == kind.m == 2 and not kind.input_form
+
+
 def takes_law(kind: Kind) -> bool:
     """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do.
 
@@ -191,7 +196,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     noise_at: Any = diffusion_of(kind) if varying else drift
     fixed = n - rows
     moving = kind.moving
-    gated = moving and n == 2 and m == 2 and rows == 2
+    gated = is_gated(kind)
     turning = drift is unicycle_drift and rows == m == 1 and not moving
     car, leadable = turning and not gaining, takes_law(kind)
     bending = leadable and drifting and not noisy_position
