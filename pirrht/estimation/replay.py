@@ -25,7 +25,7 @@ class Replay(NamedTuple):
         """States (c, T+1, n) of chosen samples (c,), and the number of steps each took, (c,)."""
         T = rollouts.leads.control.shape[1]
         states, steps = np.zeros((len(chosen), T + 1, len(rollouts.x0))), np.zeros(len(chosen), np.int64)
-        self.kernels.trace(self.setup, rollouts.leads, rollouts.origin, chosen, states, steps)
+        self.kernels.trace(rollouts.setup or self.setup, rollouts.leads, rollouts.origin, chosen, states, steps)
         return states, steps
 
     def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
@@ -45,7 +45,7 @@ class Replay(NamedTuple):
             group[mask] = g
         number = np.flatnonzero(weight > NEGLIGIBLE)
         chosen = Chosen(number, group[number], weight[number])
-        self.kernels.control(self.setup, rollouts.leads, rollouts.origin, chosen, total, alive)
+        self.kernels.control(rollouts.setup or self.setup, rollouts.leads, rollouts.origin, chosen, total, alive)
         return total, alive, ess
 
     def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:

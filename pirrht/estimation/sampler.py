@@ -25,6 +25,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance, set_back
+from pirrht.geometry.traffic import Traffic, traffic_clearance
 from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.leads import Batch, Climb, Lead, Proposal, Tape
 from pirrht.guidance.tracking import Guidance
@@ -99,6 +100,16 @@ class PathIntegral:
         distance = BEHIND * math.sqrt(self._scales(x).noise * self.sampling.dt)
         radius = max(arena.radius - distance, SMALLEST * arena.radius)
         return distance, Arena(set_back(arena.field, distance), arena.goal, radius)
+
+    def foresee(self, traffic: Traffic, homology: TimedHomology) -> None:
+        """From now on bodies are taken to move otherwise, as `homology` of the same motions has them.
+
+        Both are on the clock that times of batches and guides are told on.
+        """
+        assert isinstance(self.setup, MovingSetup)
+        self.setup, self.homology = self.setup._replace(traffic=traffic), homology
+        if isinstance(self.guidance, AnyGuidance):
+            self.guidance.setup, self.guidance.homology = self.setup, homology
 
     def warm_up(self) -> None:
         """Compile what sampling, weighing and tracing need, so that the first plan takes no longer than the others."""
@@ -197,7 +208,7 @@ class PathIntegral:
             log_weight[slice(*part)] = log_weights(self.problem, self.sampling.weights, paths, first, part)
 
         _in_parallel(work, S, self.threads if self.kernels.alone < S else 1)
-        rollouts = Rollouts(origin=origin, leads=leads, paths=paths, log_weight=log_weight)
+        rollouts = Rollouts(origin=origin, leads=leads, paths=paths, log_weight=log_weight, setup=self.setup)
         return rollouts if self.beyond is None else self._completed(rollouts, self.beyond)
 
     def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Rollouts:
@@ -267,11 +278,11 @@ class PathIntegral:
             active=np.zeros(H, dtype=np.int64),
             first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64),
             ways=no_ways(H, C, NODES, scales.decay),
-            reach=scales.reach if climbs or (self.moving and self.pointlike) else 0.0,
+            reach=scales.reach if climbs else 0.0,
             beyond=self._beyond,
             least=LEAST * self.sampling.dt if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
-            window=window(scales.noise, self.setup.arena, x, times, longest) if self.pointlike else 1,
+            window=window(scales.noise, self._nearest(x, batch.time), times, longest) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=self._laws(H, T),
             led=np.zeros(H, np.int64),
@@ -283,6 +294,15 @@ class PathIntegral:
         leads.active[:] = np.where(busy.any(axis=1), T - np.argmax(busy[:, ::-1], axis=1), 0)
         leads.drift[:] = leads.control @ self.setup.gain.T
         return leads
+
+    def _nearest(self, x: Array, time: float) -> float:
+        """Distance of x (n,) from the nearest wall or the goal's disc at a time [s], [m]."""
+        arena = self.setup.arena
+        near = float(np.hypot(*(x[:2] - np.array(arena.goal)))) - arena.radius
+        near = min(float(clearance(arena.field, x[0], x[1])), near)
+        if isinstance(self.setup, MovingSetup):
+            near = min(near, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
+        return near
 
     def _laws(self, H: int, T: int) -> Array:
         """Room for the laws of H references over T steps."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.guidance.any_guides import AnyGuide
-from pirrht.guidance.gates import without
+from pirrht.guidance.gates import beyond_linear, without
 from pirrht.guidance.leads import Along, Lead
 from pirrht.guidance.tracking import Guide
 from pirrht.rollouts.records import FINER, Leads
@@ -28,7 +28,11 @@ class Follow(Lead):
         i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.modes) - 1)
         share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
         off = d.difference(x, guide.states[i] + share * d.difference(guide.states[i + 1], guide.states[i]))
-        a = self._bounded(guide.modes[i] + guide.gains[i] @ off)
+        a = guide.modes[i] + guide.gains[i] @ off
+        if guide.gates is not None:
+            row = min(i * FINER + round(share * FINER), len(guide.gates) - 1)
+            a = a + beyond_linear(guide.gates[row], d.B_c(x), guide.gains[i], off)
+        a = self._bounded(a)
         mean, sway = a[: d.m], a[d.m :]
         return guide.input_of(x, mean + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway if len(sway) else mean)
 

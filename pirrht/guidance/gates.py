@@ -16,7 +16,7 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.traffic import moving_walls
 from pirrht.rollouts.first_exit import two_walls
-from pirrht.rollouts.gates import GATE, GATES, mills
+from pirrht.rollouts.gates import GATE, GATES, gate_slope, mills
 
 WALLS = 6  # that are looked at from one place, at most
 APART = 0.5  # walls are different if the cosine of the angle between them is less
@@ -75,6 +75,14 @@ def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
                     gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3] = nx, ny, z, per
             if best == CARELESS:
                 break
+
+
+def beyond_linear(gates: Array, B: Array, gains: Array, off: Array) -> Array:
+    """What gates (GATES, GATE) add at `off` (2,) [m] from a guide to its linear law of gains (2, 2), (2,)."""
+    modes, less, weighed = without(gates[None], B, np.zeros((1, 2)), gains[None])
+    slope = np.array(gate_slope(weighed.reshape(1, 1, -1), 0, 0, 0, off[0], off[1]))
+    extra: Array = modes[0] + (less[0] - gains) @ off + B.T @ slope
+    return extra
 
 
 def without(gates: Array, B: Array, modes: Array, gains: Array, *, bounded: bool = True) -> tuple[Array, Array, Array]:

@@ -49,7 +49,7 @@ def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-u
             draws, u = uniform(draws)
             dt = math.sqrt(dx * dx + dy * dy) / best
             if s > 0:
-                dt *= 0.6 + u
+                dt *= 0.4 + 1.2 * u
             draws, u = uniform(draws)
             draws, v = uniform(draws)
             if v < 0.1 or dt == 0.0:
