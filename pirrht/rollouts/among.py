@@ -21,6 +21,7 @@ from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_cr
 SKIN = 0.4  # bodies are listed so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met
 CLOSE = 0.1  # of the robot's radius: sweeps advance at least by so much
+BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
 HELD = 5  # numbers of a list: distance within which all are on it, where and when that was known, until when it serves
 NEAR = 13  # numbers of a listed body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
 # pose [m], [rad] and its rates, until when these are right [s], whether the first five are known
@@ -216,8 +217,8 @@ def met_on_way(traffic, listed, count, x, y, mx, my, turn, t, dt, stop):  # type
             if c <= 0.0:
                 return share
             ahead = min(ahead, max(c, CLOSE * traffic.bodies.radius) / max(speed, LEAST))
-            if traffic.jumping[j] and ends - t > share * dt:
-                ahead = min(ahead, max((ends - t) / dt - share, LEAST))
+            if traffic.jumping[j]:
+                ahead = min(ahead, max((ends - t) / dt - share, 0.0) + BEYOND)
         if share >= stop:
             return NEVER
         share = min(stop, share + ahead)
