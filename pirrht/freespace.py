@@ -13,6 +13,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.survey import build_field
+from pirrht.geometry.traffic import Traffic
 from pirrht.topology.homology import Homology
 from pirrht.topology.obstacles import Component, components
 
@@ -29,6 +30,7 @@ class FreeSpace:
     field: Field
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
     homology: Homology
+    traffic: Traffic  # what moves, none of which the others know of
 
     @classmethod
     def of(cls, scene: Scene) -> FreeSpace:
@@ -48,6 +50,7 @@ class FreeSpace:
             field=_field(scene, collision, sorted(i for part in parts for i in part.members)),
             obstacles=encircled,
             homology=Homology(markers=markers, goal=scene.goal.center.astype(float)),
+            traffic=Traffic.of(scene),
         )
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:

@@ -16,7 +16,7 @@ from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.sums import centred, grouped, scatter
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollouts.records import Leads, Origin, Paths
+from pirrht.rollouts.records import Leads, MovingSetup, Origin, Paths, Setup
 
 OTHER = "other"
 FEW = 10.0  # effective samples that are too few for standard errors to mean much
@@ -30,6 +30,7 @@ class Rollouts:
     leads: Leads
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
+    setup: Setup | MovingSetup | None = None  # what they met; None: what a replay knows
 
     @property
     def x0(self) -> Array:

@@ -25,6 +25,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance, set_back
+from pirrht.geometry.traffic import Traffic, traffic_clearance
 from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.leads import Batch, Climb, Lead, Proposal, Tape
 from pirrht.guidance.tracking import Guidance
@@ -33,9 +34,12 @@ from pirrht.guidance.ways import NODES, way_of
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
-from pirrht.rollouts.records import FINER, LAW, Kernels, Leads, Origin, Setup, empty_paths
+from pirrht.rollouts.records import FINER, LAW, Kernels, Leads, MovingSetup, Origin, Setup, empty_paths
 from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
+from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.marks import NO_MARKS, Marks
+from pirrht.topology.moving import MovingHomology
 
 LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
 UNSURE = 3.0  # by so many nats a shortfall may change before it is found anew
@@ -51,6 +55,7 @@ class PathIntegral:
     Args:
         beyond: costs (k,) [cost] of going on from states (k, n) at the end of the grid; None: a path that has not
             arrived by then weighs nothing.
+        homology: of paths in space and time, where bodies move; None: with bases at the best speed.
     """
 
     def __init__(
@@ -60,13 +65,19 @@ class PathIntegral:
         sampling: Sampling,
         *,
         beyond: Callable[[Array], Array] | None = None,
+        homology: TimedHomology | None = None,
     ) -> None:
         self.problem, self.space, self.sampling, self.beyond = problem, space, sampling, beyond
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
+        self.moving = bool(problem.scene.movers)
+        self.homology = timed_homology(problem, space) if homology is None and self.moving else homology
         self.setup = _setup(problem, space, sampling.exit == "bridge")
         self.guidance: Guidance | AnyGuidance | None = None
-        if sampling.guide == "feedback" and Guidance.suits(problem):
+        if sampling.guide == "feedback" and self.moving:
+            self.guidance = AnyGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
+        elif sampling.guide == "feedback" and Guidance.suits(problem):
+            assert isinstance(self.setup, Setup)
             self.guidance = Guidance(problem, self.setup, sways=sampling.fitted)
         elif sampling.guide == "feedback" and AnyGuidance.suits(problem):
             self.guidance = AnyGuidance(problem, self.setup, sways=sampling.fitted)
@@ -89,6 +100,16 @@ class PathIntegral:
         distance = BEHIND * math.sqrt(self._scales(x).noise * self.sampling.dt)
         radius = max(arena.radius - distance, SMALLEST * arena.radius)
         return distance, Arena(set_back(arena.field, distance), arena.goal, radius)
+
+    def foresee(self, traffic: Traffic, homology: TimedHomology) -> None:
+        """From now on bodies are taken to move otherwise, as `homology` of the same motions has them.
+
+        Both are on the clock that times of batches and guides are told on.
+        """
+        assert isinstance(self.setup, MovingSetup)
+        self.setup, self.homology = self.setup._replace(traffic=traffic), homology
+        if isinstance(self.guidance, AnyGuidance):
+            self.guidance.setup, self.guidance.homology = self.setup, homology
 
     def warm_up(self) -> None:
         """Compile what sampling, weighing and tracing need, so that the first plan takes no longer than the others."""
@@ -124,7 +145,7 @@ class PathIntegral:
     @property
     def climbs(self) -> bool:
         """Whether samples climb the desirability of references' ways, pushed off walls, instead of following tapes."""
-        return self.sampling.guide == "feedback" and self.problem.dynamics.even
+        return self.sampling.guide == "feedback" and self.problem.dynamics.even and not self.moving
 
     @property
     def pointlike(self) -> bool:
@@ -180,14 +201,14 @@ class PathIntegral:
         first, H = leads.first, len(batch.proposals)
         S = int(first[-1])
         paths, log_weight = empty_paths(S, H, self.problem.dynamics.m), np.empty(S)
-        origin = Origin(np.ascontiguousarray(batch.state, dtype=float), np.uint64(seed))
+        origin = Origin(np.ascontiguousarray(batch.state, dtype=float), np.uint64(seed), float(batch.time))
 
         def work(part: tuple[int, int]) -> None:
             self.kernels.sample(self.setup, leads, origin, part[0], part[1], paths)
             log_weight[slice(*part)] = log_weights(self.problem, self.sampling.weights, paths, first, part)
 
         _in_parallel(work, S, self.threads if self.kernels.alone < S else 1)
-        rollouts = Rollouts(origin=origin, leads=leads, paths=paths, log_weight=log_weight)
+        rollouts = Rollouts(origin=origin, leads=leads, paths=paths, log_weight=log_weight, setup=self.setup)
         return rollouts if self.beyond is None else self._completed(rollouts, self.beyond)
 
     def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Rollouts:
@@ -261,10 +282,11 @@ class PathIntegral:
             beyond=self._beyond,
             least=LEAST * self.sampling.dt if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
-            window=window(scales.noise, self.setup.arena, x, times, longest) if self.pointlike else 1,
+            window=window(scales.noise, self._nearest(x, batch.time), times, longest) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=self._laws(H, T),
             led=np.zeros(H, np.int64),
+            marks=NO_MARKS if self.homology is None else Marks.of(self.homology, x, times + batch.time),
         )
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(leads, h)
@@ -273,6 +295,15 @@ class PathIntegral:
         leads.drift[:] = leads.control @ self.setup.gain.T
         return leads
 
+    def _nearest(self, x: Array, time: float) -> float:
+        """Distance of x (n,) from the nearest wall or the goal's disc at a time [s], [m]."""
+        arena = self.setup.arena
+        near = float(np.hypot(*(x[:2] - np.array(arena.goal)))) - arena.radius
+        near = min(float(clearance(arena.field, x[0], x[1])), near)
+        if isinstance(self.setup, MovingSetup):
+            near = min(near, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
+        return near
+
     def _laws(self, H: int, T: int) -> Array:
         """Room for the laws of H references over T steps."""
         if isinstance(self.guidance, AnyGuidance):
@@ -280,11 +311,19 @@ class PathIntegral:
         return np.zeros((H, T, LAW))
 
 
-def _setup(problem: Problem, space: FreeSpace, bridge: bool) -> Setup:
+def timed_homology(problem: Problem, space: FreeSpace) -> TimedHomology:
+    """Of paths among all that stands and moves in a scene, with bases at the speed that costs least in the open."""
+    R, scene = problem.control_cost(problem.dynamics.state_of(problem.scene.start)), space.scene
+    speed = math.sqrt(2.0 * problem.least_rate / float(R[0, 0]))
+    moving = MovingHomology.of(scene.movers, scene.footprint, scene.goal.center, speed)
+    return TimedHomology(standing=space.homology, moving=moving)
+
+
+def _setup(problem: Problem, space: FreeSpace, bridge: bool) -> Setup | MovingSetup:
     d = problem.dynamics
     x = np.zeros(d.n)
     constant, told = d.constant, d.constant or d.input_form
-    return Setup(
+    setup = Setup(
         arena=space.arena,
         cuts=space.homology.cuts,
         parameters=np.asarray(d.parameters, dtype=float),
@@ -295,6 +334,7 @@ def _setup(problem: Problem, space: FreeSpace, bridge: bool) -> Setup:
         bridge=bridge,
         pace=problem.least_rate / problem.temperature,
     )
+    return MovingSetup.of(setup, space.traffic) if problem.scene.movers else setup
 
 
 def _in_parallel(work, count: int, threads: int) -> None:  # type: ignore[no-untyped-def]

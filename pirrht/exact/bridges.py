@@ -12,8 +12,8 @@ import math
 from typing import NamedTuple
 
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.exact.bodies import Bodies, clearance_and_slope
 from pirrht.exact.domain import Frame
+from pirrht.geometry.bodies import Bodies, clearance_and_slope
 from pirrht.geometry.walls import stands_apart
 
 WALLS = 4  # directions of walls that are told apart, as seen from one place

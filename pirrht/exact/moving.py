@@ -19,7 +19,6 @@ from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.exact import moving_look, planar
-from pirrht.exact.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.exact.bridges import Room, Step
 from pirrht.exact.domain import Domain, affordable, frame_at, in_goal
 from pirrht.exact.march import march, taps_along
@@ -27,6 +26,7 @@ from pirrht.exact.moving_look import BEYOND, March, in_wall
 from pirrht.exact.payoffs import at_goal
 from pirrht.exact.timetable import Timetable, timetable
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 

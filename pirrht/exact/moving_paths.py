@@ -9,11 +9,11 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import normals, stream
-from pirrht.exact.bodies import clearance_from
 from pirrht.exact.domain import in_goal
 from pirrht.exact.moving_look import March, look, poses_of
 from pirrht.exact.optimal_paths import CAREFUL, LONGEST, SHORTEST
 from pirrht.geometry.arcs import turns_of_chord
+from pirrht.geometry.bodies import clearance_from
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
 from pirrht.topology.cuts import straight_turns
 from pirrht.topology.homology import Homology

@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.exact.bodies import clearance_from
 from pirrht.exact.bridges import WALLS, log_sum, missed, outside, walls_around
+from pirrht.geometry.bodies import clearance_from
 
 LEVER = 0.2  # of second differences, as a share of the robot's radius
 MOST = 1 + WALLS + 4  # boundaries at one place: the goal's rim, walls, and the sides of the border

@@ -10,6 +10,8 @@ flat          cells in which distances are linear, so that coarse blocks err by 
 certify       what the field certifies about points, segments and curves (`ObstacleFree` of Algorithms 2 and 3)
 saddles       where free space narrows before it widens again; passages: how wide it is there, and the way through
 pages         the same search where the field lies in blocks
+motion        bodies that move and how; crowd: how far they are as FCL says, and whether one passes over a robot
+bodies        distances in the frames of bodies, in closed form or from tables; traffic: the same as kernels ask
 arcs          curves of arcs and straight pieces, and the angle of a chord, absmin of section IV-A
 arena         field and goal together: what a path asks about the world
 

@@ -19,12 +19,15 @@ from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.guidance.ddp import HALVINGS, LEAST_CURVATURE, class_of
 from pirrht.guidance.priced import expand_price, price_of
+from pirrht.guidance.priced_among import expand_among, expand_point, point_price, price_among, touches
 from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.guidance.step_map import NUDGE, step_of
+from pirrht.rollouts.among import HELD
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
-from pirrht.rollouts.general.path import Kind, diffusion_of
+from pirrht.rollouts.general.path import Kind, diffusion_of, is_gated
 from pirrht.rollouts.homing import wrapped
 from pirrht.systems.dynamics import no_homing
+from pirrht.topology.marks import key_of_path
 
 
 class Task(NamedTuple):
@@ -88,6 +91,8 @@ def optimiser(kind: Kind) -> Optimiser:
     through_inputs = by_inputs and kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if through_inputs else kind.drift
 
+    moving = kind.moving
+    point = is_gated(kind)
     stranded = noisy_position and homing_of is no_homing
 
     @kernel
@@ -180,7 +185,13 @@ def optimiser(kind: Kind) -> Optimiser:
             for j in range(u.shape[0]):
                 running += 0.5 * task.temperature * u[j] * u[j] * dt
             cost, priced = cost + running, priced + running
-            priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points)
+            if point:
+                priced += point_price(setup.arena.field, task, x[0], x[1], dx, dy, dt, points)
+            else:
+                priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points)
+            if moving:
+                now, bow_x, bow_y = times[i], bow[0], bow[1]
+                priced += price_among(setup.traffic, task, x[0], x[1], dx, dy, bow_x, bow_y, now, dt, points, point)
             if held:
                 off_x, off_y = states[i + 1, 0] - course.aims[i + 1, 0], states[i + 1, 1] - course.aims[i + 1, 1]
                 priced += task.hold * (off_x * off_x + off_y * off_y) * dt
@@ -260,7 +271,14 @@ def optimiser(kind: Kind) -> Optimiser:
                 velocity(setup, states[i + 1], other)
                 bx, by = f[0] - other[0], f[1] - other[1]
             # The price on clearance is a function of the states before and after the step.
-            near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, slope, bend)
+            if point:
+                near = expand_point(setup.arena.field, task, x, y, dx, dy, dt, points, slope, bend)
+            else:
+                near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, slope, bend)
+            if moving:
+                near = expand_among(
+                    setup.traffic, task, x, y, dx, dy, bx, by, times[i], dt, points, point, near, slope, bend
+                )
             if near:
                 _follow(setup, states[i], states[i + 1], bends, chain)
             for j in range(n):
@@ -368,26 +386,40 @@ def optimiser(kind: Kind) -> Optimiser:
         return expected
 
     @kernel
-    def _is_free(setup, states, length, times):  # type: ignore[no-untyped-def]
-        """Whether the first `length` steps of states (T+1, n) touch nothing; `times` (T+1,) [s], (0,) if straight."""
+    def _is_free(setup, states, length, times, bows):  # type: ignore[no-untyped-def]
+        """Whether the first `length` steps of states (T+1, n), straight or bows, touch nothing; `times` (T+1,) [s]."""
         f, turn = np.zeros((2, n)), 0.0
+        if moving:
+            held, listed = np.empty(HELD), np.empty(setup.traffic.lead.shape[0], np.int64)
         for i in range(length):
             x, y, dx, dy = states[i, 0], states[i, 1], states[i + 1, 0] - states[i, 0], states[i + 1, 1] - states[i, 1]
-            if times.shape[0] > 0:
+            if bows:
                 velocity(setup, states[i], f[0])
                 velocity(setup, states[i + 1], f[1])
                 turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], dx, dy, times[i + 1] - times[i])
             outcome, _ = sweep_exit(setup.arena, x, y, states[i + 1, 0], states[i + 1, 1], turn)
             if outcome == COLLISION:
                 return False
+            if moving:
+                dt = times[i + 1] - times[i]
+                if touches(setup.traffic, x, y, states[i + 1, 0], states[i + 1, 1], turn, times[i], dt, held, listed):
+                    return False
         return True
+
+    @kernel
+    def key_of(setup, states, length):  # type: ignore[no-untyped-def]
+        """Additive class key of the first `length` steps of states (T+1, n)."""
+        key = class_of(setup, states, length)
+        if moving:
+            key += key_of_path(setup.marks, setup.arena.goal, states, length)
+        return key
 
     @kernel
     def optimise(setup, task, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
         """Improve a trajectory of class `key` in place; once it is of its class, or touches nothing too, it stays so.
 
         Args:
-            times: (T+1,) ends of the steps [s].
+            times: (T+1,) ends of the steps [s]; where bodies move, on their clock.
             key: additive class key that the result must have; asked unless aims are held to.
             rounds: at most so many backward passes.
             course: the trajectory followed, its gains used until the first backward pass; overwritten.
@@ -408,14 +440,14 @@ def optimiser(kind: Kind) -> Optimiser:
         fastest = 0.0
         for i in range(steps):
             way = math.sqrt((other[i + 1, 0] - other[i, 0]) ** 2 + (other[i + 1, 1] - other[i, 1]) ** 2)
-            fastest = max(fastest, way)
+            fastest = max(fastest, way + (setup.traffic.speed * (times[i + 1] - times[i]) if moving else 0.0))
         points = max(1, min(8, math.ceil(1.2 * fastest / task.spacing)))
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
         control[:], states[:] = tried, other
         held = task.hold > 0.0
-        bowed = times if not noisy_position and control.shape[1] > m else times[:0]
-        right = held or class_of(setup, states, steps) == key
-        sound = right and (held or _is_free(setup, states, steps, bowed))
+        bows = not noisy_position and control.shape[1] > m
+        right = held or key_of(setup, states, steps) == key
+        sound = right and (held or _is_free(setup, states, steps, times, bows))
         damping, done, again = 0.0, 0, False
         for _ in range(rounds):
             done += 1
@@ -426,8 +458,8 @@ def optimiser(kind: Kind) -> Optimiser:
             for _ in range(HALVINGS):
                 k, c, p = forward(setup, task, times, course, steps, step, points, trial)
                 if k >= 0 and p < priced - 0.1 * step * expected:
-                    same = held or class_of(setup, other, k) == key
-                    clear = same and (held or _is_free(setup, other, k, bowed))
+                    same = held or key_of(setup, other, k) == key
+                    clear = same and (held or _is_free(setup, other, k, times, bows))
                     if clear or (not sound and (same or not right)):
                         better, right, sound, steps, cost, priced = True, same, clear, k, c, p
                         break

@@ -15,14 +15,19 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
+from pirrht.geometry.traffic import traffic_clearance
 from pirrht.guidance.any_ddp import Course, Task, empty_course, optimiser
+from pirrht.guidance.gates import CARELESS, gates_of
 from pirrht.guidance.tracking import MARGIN, PARABOLA, SAG, TOLERANCE, WILD, wall_radius, worth
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kind_of
-from pirrht.rollouts.general.path import takes_law
-from pirrht.rollouts.records import Setup, law_width
+from pirrht.rollouts.gates import GATE, GATES
+from pirrht.rollouts.general.path import is_gated, takes_law
+from pirrht.rollouts.records import FINER, MovingSetup, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics, no_homing
+from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.marks import NO_MARKS, Marks
 
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
@@ -34,6 +39,8 @@ RAMP = 0.5  # of the slack of such a reference it takes to get up to its pace
 STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
 STEERED = 3.0  # lambda / (time in which noise carries the position over its clearance) costs so much
 SHAKEN = 0.75  # likewise where noise acts on the position itself; both tuned for even weights
+BESIDE = 0.5  # and where it does so among bodies that move, in lambda b^2 / c^2
+FADED = 5.0  # layers beyond which a wall then costs nothing
 SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
 PIECES = 5  # steps of it
 PROBES = 8  # states at which this is asked
@@ -80,6 +87,7 @@ class AnyGuide:
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
     priced: float  # the same with clearance priced [cost]
     valid: bool  # whether it touches nothing and is of its class
+    gates: Array | None = None  # (T FINER, GATES, GATE) of a point among what moves: walls it has yet to pass
 
     def input_of(self, x: Array, a: Array) -> Array:
         """The control u (m,) at x (n,) of one in noise units (m,)."""
@@ -118,14 +126,19 @@ class AnyGuidance:
 
     Args:
         sways: whether controls may rise or fall within a step, as the noise of rollouts does.
+        homology: of paths in space and time, where bodies move.
     """
 
-    def __init__(self, problem: Problem, setup: Setup, *, sways: bool) -> None:
+    def __init__(
+        self, problem: Problem, setup: Setup | MovingSetup, *, sways: bool, homology: TimedHomology | None = None
+    ) -> None:
         assert self.suits(problem)
         d = problem.dynamics
-        self.problem, self.setup = problem, setup
+        self.problem, self.setup, self.homology = problem, setup, homology
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
-        self.passes, self.halts = optimiser(kind_of(problem)), d.homing is no_homing
+        kind = kind_of(problem)
+        self.gated = is_gated(kind)
+        self.passes, self.halts = optimiser(kind), kind.homing is no_homing
         self.active = self._asked()
         spread, curved, at_once = self._noise()
         most = float(np.linalg.eigvalsh(spread[:2, :2])[-1])
@@ -139,12 +152,19 @@ class AnyGuidance:
     @property
     def law_width(self) -> int:
         """Numbers of the law of a step."""
-        return law_width(self.problem.dynamics.n, self.width)
+        return law_width(self.problem.dynamics.n, self.width) + (GATES * GATE if self.gated else 0)
 
     @staticmethod
     def suits(problem: Problem) -> bool:
         """Whether guides can be made: all but points, which climb, and cars, whose guides are `tracking`'s."""
         return takes_law(kind_of(problem))
+
+    @property
+    def _share(self) -> float:
+        """Price at walls over what noise does there."""
+        if self.gated:
+            return BESIDE
+        return SHAKEN if self.problem.dynamics.noisy_position else STEERED
 
     def _task(self, warmth: float, strength: float, pace: float, curved: bool) -> Task:
         """What is minimised if walls were met under `warmth` times lambda; see `tracking.boundary_layer`."""
@@ -152,11 +172,15 @@ class AnyGuidance:
         force = rate / wall_radius(self.problem)
         push = warmth * temperature * strength ** (2.0 / 3.0)
         layer = (push / force) ** 0.6
+        if self.gated:
+            # psi, which vanishes like the distance c, has the price lambda b^2 / (2 c^2) beside a flat wall.
+            push = warmth * temperature * pace * pace
+            layer = (push / force) ** (1.0 / 3.0)
         return Task(
             temperature=temperature,
-            margin=MARGIN * layer,
+            margin=(FADED if self.gated else MARGIN) * layer,
             least=PARABOLA * layer,
-            price=(SHAKEN if self.problem.dynamics.noisy_position else STEERED) * push,
+            price=self._share * push,
             spacing=math.sqrt(8.0 * wall_radius(self.problem) * SAG * layer),
             tolerance=TOLERANCE * warmth * temperature,
             steep=STEEP * math.sqrt(2.0 * rate / temperature),
@@ -210,7 +234,7 @@ class AnyGuidance:
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
-        self._from(x, np.arange(3.0), 0, (self._empty(2), 1), WARM)
+        self._from(self._clock(x, np.arange(3.0), 0.0), x, np.arange(3.0), 0, (self._empty(2), 1), WARM)
 
     def improve(
         self,
@@ -220,6 +244,7 @@ class AnyGuidance:
         trajectory: Trajectory,
         last: AnyGuide | None = None,
         elapsed: float = 0.0,
+        time: float = 0.0,
     ) -> AnyGuide | None:
         """A guide from x (n,) in the class with this additive key; None if it does not arrive within `times`.
 
@@ -227,24 +252,40 @@ class AnyGuidance:
             times: ends of the rollout steps, (T+1,) from 0 [s].
             trajectory: the reference.
             last: the guide of the same class made `elapsed` [s] ago.
+            time: now, on the clock of what moves [s].
 
         If the improvement leaves the class or touches something, samples follow the reference itself, with feedback;
         but where noise has carried the robot into a wall's zone the last guide is the way out of it.
         """
-        guide = None
+        guide, clock = None, self._clock(x, times, time)
         if last is not None:
-            guide = self._from(x, times, key, self._shifted(last, times, elapsed), WARM)
+            guide = self._from(clock, x, times, key, self._shifted(last, times, elapsed), WARM)
             if guide is not None and guide.valid:
                 return guide
-        if guide is not None and not clearance(self.setup.arena.field, x[0], x[1]) > 0.0:
+        if guide is not None and not self._clearance(x, time) > 0.0:
             return guide
         begun = self._along if trajectory.slack is None else self._tracked
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of a room.
         stages = COLD[1:] if self.problem.dynamics.noisy_position else COLD
-        guide = self._from(x, times, key, begun(x, trajectory, times), stages)
+        guide = self._from(clock, x, times, key, begun(x, trajectory, times), stages)
         if guide is None or guide.valid:
             return guide
-        return self._from(x, times, key, begun(x, trajectory, times), NONE)
+        return self._from(clock, x, times, key, begun(x, trajectory, times), NONE)
+
+    def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
+        """What paths from x (n,) meet, and ends of their steps (T+1,) [s] on the clock of what moves."""
+        if not isinstance(self.setup, MovingSetup):
+            return self.setup, times
+        then = np.ascontiguousarray(times + time)
+        marks = NO_MARKS if self.homology is None else Marks.of(self.homology, x, then)
+        return self.setup._replace(marks=marks), then
+
+    def _clearance(self, x: Array, time: float) -> float:
+        """Of the robot's centre at x (n,) [m], from what moves at a time [s]."""
+        free = float(clearance(self.setup.arena.field, x[0], x[1]))
+        if isinstance(self.setup, MovingSetup):
+            free = min(free, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
+        return free
 
     def counts(self, guides: Sequence[AnyGuide | None], samples: int) -> list[int]:
         """Samples around each reference, (H,): N, or few where a class can hardly carry any weight (`worth`)."""
@@ -254,9 +295,15 @@ class AnyGuidance:
         return empty_course(T, self.problem.dynamics.n, self.width)
 
     def _from(
-        self, x: Array, times: Array, key: int, start: tuple[Course, int], stages: Sequence[tuple[float, int]]
+        self,
+        clock: tuple[Setup | MovingSetup, Array],
+        x: Array,
+        times: Array,
+        key: int,
+        start: tuple[Course, int],
+        stages: Sequence[tuple[float, int]],
     ) -> AnyGuide | None:
-        course, length = start
+        (setup, then), (course, length) = clock, start
         course.states[0] = x
         cost = priced = np.inf
         sound = False
@@ -265,7 +312,7 @@ class AnyGuidance:
                 return None
             length = self._held_on(course, times, length)
             task = self.tasks[warmth]
-            length, cost, priced, _, sound = self.passes.optimise(self.setup, task, times, key, rounds, course, length)
+            length, cost, priced, _, sound = self.passes.optimise(setup, task, then, key, rounds, course, length)
         if length < 1:
             return None
         length = self._held_on(course, times, length)
@@ -277,7 +324,23 @@ class AnyGuidance:
             dynamics=self.problem.dynamics, times=times, states=course.states, modes=course.control,
             gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
             metric=self.metric, steep=self.tasks[1.0].steep, length=length, cost=cost, priced=priced, valid=bool(sound),
+            gates=self._gates(setup, then, course.states, length) if self.gated else None,
         )  # fmt: skip
+
+    def _gates(self, setup: Setup | MovingSetup, times: Array, states: Array, length: int) -> Array:
+        """Gates (T FINER, GATES, GATE) of a guide (T+1, 2) at times (T+1,) [s]; none past its length."""
+        rows = length * FINER + 1
+        i, share = np.divmod(np.arange(rows) / FINER, 1.0)
+        i = np.minimum(i.astype(np.int64), len(times) - 2)
+        share = np.where(np.arange(rows) == (len(times) - 1) * FINER, 1.0, share)[:, None]
+        places = np.ascontiguousarray((1.0 - share) * states[i] + share * states[i + 1])
+        when = (1.0 - share[:, 0]) * times[i] + share[:, 0] * times[i + 1]
+        d = self.problem.dynamics
+        noise = math.sqrt(float(np.trace(d.B_c(states[0]) @ d.B_c(states[0]).T)) / 2.0)
+        out = np.zeros(((len(times) - 1) * FINER, GATES, GATE))
+        found = gates_of(setup, places, when, noise, CARELESS * noise * math.sqrt(float(when[-1] - when[0])))
+        out[: rows - 1] = found[: rows - 1]
+        return out
 
     def _held_on(self, course: Course, times: Array, length: int) -> int:
         """Hold the last law for ON steps more, in which what nothing homes in enters the goal; how many steps it has.

@@ -9,6 +9,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.guidance.any_guides import AnyGuide
+from pirrht.guidance.gates import beyond_linear, without
 from pirrht.guidance.leads import Along, Lead
 from pirrht.guidance.tracking import Guide
 from pirrht.rollouts.records import FINER, Leads
@@ -27,7 +28,11 @@ class Follow(Lead):
         i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.modes) - 1)
         share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
         off = d.difference(x, guide.states[i] + share * d.difference(guide.states[i + 1], guide.states[i]))
-        a = self._bounded(guide.modes[i] + guide.gains[i] @ off)
+        a = guide.modes[i] + guide.gains[i] @ off
+        if guide.gates is not None:
+            row = min(i * FINER + round(share * FINER), len(guide.gates) - 1)
+            a = a + beyond_linear(guide.gates[row], d.B_c(x), guide.gains[i], off)
+        a = self._bounded(a)
         mean, sway = a[: d.m], a[d.m :]
         return guide.input_of(x, mean + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway if len(sway) else mean)
 
@@ -48,9 +53,19 @@ class Follow(Lead):
         parts = [(1.0 - share) * part[i] + share * part[then] for part in (guide.modes, guide.gains.reshape(T, -1))]
         parts.append(self._states(i, share))
         parts += [part[i].reshape(len(row), -1) for part in (guide.share, guide.inverse, guide.volume)]
+        if guide.gates is not None:
+            d = guide.dynamics
+            gains = parts[1].reshape(-1, d.m, d.n)
+            modes, gains, gates = without(guide.gates, d.B_c(guide.states[0]), parts[0], gains)
+            parts[:2] = [modes, gains.reshape(len(row), -1)]
+            leads.law[h, :, -gates[0].size :] = gates.reshape(len(row), -1)
         table = np.hstack(parts)
-        width = table.shape[1]
-        leads.law[h, :, :width], leads.law[h, :, width], leads.law[h, :, width + 1 :] = table, guide.steep, guide.metric
+        width, n = table.shape[1], len(guide.metric)
+        leads.law[h, :, :width], leads.law[h, :, width], leads.law[h, :, width + 1 : width + 1 + n] = (
+            table,
+            guide.steep,
+            guide.metric,
+        )
 
     def _states(self, i: IntArray, share: Array) -> Array:
         """States (k, n) at shares (k, 1) of steps i (k,): straight lines, but for positions, which go on smoothly."""

@@ -162,6 +162,7 @@ class Batch:
     state: Array  # (n,)
     times: Array  # (T+1,) ends of the steps, from 0 [s]
     proposals: tuple[Proposal, ...]  # (H,)
+    time: float = 0.0  # now, on the clock of what moves [s]
 
     @property
     def counts(self) -> list[int]:

@@ -15,8 +15,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
-from pirrht.geometry.arena import Arena
-from pirrht.geometry.field import Field, clearance
+from pirrht.geometry.field import Field
 from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import two_walls, wall_slope
 
@@ -42,14 +41,12 @@ class Scales(NamedTuple):
         return cls(noise=noise, decay=decay, reach=REACH / decay)
 
 
-def window(noise: float, arena: Arena, x: Array, times: Array, longest: float) -> int:
+def window(noise: float, near: float, times: Array, longest: float) -> int:
     """Leading steps of a grid (T+1,) [s] over which the control now is averaged, at least one, at most `longest` [s].
 
-    Besides the guide, which is followed exactly, the optimal control changes near walls and goal: about as fast as
-    `noise` (`Scales`) carries a path there.
+    Besides the guide, which is followed exactly, the optimal control changes near walls and goal, the nearest of which
+    is so near [m]: about as fast as `noise` (`Scales`) carries a path there.
     """
-    to_goal = float(np.hypot(*(x[:2] - np.array(arena.goal)))) - arena.radius
-    near = min(float(clearance(arena.field, x[0], x[1])), to_goal)
     span = min(max(SHARE * near**2 / noise, AVERAGED), longest)
     return max(1, int(np.searchsorted(times, span + 1e-9, side="right")) - 1)
 

@@ -17,16 +17,19 @@ from pirrht.compiled.jit import as_jitable
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.loops import loops
 from pirrht.rollouts.general.path import Kind, any_path
+from pirrht.rollouts.homing import car_home, straight_home
 from pirrht.rollouts.point.block import is_point, sample
 from pirrht.rollouts.point.replay import control, trace
 from pirrht.rollouts.records import Kernels
+from pirrht.systems.dynamics import no_homing
+from pirrht.systems.unicycle import unicycle_drift
 
 ALONE = 2400  # samples of a point, many abreast
 
 
 def kernels_for(problem: Problem) -> Kernels:
     """The compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
-    if is_point(problem.dynamics) and not callable(problem.q):
+    if is_point(problem.dynamics) and not callable(problem.q) and not problem.scene.movers:
         return Kernels(sample, control, trace, alone=ALONE)
     return loops(*any_path(kind_of(problem)), problem.dynamics.m)
 
@@ -45,11 +48,23 @@ def kind_of(problem: Problem) -> Kind:
         varying_rate=callable(problem.q),
         noisy_position=d.noisy_position,
         angles=sum(1 << i for i in d.angles),
-        homing=as_jitable(d.homing),
+        homing=as_jitable(_homing(problem)),
         input_form=d.input_form,
         midway=d.stratonovich,
         astray=d.n == d.m == 2 and not d.even,
+        moving=bool(problem.scene.movers),
     )
+
+
+def _homing(problem: Problem) -> Callable[..., None]:
+    """What samples do that outlive their law; where bodies move also points and cars are led by one."""
+    d = problem.dynamics
+    if problem.scene.movers and d.homing is no_homing:
+        if d.n == d.m == 2 and not d.input_form:
+            return straight_home
+        if d.drift is unicycle_drift and d.m == 1:
+            return car_home
+    return d.homing
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pirrht.compiled.jit import inlined
+from pirrht.compiled.jit import inlined, jitable
 
 STEEP = 6.0  # |u| of a guide stays below this
 
@@ -28,3 +28,21 @@ def homing(x, y, theta, gx, gy, radius, bound):  # type: ignore[no-untyped-def]
     off = wrapped(math.atan2(dy, dx) - theta)
     within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
     return max(-bound, min(bound, TURN_GAIN * (max(0.0, off - within) + min(0.0, off + within))))
+
+
+@jitable
+def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """What is best of a point at x (2,) that nothing is in the way of: `Dynamics.homing` where bodies move."""
+    dx, dy = aim[0] - x[0], aim[1] - x[1]
+    det = B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]
+    a, b = (B[1, 1] * dx - B[0, 1] * dy) / det, (B[0, 0] * dy - B[1, 0] * dx) / det
+    size = math.sqrt(a * a + b * b) + 1e-12
+    scale = math.sqrt(2.0 * rate) / size
+    out[0], out[1] = scale * a, scale * b
+
+
+@jitable
+def car_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """The turn rate of a car at x (3,) likewise."""
+    bound = STEEP * math.sqrt(rate) * B[0, 0]
+    out[0] = homing(x[0], x[1], x[2], aim[0], aim[1], radius, bound) / B[0, 0]

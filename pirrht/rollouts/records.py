@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.arena import Arena
+from pirrht.geometry.traffic import Traffic
 from pirrht.rollouts.ways import Ways
 from pirrht.topology.cuts import Cuts
+from pirrht.topology.marks import NO_MARKS, Marks
 
 LAW = 15  # numbers of a car's law
 FINER = 4  # rows of the law of any other system per step of the grid
@@ -41,6 +43,27 @@ class Setup(NamedTuple):
     pace: float = 1.0  # least q / lambda [1/s]
 
 
+class MovingSetup(NamedTuple):
+    """The same where bodies move."""
+
+    arena: Arena  # of what stands
+    cuts: Cuts
+    parameters: Array
+    gain: Array
+    inverse: Array
+    diffusion: Array
+    rate: float
+    bridge: bool
+    pace: float
+    traffic: Traffic
+    marks: Marks  # of no path; guides are told those of their steps
+
+    @classmethod
+    def of(cls, setup: Setup, traffic: Traffic) -> MovingSetup:
+        """What moves beside what stands."""
+        return cls(*setup, traffic, NO_MARKS)
+
+
 class Leads(NamedTuple):
     """What samples around H references follow, one row each: a tape, a way or a law; kernels read it."""
 
@@ -59,6 +82,7 @@ class Leads(NamedTuple):
     law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
     # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
+    marks: Marks = NO_MARKS  # about which paths are told apart where bodies move
 
 
 class Origin(NamedTuple):
@@ -66,6 +90,7 @@ class Origin(NamedTuple):
 
     x: Array  # (n,) state they start from
     seed: np.uint64
+    time: float = 0.0  # when they do, on the clock of what moves [s]
 
 
 class Chosen(NamedTuple):

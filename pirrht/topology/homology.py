@@ -61,7 +61,7 @@ class Homology:
     @property
     def hash_weights(self) -> IntArray:
         """Odd integers r (M,) such that a class has the additive key sum k_l r_l (mod 2^64)."""
-        return _hash_weights(self.M)
+        return hash_weights(self.M)
 
     def key(self, winding: Sequence[int]) -> int:
         """The additive key of a class (M,), as kernels carry it (a wrapped 64-bit integer)."""
@@ -71,7 +71,8 @@ class Homology:
 
 
 @cache
-def _hash_weights(M: int) -> IntArray:
+def hash_weights(M: int) -> IntArray:
+    """Odd integers (M,), one for each of so many markers."""
     draws = np.random.default_rng(0x5157).integers(0, 2**62, size=M, dtype=np.int64)
     return draws * 2 + 1
 

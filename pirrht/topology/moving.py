@@ -159,6 +159,15 @@ def _place(tracks, begin, end, k, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
+    """Where marker j is at t [s], (x, y) [m]; the earlier place where it jumps at that moment."""
+    begin, end, period = tracks.first[j], tracks.first[j + 1], tracks.period[j]
+    if period > 0.0 and t > tracks.time[begin]:
+        t -= max(math.ceil((t - tracks.time[begin]) / period) - 1.0, 0.0) * period
+    return _place(tracks, begin, end, begin + np.searchsorted(tracks.time[begin:end], t, side="right"), t)
+
+
+@kernel
 def add_turns(tracks, path, out):  # type: ignore[no-untyped-def]
     """Add H of a path (k, 3) [m, m, s] to `out` (J,) [turns]."""
     for j in range(out.shape[0]):

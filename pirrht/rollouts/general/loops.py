@@ -24,7 +24,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     @kernel
     def sample(setup, leads, origin, start, stop, paths):  # type: ignore[no-untyped-def]
         """Fill `paths` for the samples from `start` to `stop`."""
-        nothing, scratch = np.empty((0, 1)), scratch_of(leads)
+        nothing, scratch = np.empty((0, 1)), scratch_of(setup, leads)
         window, times = leads.window, leads.times
         applied, led_by, base = np.empty((window, m)), np.empty((window, m)), np.empty(m)
         h = 0
@@ -47,7 +47,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     @kernel
     def control(setup, leads, origin, chosen, total, alive):  # type: ignore[no-untyped-def]
         """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(leads)
+        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, leads)
         applied, base = np.zeros((leads.control.shape[1], m)), np.empty(m)
         number, group, weight = chosen
         keep, h = KEPT(ratio, nothing, applied, nothing, base), 0
@@ -64,7 +64,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     @kernel
     def trace(setup, leads, origin, number, states, steps):  # type: ignore[no-untyped-def]
         """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
-        nothing, ratio, base, scratch = np.empty((0, 1)), np.empty(0), np.empty(m), scratch_of(leads)
+        nothing, ratio, base, scratch = np.empty((0, 1)), np.empty(0), np.empty(m), scratch_of(setup, leads)
         for c in range(number.shape[0]):
             keep = KEPT(ratio, states[c], nothing, nothing, base)
             h = np.searchsorted(leads.first, number[c], side="right") - 1

@@ -14,6 +14,10 @@ with sways 2 m, has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. 
 end at crossings, up to which only noise of the passive covariance has a likelihood ratio: there L is not used.
 Nothing in the problem depends on the time, and noise makes a mass early or late: what counts is the step of the law
 whose state is nearest, not the one that would be due. Beyond the last one `Dynamics.homing` takes over.
+
+Where bodies move (`Kind.moving`) something does depend on the time, so that the step that is due counts, and every
+system is led by a law. Every step asks the bodies near it, where they are when it begins and when it ends (`among`);
+it ends when the motion of one of those that are near a noisy position changes.
 """
 
 from __future__ import annotations
@@ -30,8 +34,23 @@ from pirrht.compiled.float32 import ONE, ZERO
 from pirrht.compiled.jit import kernel
 from pirrht.compiled.streams import antithetic, normals, stream
 from pirrht.geometry.arena import at
-from pirrht.rollouts.first_exit import GOAL as REACHED
+from pirrht.geometry.traffic import traffic_clearance
+from pirrht.rollouts.among import (
+    HELD,
+    NEAR,
+    SKIN,
+    at_moving_wall,
+    facing_among,
+    listing,
+    look_around,
+    met_on_bridge,
+    met_on_way,
+    surely,
+    with_moving,
+)
 from pirrht.rollouts.first_exit import (
+    COLLISION,
+    FAR,
     INSIDE,
     RIM,
     at_crossing,
@@ -47,13 +66,18 @@ from pirrht.rollouts.first_exit import (
     two_walls,
     wall_slope,
 )
+from pirrht.rollouts.first_exit import GOAL as REACHED
+from pirrht.rollouts.gates import gate_slope
 from pirrht.rollouts.homing import STEEP, homing, wrapped
+from pirrht.rollouts.records import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.dynamics import no_drift, no_homing
 from pirrht.systems.unicycle import unicycle_drift
 from pirrht.topology.cuts import key_of_step
+from pirrht.topology.marks import key_among, open_sides
 
 SWAY = 1.0 / math.sqrt(12.0)
+SOON = 1e-6  # a step is no shorter than this where motions change [s]
 LOST = 60.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
 # a martingale, so that exp(-60) is also what is expected of it later
 
@@ -113,6 +137,7 @@ class Kind(NamedTuple):
     input_form: bool = False  # whether noise enters through inputs
     midway: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
     astray: bool = False  # a point that drifts, or is shaken more one way: ways, which know neither, do not lead it
+    moving: bool = False  # whether bodies move in the scene
 
     @property
     def rows(self) -> int:
@@ -143,8 +168,18 @@ def diffusion_of(kind: Kind) -> Any:
     return through_inputs if kind.input_form else as_it_is
 
 
+def is_gated(kind: Kind) -> bool:
+    """Whether walls that are yet to be passed bend its law (`gates`): of a point where bodies move."""
+    return kind.moving and kind.n == kind.m == 2 and not kind.input_form
+
+
 def takes_law(kind: Kind) -> bool:
-    """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do."""
+    """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do.
+
+    Where bodies move all are.
+    """
+    if kind.moving:
+        return True
     car = kind.drift is unicycle_drift and kind.rows == kind.m == 1 and kind.control_block is None
     return not car and not (kind.n == kind.m == 2 and not kind.astray)
 
@@ -160,7 +195,9 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     gain_at: Any = kind.control_block if gaining else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
     fixed = n - rows
-    turning = drift is unicycle_drift and rows == m == 1
+    moving = kind.moving
+    gated = is_gated(kind)
+    turning = drift is unicycle_drift and rows == m == 1 and not moving
     car, leadable = turning and not gaining, takes_law(kind)
     bending = leadable and drifting and not noisy_position
     losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
@@ -177,8 +214,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         return xx, xy, yy
 
     @kernel
-    def scratch_of(leads):  # type: ignore[no-untyped-def]
-        """`one_path`'s: x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, four of laws."""
+    def scratch_of(setup, leads):  # type: ignore[no-untyped-def]
+        """`one_path`'s: x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, of laws, of bodies."""
         H = leads.control.shape[0]
         x, moved, f, y = np.empty(n), np.empty(n), np.empty(n), np.empty(m)
         G, D, B, a = np.zeros((rows, m)), np.empty((m, m)), np.empty((rows, m)), np.empty((H, m))
@@ -186,7 +223,11 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         column, carried, wide = np.empty((m, 1)), np.empty((m, 1)), np.zeros((H, 2 * m))
         home, white, drawn = np.zeros(m), np.zeros(2 * m), np.zeros(2 * m)
         stage, lost, pushed = np.empty(H, np.int64), np.empty(H, np.bool_), np.empty(m)
-        return x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, wide, home, white, drawn
+        bodies = setup.traffic.lead.shape[0] if moving else 0
+        held, listed, near = np.empty(HELD), np.empty(bodies, np.int64), np.empty((bodies, NEAR))
+        among = held, listed, near, np.empty((leads.marks.weight.shape[0], 2))
+        laws = wide, home, white, drawn
+        return x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, laws, among
 
     @kernel
     def apart(law, g, s, x, there, weights):  # type: ignore[no-untyped-def]
@@ -232,7 +273,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         swaying = turning and least < np.inf
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, setup.inverse
-        x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, wide, home, white, drawn = scratch
+        x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, laws, among = scratch
+        (wide, home, white, drawn), (held, listed, near, side) = laws, among
         bent = bending and setup.bridge and least < np.inf
         modes = 2 * m if bent else m
         slopes, there, shape = modes, modes + modes * n, modes + modes * n + n
@@ -247,6 +289,10 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         state, work, key, lasting = stream(origin.seed, first), 0.0, np.int64(0), 0.0
         owed, last = 0.0, 0  # share of a step of the grid for which half of the guide is missing in `led_by`
         before = distances(arena, x[0], x[1])
+        if moving:
+            traffic, marks, begun = setup.traffic, leads.marks, origin.time
+            body_key, close, held[4] = np.int64(marks.opening), 0, -np.inf
+            open_sides(marks, goal, x[0], x[1], side)
         for j in range(n if draw else 0):
             states[0, j] = x[j]
         for i in range(T):
@@ -268,13 +314,29 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 if drifting and not drifted:
                     drift(x, p, f)
                 dt = left
+                gone, by_body = np.inf, False
+                if moving:
+                    now = begun + times[i] + done
+                    if noisy_position:  # as far as noise carries a path that is not to be split, or walls push
+                        within = max(3.0 * math.sqrt(max(xx, yy) * left), 3.0 * reach)
+                        if surely(held, traffic.speed, x[0], x[1], now) < within:
+                            close = listing(traffic, x[0], x[1], now, within + SKIN, held, listed)
+                        gone, until_change = look_around(traffic, listed, close, x[0], x[1], now, within, near)
                 if noisy_position and least < left:
                     scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
                     gap = before[0]
                     if along_line and gap > 0.0 and scale * gap * gap < left:
                         gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
-                    near = max(min(min(gap, before[1]), max(before[2], RIM * radius)), 0.0)
-                    dt = fitting(near, left, least, scale)
+                    if moving:
+                        if along_line and scale * gone * gone < left:
+                            gone = facing_among(near, close, (xx, xy, yy))
+                        gap = min(gap, gone)
+                    narrow = max(min(min(gap, before[1]), max(before[2], RIM * radius)), 0.0)
+                    dt = fitting(narrow, left, least, scale)
+                    if moving:
+                        dt = min(dt, max(until_change - now, SOON))
+                if moving and noisy_position:
+                    dt = min(dt, max(held[4] - now, SOON))
                 left -= dt
                 root, until = math.sqrt(dt), dt
                 cov = (xx * dt, xy * dt, yy * dt)
@@ -287,6 +349,9 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     widest = np.float32(0.5 * math.sqrt(max(cov[0], cov[2])))
                     shift = np.float32(leads.beyond)
                     walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
+                    if moving:
+                        walls = with_moving(walls, near, close, widest)
+                        _, wx, wy, _, vx, vy = walls
                     sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, reach)
                     for j in range(m):
                         bx = B[0 - fixed, j] if fixed <= 0 else 0.0
@@ -322,7 +387,10 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                         a[g, 0] = homeward
                     elif leadable and led[g] > 0:
                         s = stage[g]
-                        if s < led[g]:
+                        if moving:
+                            s = min(i * FINER + int(FINER * done / whole + 0.5), law.shape[1] - 1)
+                            stage[g] = s
+                        elif s < led[g]:
                             s = nearest(law, g, s, min(led[g], law.shape[1] - 1), x, there, end + 2)
                             stage[g] = s
                         if s < led[g]:
@@ -334,6 +402,11 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                                     off = wrapped(off)
                                 for j in range(modes):
                                     wide[g, j] += law[g, s, slopes + j * n + k] * off
+                            if gated:
+                                at_x, at_y = x[0] - law[g, s, there], x[1] - law[g, s, there + 1]
+                                sx, sy = gate_slope(law, g, s, end + 2 + n, at_x, at_y)
+                                for j in range(m):
+                                    wide[g, j] += B[0, j] * sx + B[1, j] * sy
                             for j in range(modes):
                                 wide[g, j] = max(-law[g, s, end + 1], min(law[g, s, end + 1], wide[g, j]))
                         else:
@@ -448,22 +521,50 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(cuts, x[0], x[1], moved[0], moved[1])
                 share = 1.0
+                if moving and (setup.bridge or not noisy_position):
+                    spread = 0.0
+                    if noisy_position:
+                        spread = math.sqrt(0.5 * FAR * (cov[0] + cov[2] if along_line else max(cov[0], cov[2])))
+                    way = math.sqrt((moved[0] - x[0]) ** 2 + (moved[1] - x[1]) ** 2) + traffic.speed * dt
+                    if not noisy_position:
+                        way *= 1.0 + abs(turn)
+                    if surely(held, traffic.speed, x[0], x[1], now) < way + spread or now + dt > held[4] + SOON:
+                        more = np.inf if now + dt > held[4] + SOON and not noisy_position else way + spread + SKIN
+                        close = listing(traffic, x[0], x[1], now, more, held, listed)
+                        if noisy_position:
+                            look_around(traffic, listed, close, x[0], x[1], now, spread, near)
                 if not setup.bridge:
                     exit, share = endpoint_exit(arena, moved[0], moved[1])
+                    if moving and traffic_clearance(setup.traffic, moved[0], moved[1], now + dt) <= 0.0:
+                        exit = COLLISION
                     before = distances(arena, moved[0], moved[1])
                 elif noisy_position:
                     after = distances(arena, moved[0], moved[1])
                     state, exit, share, missed = bridge_exit(
                         arena, x[0], x[1], moved[0], moved[1], before, after, cov, weighed, state, along_line
                     )
+                    if moving:
+                        state, hit, body, alive = met_on_bridge(
+                            traffic, listed, close, near, x[0], x[1], moved[0], moved[1], dt, cov, along_line, weighed,
+                            state,
+                        )  # fmt: skip
+                        if hit <= 1.0 and (exit == INSIDE or hit < share):
+                            exit, share, by_body = COLLISION, hit, True
+                        elif exit != COLLISION:
+                            missed += share * alive
                     lasting += missed
                     before = after
                     if isotropic and exit != INSIDE and cov[1] == 0.0 and cov[0] == cov[2]:
                         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
-                        state, dx, dy = at_crossing(
-                            arena, x[0], x[1], moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt,
-                            exit, share, math.sqrt(cov[0]), state,
-                        )  # fmt: skip
+                        dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
+                        if moving and by_body:
+                            state, dx, dy = at_moving_wall(
+                                near, body, dx, dy, f[0], f[1], dt, share, math.sqrt(cov[0]), state
+                            )
+                        else:
+                            state, dx, dy = at_crossing(
+                                arena, x[0], x[1], dx, dy, exit, share, math.sqrt(cov[0]), state
+                            )
                         y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
                         y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
                         moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
@@ -491,6 +592,13 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     exit, share = REACHED, ahead
                 else:
                     exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1], turn)
+                if moving:
+                    if not noisy_position and setup.bridge:
+                        hit = met_on_way(traffic, listed, close, x[0], x[1], moved[0], moved[1], turn, now, dt, share)
+                        if hit <= share:
+                            exit, share = COLLISION, hit
+                    part = done + (until if until > 0.0 else dt * share)
+                    body_key += key_among(marks, goal, i, min(part / whole, 1.0), moved[0], moved[1], side)
                 if weigh:
                     for g in range(H):
                         if lost[g]:
@@ -546,6 +654,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     x[j] = moved[j]
             for j in range(n if draw else 0):
                 states[i + 1, j] = x[j]
+            if moving and (exit != INSIDE or i + 1 == T):
+                key += body_key
             if exit != INSIDE:
                 return work, key, exit, i + 1, done, lasting
         return work, key, 0, T, times[T] - times[T - 1], lasting

@@ -14,11 +14,11 @@ from scipy.stats import norm
 
 from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
-from pirrht.exact.bodies import bodies_of, frames_of, poses_at
 from pirrht.exact.bridges import Room, Step
 from pirrht.exact.desirability import Desirability
 from pirrht.exact.domain import frame_at
 from pirrht.exact.march import march, taps_along
+from pirrht.geometry.bodies import bodies_of, frames_of, poses_at
 from pirrht.geometry.motion import Mover
 
 V = {  # of an independent march, to 0.002: at b = 0.1, 0.2, 0.3

@@ -7,6 +7,7 @@ on a lattice around each, sampled once, since in its own frame a shape stands st
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Mover
-from pirrht.geometry.scene import Obstacle, Scene, World
+from pirrht.geometry.scene import Footprint, Obstacle, Scene, World
 from pirrht.geometry.shapes import Solids, distance_from, offset_from
 
 PITCH = 0.05  # spacing of a table as a share of the robot's radius
@@ -38,18 +39,22 @@ class Bodies(NamedTuple):
 
 def bodies_of(scene: Scene, reach: float) -> Bodies:
     """The solids of a scene, distances from which are right up to a reach [m] and greater than it beyond."""
-    groups: list[tuple[Obstacle, ...]] = [scene.obstacles, *(mover.solids for mover in scene.movers)]
+    return gathered([scene.obstacles, *(mover.solids for mover in scene.movers)], scene.footprint, reach)
+
+
+def gathered(groups: Sequence[Sequence[Obstacle]], footprint: Footprint, reach: float) -> Bodies:
+    """The same of any solids; those of body 0, which stands, come first."""
     every = [solid for group in groups for solid in group]
     solids = Solids.of(every)
-    K, pitch = len(every), PITCH * scene.robot_radius
+    K, pitch = len(every), PITCH * footprint.radius
     first, shape, corner = np.zeros(K, dtype=np.int64), np.zeros((K, 2), dtype=np.int64), np.zeros((K, 2))
     parts: list[Array] = [np.zeros(0)]
     plane = np.full(2, FAR)
     for k in np.flatnonzero(solids.form < 0):
-        corner[k] = solids.low[k] - reach - scene.robot_radius - pitch
-        shape[k] = np.ceil((solids.high[k] + reach + scene.robot_radius - corner[k]) / pitch).astype(int) + 2
+        corner[k] = solids.low[k] - reach - footprint.radius - pitch
+        shape[k] = np.ceil((solids.high[k] + reach + footprint.radius - corner[k]) / pitch).astype(int) + 2
         first[k] = sum(map(len, parts))
-        alone = Collision(World(-plane, plane, (every[k],)), scene.footprint)
+        alone = Collision(World(-plane, plane, (every[k],)), footprint)
         index = np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
         parts.append(alone.distance(corner[k] + pitch * index))
     return Bodies(
@@ -60,8 +65,8 @@ def bodies_of(scene: Scene, reach: float) -> Bodies:
         shape=shape,
         corner=corner,
         pitch=pitch,
-        height=float(scene.robot_height),
-        radius=float(scene.robot_radius),
+        height=float(footprint.height),
+        radius=float(footprint.radius),
     )
 
 
@@ -87,6 +92,12 @@ def clearance_from(bodies, k, pose, x, y):  # type: ignore[no-untyped-def]
         x, y: position [m].
     """
     u, v = _in_body(pose, bodies.owner[k], x, y)
+    return clearance_of(bodies, k, u, v)
+
+
+@inlined
+def clearance_of(bodies, k, u, v):  # type: ignore[no-untyped-def]
+    """The same of a place (u, v) [m] in the frame of the solid's body."""
     if bodies.solids.form[k] >= 0:
         return distance_from(bodies.solids, k, u, v, bodies.height) - bodies.radius
     return _in_table(bodies, k, u, v)[0] - bodies.radius
@@ -100,6 +111,14 @@ def clearance_and_slope(bodies, k, pose, x, y):  # type: ignore[no-untyped-def]
     """
     owner = bodies.owner[k]
     u, v = _in_body(pose, owner, x, y)
+    d, ex, ey, gx, gy = clearance_and_slope_of(bodies, k, u, v)
+    c, s = pose[owner, 2], pose[owner, 3]
+    return d, c * ex - s * ey, s * ex + c * ey, c * gx - s * gy, s * gx + c * gy
+
+
+@kernel
+def clearance_and_slope_of(bodies, k, u, v):  # type: ignore[no-untyped-def]
+    """The same of a place (u, v) [m] in the frame of the solid's body, and in that frame."""
     if bodies.solids.form[k] >= 0:
         d = distance_from(bodies.solids, k, u, v, bodies.height)
         if d <= 0.0:
@@ -109,8 +128,7 @@ def clearance_and_slope(bodies, k, pose, x, y):  # type: ignore[no-untyped-def]
     else:
         d, gx, gy = _in_table(bodies, k, u, v)
         ex, ey = d * gx, d * gy
-    c, s = pose[owner, 2], pose[owner, 3]
-    return d - bodies.radius, c * ex - s * ey, s * ex + c * ey, c * gx - s * gy, s * gx + c * gy
+    return d - bodies.radius, ex, ey, gx, gy
 
 
 @inlined

@@ -1,0 +1,122 @@
+"""Which walls a point has yet to pass, and how that bends its psi: more than any linear feedback says.
+
+A noisy path from x that would pass a wall in a time t at a distance m does so with probability Phi(z), z = m / (b
+sqrt(t)): far from it a path need not care, and one that would run into it aims at its edge. At every row of a law the
+wall with the least z on the rest of the guide is a gate, and so is the one of the least z in another direction. What a
+law knows of gates already, to first order, is taken off it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
+from pirrht.geometry.traffic import moving_walls
+from pirrht.rollouts.first_exit import two_walls
+from pirrht.rollouts.gates import GATE, GATES, gate_slope, mills
+
+WALLS = 6  # that are looked at from one place, at most
+APART = 0.5  # walls are different if the cosine of the angle between them is less
+CARELESS = 3.0  # a gate with a greater z is none
+SOONEST = 0.05  # a wall is a gate from so far ahead [s]
+
+
+def gates_of(setup: object, places: Array, times: Array, noise: float, within: float) -> Array:
+    """Gates (k, GATES, GATE) at the places (k, 2) [m] of a guide at times (k,) [s] under noise b [m/sqrt(s)].
+
+    Walls beyond a distance [m] are not asked.
+    """
+    k = len(places)
+    walls, gates = np.full((k, WALLS, 3), np.inf), np.zeros((k, GATES, GATE))
+    _walls(setup, places, times, within, walls)
+    _gates(walls, times, noise, gates)
+    return gates
+
+
+@kernel
+def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
+    """Fill `out` (k, WALLS, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
+    near = np.zeros((setup.traffic.lead.shape[0], 5))
+    for i in range(places.shape[0]):
+        x, y = places[i]
+        c, nx, ny, d, mx, my = two_walls(setup.arena.field, x, y)
+        out[i, 0, 0], out[i, 0, 1], out[i, 0, 2] = c, nx, ny
+        out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = d, mx, my
+        count = moving_walls(setup.traffic, x, y, times[i], within, near)
+        for k in range(min(count, WALLS - 2)):
+            out[i, 2 + k] = near[k, :3]
+
+
+@kernel
+def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
+    """Fill gates (k, GATES, GATE): direction (x, y), z of the guide itself, and what z changes by per meter."""
+    last = times.shape[0]
+    for i in range(last):
+        for g in range(GATES):
+            best = CARELESS
+            for k in range(i + 1, last):
+                ahead = times[k] - times[i]
+                if ahead < SOONEST:
+                    continue
+                per = 1.0 / (noise * math.sqrt(ahead))
+                for w in range(WALLS):
+                    z = walls[k, w, 0] * per
+                    if not z < best:
+                        continue
+                    nx, ny = walls[k, w, 1], walls[k, w, 2]
+                    if nx * nx + ny * ny < 0.5:  # nothing is in reach
+                        continue
+                    if g > 0 and nx * gates[i, 0, 0] + ny * gates[i, 0, 1] > APART:
+                        continue
+                    best = z
+                    gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3] = nx, ny, z, per
+            if best == CARELESS:
+                break
+
+
+def beyond_linear(gates: Array, B: Array, gains: Array, off: Array) -> Array:
+    """What gates (GATES, GATE) add at `off` (2,) [m] from a guide to its linear law of gains (2, 2), (2,)."""
+    modes, less, weighed = without(gates[None], B, np.zeros((1, 2)), gains[None])
+    slope = np.array(gate_slope(weighed.reshape(1, 1, -1), 0, 0, 0, off[0], off[1]))
+    extra: Array = modes[0] + (less[0] - gains) @ off + B.T @ slope
+    return extra
+
+
+def without(gates: Array, B: Array, modes: Array, gains: Array, *, bounded: bool = True) -> tuple[Array, Array, Array]:
+    """Modes (k, 2) and gains (k, 2, 2) less what gates (k, GATES, GATE) add to first order; and the gates.
+
+    Args:
+        B: noise (2, 2) [m/sqrt(s)].
+        bounded: whether a gate counts for no more than there is to take off.
+    """
+    modes, gains, gates = modes.copy(), gains.copy(), gates.copy()
+    _take_off(gates, B, modes, gains, bounded)
+    return modes, gains, gates
+
+
+@kernel
+def _take_off(gates, B, modes, gains, bounded):  # type: ignore[no-untyped-def]
+    for i in range(gates.shape[0]):
+        for g in range(GATES):
+            nx, ny, z, per = gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3]
+            if per == 0.0:
+                continue
+            h = mills(z)
+            ax, ay = B[0, 0] * nx + B[1, 0] * ny, B[0, 1] * nx + B[1, 1] * ny
+            stiff = per * per * h * (z + h)
+            weight = 1.0
+            if bounded:
+                square = ax * ax + ay * ay
+                across = ax * gains[i, 0, 0] + ay * gains[i, 1, 0]
+                known = -across * nx - (ax * gains[i, 0, 1] + ay * gains[i, 1, 1]) * ny
+                weight = min(max(known / (square * stiff), 0.0), 1.0)
+            gates[i, g, 4] = weight
+            modes[i, 0] -= weight * per * h * ax
+            modes[i, 1] -= weight * per * h * ay
+            gains[i, 0, 0] += weight * stiff * ax * nx
+            gains[i, 0, 1] += weight * stiff * ax * ny
+            gains[i, 1, 0] += weight * stiff * ay * nx
+            gains[i, 1, 1] += weight * stiff * ay * ny

@@ -1,0 +1,224 @@
+"""What bodies that move do to a step of a sampled path: how near they are, how they end it, what its survival weighs.
+
+Of many bodies few are near. Those within some distance are listed, and the list serves for as long as what moves and
+the path together cannot have used that distance up. A listed body is looked at where it is when a step begins; till
+its motion next changes it keeps its velocity, and seen from a flat wall at constant speed a noisy path is a Brownian
+bridge again: it misses that with probability 1 - exp(-2 c d / variance), c and d being the clearances from where the
+wall is when the step begins and when it ends.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.streams import normals, uniform
+from pirrht.geometry.traffic import clearance_of_body, outside_of, piece_of, wall_of_body
+from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_crossing
+
+SKIN = 0.4  # bodies are listed so much further away than they have to be [m]
+NEVER = 2.0  # share of a step at which nothing is met
+CLOSE = 0.1  # of the robot's radius: sweeps advance at least by so much
+BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
+HELD = 5  # numbers of a list: distance within which all are on it, where and when that was known, until when it serves
+NEAR = 13  # numbers of a listed body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
+# pose [m], [rad] and its rates, until when these are right [s], whether the first five are known
+D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, UNTIL, KNOWN = range(NEAR)
+
+
+@inlined
+def surely(held, speed, x, y, t):  # type: ignore[no-untyped-def]
+    """A lower bound of the clearance of (x, y) [m] at t [s] from all bodies that are not listed [m]."""
+    if not t < held[4]:
+        return -math.inf
+    away = math.sqrt((x - held[1]) * (x - held[1]) + (y - held[2]) * (y - held[2]))
+    return held[0] - away - speed * abs(t - held[3])
+
+
+@kernel
+def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-def]
+    """List bodies that may be so near (x, y) [m] at t [s]: numbers to `listed` (J,); returns how many."""
+    count, until = 0, math.inf
+    for j in range(traffic.lead.shape[0]):
+        ox, oy, _, _, _, _, _ = piece_of(traffic, j, t)
+        if traffic.jumping[j]:
+            laps = max(math.floor((t + traffic.lead[j]) / traffic.period[j]) + 1.0, 1.0)
+            until = min(until, laps * traffic.period[j] - traffic.lead[j])
+        if outside_of(traffic, j, ox, oy, x, y) < within:
+            listed[count] = j
+            count += 1
+    held[0], held[1], held[2], held[3], held[4] = within, x, y, t, until
+    return count
+
+
+@kernel
+def look_around(traffic, listed, count, x, y, t, within, near):  # type: ignore[no-untyped-def]
+    """Write how listed bodies are at t [s] to `near` (J, NEAR), from (x, y) [m] those that may be `within` a distance.
+
+    Returns: least clearance of these [m], and until when all of them keep their velocities [s].
+    """
+    least, until = traffic.reach, math.inf
+    for k in range(count):
+        j = listed[k]
+        ox, oy, yaw, vx, vy, turn, ends = piece_of(traffic, j, t)
+        near[k, OX], near[k, OY], near[k, YAW] = ox, oy, yaw
+        near[k, VX], near[k, VY], near[k, TURN], near[k, UNTIL] = vx, vy, turn, ends
+        near[k, D], near[k, KNOWN] = outside_of(traffic, j, ox, oy, x, y), 0.0
+        if near[k, D] < within:
+            _know(traffic, j, k, x, y, near)
+            least, until = min(least, near[k, D]), min(until, ends)
+    return least, until
+
+
+@inlined
+def _know(traffic, j, k, x, y, near):  # type: ignore[no-untyped-def]
+    """Complete what is known of body j, the k-th on the list, as seen from (x, y) [m]."""
+    ox, oy = near[k, OX], near[k, OY]
+    d, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, near[k, YAW], x, y)
+    near[k, D], near[k, NX], near[k, NY], near[k, KNOWN] = d, nx, ny, 1.0
+    near[k, WX], near[k, WY] = near[k, VX] - near[k, TURN] * (y - ey - oy), near[k, VY] + near[k, TURN] * (x - ex - ox)
+
+
+@inlined
+def with_moving(walls, near, count, widest):  # type: ignore[no-untyped-def]
+    """The two nearest walls, as `two_walls` gives them, of two that stand and those that move; none nearer than widest.
+
+    In single precision, which suffices for a guide.
+    """
+    c, nx, ny, d, mx, my = walls
+    for k in range(count):
+        if near[k, KNOWN] == 1.0:
+            e, ex, ey = np.float32(near[k, D]), np.float32(near[k, NX]), np.float32(near[k, NY])
+            e = max(e, widest)
+            if e < c:
+                c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
+            elif e < d:
+                d, mx, my = e, ex, ey
+    return c, nx, ny, d, mx, my
+
+
+@inlined
+def _towards(near, k, cov):  # type: ignore[no-untyped-def]
+    """Variance of a step towards the k-th listed body."""
+    if cov[1] == 0.0 and cov[0] == cov[2]:
+        return cov[0]
+    nx, ny = near[k, NX], near[k, NY]
+    return max(cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny, LEAST)
+
+
+@kernel
+def facing_among(near, count, cov):  # type: ignore[no-untyped-def]
+    """Least clearance [m] from bodies over the share of noise that each faces, where noise acts along a line."""
+    size, nearest = cov[0] + cov[2], math.inf
+    for k in range(count):
+        if near[k, KNOWN] == 1.0:
+            share = _towards(near, k, cov) / size
+            nearest = min(nearest, near[k, D] / math.sqrt(max(share, SIDEWAYS)))
+    return nearest
+
+
+@kernel
+def met_on_bridge(traffic, listed, count, near, x, y, mx, my, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
+    """Which listed body a noisy step from (x, y) to (mx, my) [m] of dt [s] meets, and when.
+
+    Args: as of `bridge_exit`; `near` is what `look_around` says at the beginning of the step.
+    Returns: next state of the random sequence, share of the step until then or NEVER, place of the body on the list,
+        and the logarithm of the probability that none is met, where that is weighed [nats].
+    """
+    reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
+    alive, worst, which, from_, to, spread = 1.0, 2.0, 0, 0.0, 0.0, 0.0
+    for k in range(count):
+        j, c = listed[k], near[k, D]
+        px, py = near[k, OX] + dt * near[k, VX], near[k, OY] + dt * near[k, VY]
+        way = math.sqrt((mx - x - px + near[k, OX]) ** 2 + (my - y - py + near[k, OY]) ** 2)
+        way += abs(near[k, TURN]) * dt * traffic.radius[j]
+        d = outside_of(traffic, j, px, py, mx, my)
+        if c > 0.0 and d > 0.0 and 2.0 * c * d >= reach and c + d > way:
+            continue
+        if near[k, KNOWN] == 0.0:
+            _know(traffic, j, k, x, y, near)
+            c = near[k, D]
+        d = clearance_of_body(traffic, j, px, py, near[k, YAW] + dt * near[k, TURN], mx, my)
+        if c > 0.0 and d > 0.0 and c + d <= way:
+            d = _behind_body(traffic, j, near, k, x, y, mx, my, dt, c, d, way)
+        variance = _towards(near, k, cov)
+        survives = _survival(c, d, variance) if c > 0.0 else 0.0
+        alive *= survives
+        if survives < worst:
+            worst, which, from_, to, spread = survives, k, c, d, variance
+    if alive >= 1.0:
+        return state, NEVER, which, 0.0
+    if weighed and alive > 0.0:
+        return state, NEVER, which, math.log(alive)
+    state, u = uniform(state)
+    if u < alive:
+        return state, NEVER, which, 0.0
+    state, share = first_crossing(max(from_, LEAST), to, math.sqrt(spread), state)
+    return state, share, which, 0.0
+
+
+@kernel
+def _behind_body(traffic, j, near, k, x, y, mx, my, dt, c, d, way):  # type: ignore[no-untyped-def]
+    """Clearance d of a step's end; negative if its chord meets the body, as if the step had ended inside of it."""
+    share = c / way
+    while share < 1.0 - d / way:
+        then = share * dt
+        e = clearance_of_body(
+            traffic, j, near[k, OX] + then * near[k, VX], near[k, OY] + then * near[k, VY],
+            near[k, YAW] + then * near[k, TURN], x + share * (mx - x), y + share * (my - y),
+        )  # fmt: skip
+        if e <= 0.0:
+            return c * (1.0 - 1.0 / share)
+        share += max(e, CLOSE * traffic.bodies.radius) / way
+    return d
+
+
+@kernel
+def at_moving_wall(near, k, dx, dy, fx, fy, dt, share, deviation, state):  # type: ignore[no-untyped-def]
+    """Displacement by noise of an isotropic bridge when it first meets the k-th listed body.
+
+    Towards the wall it is the distance to where that is then, across it the bridge is drawn.
+    Args, after k: (dx, dy) [m] at the end of the step, drift (fx, fy) [m/s], step [s], share of it until then, standard
+        deviation of the whole step [m], and state of the random sequence.
+    Returns: next state of the sequence, displacement in x and y [m].
+    """
+    nx, ny = -near[k, NX], -near[k, NY]
+    gap = max(near[k, D], 0.0) + share * dt * ((near[k, WX] - fx) * nx + (near[k, WY] - fy) * ny)
+    state, z, _ = normals(state)
+    along = share * (dy * nx - dx * ny) + deviation * math.sqrt(share * (1.0 - share)) * z
+    return state, gap * nx - along * ny, gap * ny + along * nx
+
+
+@kernel
+def met_on_way(traffic, listed, count, x, y, mx, my, turn, t, dt, stop):  # type: ignore[no-untyped-def]
+    """Share of a step from (x, y) to (mx, my) [m] without position noise at which a listed body is met, or NEVER.
+
+    It begins at t and takes dt [s], of which a share `stop` is looked at; a step that turns by so much in all [rad] is
+    an arc beside its chord. What moves and the path come nearer no faster than by their speeds, so that certified
+    clearances tell how much of the step is free.
+    """
+    length = math.sqrt((mx - x) ** 2 + (my - y) ** 2)
+    bow, pace, share = 0.5 * turn * length, length * math.sqrt(1.0 + 0.25 * turn * turn), 0.0
+    while True:
+        aside = bow * share * (1.0 - share)
+        px, py = x + share * (mx - x), y + share * (my - y)
+        if length > 0.0:
+            px, py = px + aside * (my - y) / length, py - aside * (mx - x) / length
+        ahead = stop - share
+        for k in range(count):
+            j = listed[k]
+            ox, oy, yaw, _, _, _, ends = piece_of(traffic, j, t + share * dt)
+            speed = pace + traffic.fastest[j] * dt
+            c = outside_of(traffic, j, ox, oy, px, py)
+            if c <= speed * ahead:
+                c = clearance_of_body(traffic, j, ox, oy, yaw, px, py)
+            if c <= 0.0:
+                return share
+            ahead = min(ahead, max(c, CLOSE * traffic.bodies.radius) / max(speed, LEAST))
+            if traffic.jumping[j]:
+                ahead = min(ahead, max((ends - t) / dt - share, 0.0) + BEYOND)
+        if share >= stop:
+            return NEVER
+        share = min(stop, share + ahead)

@@ -1,0 +1,158 @@
+"""Classes of paths in space and time: whole turns about the markers that stand, then about those that move.
+
+The integers of the standing markers are those of the path's places alone. For a moving one an edge adds its own turn,
+and what the base of its head turns more than the base of its tail; the one of the two bases that arrives earlier waits
+for the other. That is whole, and summed along a path it is `MovingHomology.winding`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.arcs import turns_of_chord
+from pirrht.topology.cuts import straight_turns
+from pirrht.topology.homology import Homology, hash_weights
+from pirrht.topology.moving import MovingHomology, place_at, turns_of_step
+
+BESIDE = 1e-9  # a marker must be farther than this from a triangle to lie outside of it [m^2]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimedHomology:
+    """Classes of paths (k, 3) of x, y [m] and t [s] among M - J markers that stand and J that move."""
+
+    standing: Homology
+    moving: MovingHomology
+
+    @property
+    def M(self) -> int:
+        """Number of all markers, M."""
+        return self.standing.M + self.moving.J
+
+    @property
+    def hash_weights(self) -> IntArray:
+        """Odd integers r (M,) such that a class has the additive key sum k_l r_l (mod 2^64)."""
+        return hash_weights(self.M)
+
+    def straight(self, points: Array) -> Array:
+        """H of the bases until they arrive, from points (k, 3) [m, m, s], (k, M) [turns], without the leading 1.
+
+        About markers that move it is 0 where the time is left open.
+        """
+        out = np.zeros((len(points), self.M))
+        standing, moving = self.standing, self.moving
+        for row, point in zip(out, points, strict=True):
+            write_straight(standing.markers, moving.tracks, moving.goal, moving.speed, point, row)
+        return out
+
+    def winding(self, path: Array) -> tuple[int, ...]:
+        """Class, M [turns], of a path (k, 3), completed straight to the goal point, where it then waits."""
+        return self.standing.winding(path[:, :2]) + self.moving.winding(path)
+
+    def signature(self, start: Array, winding: Sequence[int]) -> Array:
+        """The paper's H = 1 + H(sigma) of a class (M,) seen from start (3,) [m, m, s], (M,) [turns].
+
+        About markers that move it is that of the path less what waiting turns longer than the base takes to arrive.
+        """
+        value: Array = 1.0 + self.straight(start[None, :3])[0] + np.asarray(winding, dtype=float)
+        return value
+
+    def key(self, winding: Sequence[int]) -> int:
+        """The additive key of a class (M,), as kernels carry it (a wrapped 64-bit integer)."""
+        with np.errstate(over="ignore"):
+            return int(np.sum(np.asarray(winding, dtype=np.int64) * self.hash_weights, dtype=np.int64))
+
+
+@kernel
+def write_straight(markers, tracks, goal, speed, x, out):  # type: ignore[no-untyped-def]
+    """Write H of the base from x (3,) [m, m, s] to `out` (M,) [turns]: about `markers` (m, 2) [m], then `tracks`."""
+    gx, gy, standing = goal[0], goal[1], markers.shape[0]
+    for k in range(standing):
+        out[k] = straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], gx, gy)
+    for j in range(out.shape[0] - standing):
+        out[standing + j] = base_turns(tracks, j, gx, gy, speed, x[0], x[1], x[2])
+
+
+@inlined
+def base_turns(tracks, j, gx, gy, speed, x, y, t):  # type: ignore[no-untyped-def]
+    """Turn [turns] about marker j of the way at a speed [m/s] from (x, y) [m] at t [s], 0 without one, to the goal."""
+    if not t < math.inf:
+        return 0.0
+    return turns_of_step(tracks, j, x, y, t, gx, gy, t + math.hypot(gx - x, gy - y) / speed)
+
+
+@inlined
+def _waits(tracks, j, gx, gy, begin, end):  # type: ignore[no-untyped-def]
+    """Turn about marker j of waiting at the goal from one time to another [s]; the negative of it to an earlier one."""
+    if begin <= end:
+        return turns_of_step(tracks, j, gx, gy, begin, gx, gy, end)
+    return -turns_of_step(tracks, j, gx, gy, end, gx, gy, begin)
+
+
+@kernel
+def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyped-def]
+    """What a straight edge in space and time adds about moving marker j to the class of its head, a whole number.
+
+    Args:
+        tracks: of the markers (`Tracks`).
+        j: index of the marker.
+        goal: goal point (2) [m].
+        speed: of bases [m/s].
+        a, b: tail and head, or where it enters the goal's disc, (3) each [m, m, s].
+        to_goal: whether it ends there and goes on straight to the goal point instead.
+    """
+    gx, gy = goal
+    (ax, ay, s), (bx, by, t) = a, b
+    arrives = s + math.hypot(gx - ax, gy - ay) / speed
+    late = t if to_goal else t + math.hypot(gx - bx, gy - by) / speed
+    if beside(tracks, j, ax, ay, bx, by, gx, gy, s, max(arrives, late)):
+        return 0
+    total = turns_of_step(tracks, j, ax, ay, s, bx, by, t) - base_turns(tracks, j, gx, gy, speed, ax, ay, s)
+    total -= _waits(tracks, j, gx, gy, arrives, late)
+    if to_goal:
+        mx, my = place_at(tracks, j, t)
+        total += turns_of_chord(bx - mx, by - my, gx - mx, gy - my)
+    else:
+        total += base_turns(tracks, j, gx, gy, speed, bx, by, t)
+    return math.floor(total + 0.5)
+
+
+@kernel
+def beside(tracks, j, ax, ay, bx, by, gx, gy, s, t):  # type: ignore[no-untyped-def]
+    """Whether moving marker j is on the far side of one side of the triangle a, b, g [m] all the time from s to t [s].
+
+    What moves inside the triangle meanwhile and comes back has then turned about it by nothing.
+    """
+    begin, end = tracks.first[j], tracks.first[j + 1]
+    k, last = begin, end
+    if tracks.period[j] == 0.0:
+        k = begin + np.searchsorted(tracks.time[begin:end], s, side="right")
+        last = k
+        while last < end and tracks.time[last] < t:
+            last += 1
+    px, py = place_at(tracks, j, s)
+    qx, qy = place_at(tracks, j, t)
+    for side in range(3):
+        ux, uy, vx, vy, wx, wy = ax, ay, bx, by, gx, gy
+        if side == 1:
+            ux, uy, vx, vy, wx, wy = bx, by, gx, gy, ax, ay
+        elif side == 2:
+            ux, uy, vx, vy, wx, wy = gx, gy, ax, ay, bx, by
+        nx, ny = uy - vy, vx - ux
+        inner = nx * (wx - ux) + ny * (wy - uy)
+        if inner > 0.0:
+            nx, ny = -nx, -ny
+        far = min(nx * (px - ux) + ny * (py - uy), nx * (qx - ux) + ny * (qy - uy))
+        i = k
+        while far > BESIDE and i < last:
+            far = min(far, nx * (tracks.x[i] - ux) + ny * (tracks.y[i] - uy))
+            i += 1
+        if far > BESIDE:
+            return True
+    return False

@@ -1,0 +1,120 @@
+"""Where moving markers are at the ends of a path's steps, and whole turns about them, found at rays that move along.
+
+The ray of a marker leaves it away from the goal point. A path that is completed straight to the goal point and waits
+there crosses it as often, counter-clockwise positive, as its class differs from that of the goal point itself; what the
+base crosses on its way is taken off once, at the beginning. With g the goal point as seen from the marker and r the
+path's place as seen from the goal point, a path is on the ray where g x r = 0 and g . r + g . g < 0.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.moving import place_at
+
+PER_PIECE = 0.02  # the base is looked at so often [s]
+
+
+class Marks(NamedTuple):
+    """J markers that move, at the ends of T steps."""
+
+    goal: Array  # (T + 1, J, 2) the goal point as seen from each [m]
+    weight: IntArray  # (J,) additive key of one turn
+    opening: int  # additive key of the turns that the base takes off
+
+    @classmethod
+    def of(cls, homology: TimedHomology, x: Array, times: Array) -> Marks:
+        """For paths from x (n,) over steps that end at times (T + 1,) on the clock of what moves [s]."""
+        moving = homology.moving
+        weight = homology.hash_weights[homology.standing.M :]
+        goal = np.empty((len(times), moving.J, 2))
+        _seen(moving.tracks, moving.goal, times, goal)
+        arrival = moving.arrival(x, float(times[0]))
+        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / PER_PIECE))
+        base = np.empty((len(fine), moving.J, 2))
+        _seen(moving.tracks, moving.goal, fine, base)
+        return cls(goal, weight, int(_opening(base, weight, moving.goal, float(x[0]), float(x[1]))))
+
+
+NO_MARKS = Marks(np.zeros((1, 0, 2)), np.zeros(0, dtype=np.int64), 0)
+
+
+@kernel
+def _seen(tracks, goal, times, out):  # type: ignore[no-untyped-def]
+    """Fill `out` (T, J, 2) with the goal point (2,) as seen from each marker at times (T,) [s]."""
+    for i in range(times.shape[0]):
+        for j in range(out.shape[1]):
+            x, y = place_at(tracks, j, times[i])
+            out[i, j, 0], out[i, j, 1] = goal[0] - x, goal[1] - y
+
+
+@inlined
+def seen_from(gx, gy, rx, ry):  # type: ignore[no-untyped-def]
+    """On which side of a marker's ray a place is and how far along it, where that is negative [m^2]."""
+    return gx * ry - gy * rx, gx * rx + gy * ry + gx * gx + gy * gy
+
+
+@inlined
+def turn_at_ray(c, along, d, further):  # type: ignore[no-untyped-def]
+    """The turn, -1, 0 or 1, of a step between two places as `seen_from` tells them, first c, along, then d, further."""
+    if (c > 0.0) == (d > 0.0):
+        return 0
+    if along * abs(d) + further * abs(c) >= 0.0:
+        return 0
+    return 1 if c > 0.0 else -1
+
+
+@kernel
+def _opening(base, weight, goal, x, y):  # type: ignore[no-untyped-def]
+    """Additive key that takes off the turns of the base from (x, y) [m], along which markers are as in (k, J, 2)."""
+    key, last = np.int64(0), base.shape[0] - 1
+    rx, ry = x - goal[0], y - goal[1]
+    for j in range(weight.shape[0]):
+        c, along = seen_from(base[0, j, 0], base[0, j, 1], rx, ry)
+        for i in range(1, last):
+            rest = 1.0 - i / last
+            d, further = seen_from(base[i, j, 0], base[i, j, 1], rest * rx, rest * ry)
+            key -= turn_at_ray(c, along, d, further) * weight[j]
+            c, along = d, further
+    return key
+
+
+@inlined
+def open_sides(marks, goal, x, y, side):  # type: ignore[no-untyped-def]
+    """Write where (x, y) [m] is at first, seen from each marker, to `side` (J, 2); the goal point is (2) [m]."""
+    for j in range(side.shape[0]):
+        side[j, 0], side[j, 1] = seen_from(marks.goal[0, j, 0], marks.goal[0, j, 1], x - goal[0], y - goal[1])
+
+
+@inlined
+def key_among(marks, goal, i, share, x, y, side):  # type: ignore[no-untyped-def]
+    """Additive key of the turns of a step that ends at (x, y) [m], a share of step i later than that begins.
+
+    `side` (J, 2) is as `open_sides` or the last call has left it.
+    """
+    key, rx, ry, rest = np.int64(0), x - goal[0], y - goal[1], 1.0 - share
+    for j in range(side.shape[0]):
+        gx = rest * marks.goal[i, j, 0] + share * marks.goal[i + 1, j, 0]
+        gy = rest * marks.goal[i, j, 1] + share * marks.goal[i + 1, j, 1]
+        c, along = seen_from(gx, gy, rx, ry)
+        turn = turn_at_ray(side[j, 0], side[j, 1], c, along)
+        if turn != 0:
+            key += turn * marks.weight[j]
+        side[j, 0], side[j, 1] = c, along
+    return key
+
+
+@kernel
+def key_of_path(marks, goal, states, length):  # type: ignore[no-untyped-def]
+    """Additive key of the turns of the first `length` steps of states (T + 1, n), less those of the base."""
+    side = np.empty((marks.weight.shape[0], 2))
+    open_sides(marks, goal, states[0, 0], states[0, 1], side)
+    key = np.int64(marks.opening)
+    for i in range(length):
+        key += key_among(marks, goal, i, 1.0, states[i + 1, 0], states[i + 1, 1], side)
+    return key

@@ -1,0 +1,185 @@
+"""Samples among bodies that move against closed forms, the grid, standing worlds, and against each other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from by_chance import guided
+from discs import block, disc
+from moving import SCENES, hall, moved
+
+from pirrht.arrays import Array
+from pirrht.estimation.estimate import Rollouts
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.exact.desirability import Desirability
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Mover
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.guidance.any_guides import AnyGuidance
+from pirrht.guidance.following import Follow
+from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.systems.single_integrator import SingleIntegrator
+
+
+def sampler(scene: Scene, b: float = 0.3, phi: float = np.inf, **settings: object) -> PathIntegral:
+    problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), phi=phi)
+    return PathIntegral(problem, FreeSpace.of(scene), Sampling(threads=1, **settings))
+
+
+def held(integral: PathIntegral, x: Array, control: Array, count: int, time: float = 0.0, T: int = 60) -> Rollouts:
+    """Samples around one control that is held."""
+    times = integral.steps(T * integral.sampling.dt)
+    tape = Tape(times, np.tile(control, (len(times) - 1, 1)))
+    return integral.rollout(Batch(state=x, times=times, proposals=(Proposal(lead=tape, count=count),), time=time), 3)
+
+
+def walled(speed: float) -> Scene:
+    wall = moved("wall", [(0.0, 2.5 - 0.4 * speed, 1.5, 0.0), (2.0, 2.5 + 1.6 * speed, 1.5, 0.0)],
+                 block("wall", 0.0, 0.0, (0.1, 1.5)))  # fmt: skip
+    return Scene(
+        name="walled", lower=np.zeros(2), upper=np.array([5.0, 3.0]), obstacles=(), robot_radius=0.2,
+        goal=Goal(center=np.array([4.3, 0.6]), radius=0.3), start=np.array([0.6, 1.5, 0.0]), movers=(wall,),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("speed", [0.4, -0.4, 1.0])
+@pytest.mark.parametrize("control", [(0.0, 0.0), (-0.4, 0.1)])
+def test_before_a_wall_at_constant_speed_samples_pay_what_girsanov_says(speed, control):
+    """With psi = 1 on it, psi = exp(-z (sqrt(c^2/b^4 + 2 q/(lambda b^2)) - c/b^2)) at z before a wall of speed c."""
+    integral, b = sampler(walled(speed), phi=0.0), 0.3
+    drift = speed / b**2
+    rate = math.sqrt(drift**2 + 2.0 / (integral.temperature * b * b)) - drift
+    for z in (0.05, 0.15, 0.3):
+        found = integral.estimate(held(integral, np.array([2.8 + z, 1.5]), np.array(control), 8000, time=0.4, T=15))
+        assert abs(-found.log_psi - rate * z) < 3.0 * found.value_error / integral.temperature + 0.005
+
+
+@cache
+def known(name: str, b: float) -> Desirability:
+    scene = SCENES[name]()
+    problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2))
+    return Desirability.of(problem, FreeSpace.of(scene))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["crossing", "closing_door", "pincer"])
+@pytest.mark.parametrize("b", [0.2, 0.3])
+def test_the_value_is_that_of_the_grid_at_any_state_and_time(name, b):
+    truth, integral, rng, seen = known(name, b), sampler(SCENES[name](), b), np.random.default_rng(5), 0
+    while seen < 5:
+        x, t = rng.uniform([0.3, 0.3], [4.5, 4.7]), float(rng.uniform(0.0, 2.0))
+        if not truth.value(x, t) < 20.0 or np.hypot(*(x - integral.space.scene.goal.center)) < 0.5:
+            continue
+        batch, _, _ = guided(integral, x, t, 8000, drawn=10_000)
+        found = integral.estimate(integral.rollout(batch, seen), batch.classes)
+        assert abs(found.value - truth.value(x, t)) < 4.0 * found.value_error + 1e-3 * found.value
+        assert abs(found.value / truth.value(x, t) - 1.0) < 0.01
+        seen += 1
+
+
+@cache
+def passing() -> tuple[PathIntegral, Batch]:
+    integral = sampler(SCENES["crossing"](), 0.2)
+    return integral, guided(integral, np.array([1.6, 2.4]), 0.5, 6000, drawn=10_000)[0]
+
+
+def test_psi_is_the_same_around_guides_with_gates_without_them_and_around_one_class_alone():
+    integral, batch = passing()
+    assert len(batch.proposals) == 2
+    found = [integral.estimate(integral.rollout(batch, 1))]
+    for change in ({"gates": None}, {"gains": 0.8}):
+        proposals = []
+        for proposal in batch.proposals:
+            guide = proposal.lead.guide
+            other = replace(guide, gates=None) if "gates" in change else replace(guide, gains=0.8 * guide.gains)
+            proposals.append(replace(proposal, lead=Follow(other)))
+        found.append(integral.estimate(integral.rollout(replace(batch, proposals=tuple(proposals)), 2)))
+    for one in found[1:]:
+        assert abs(one.value - found[0].value) < 4.0 * math.hypot(one.value_error, found[0].value_error)
+
+
+@pytest.mark.parametrize("phi", [np.inf, 0.7])
+def test_a_mover_that_stands_still_is_an_obstacle(phi):
+    solid = disc("disc", 2.2, 1.7, 0.3)
+    still = moved("disc", [(0.0, 2.2, 1.7, 0.4), (0.5, 2.2, 1.7, 0.4)], disc("disc", 0.0, 0.0, 0.3))
+    x, values = np.array([1.6, 1.5]), []
+    for scene in (hall("moves", [still], goal=(2.8, 1.5)), hall("stands", [], [solid], goal=(2.8, 1.5))):
+        integral = sampler(scene, 0.3, phi)
+        found = integral.estimate(held(integral, x, np.array([0.6, -0.1]), 30_000))
+        values.append((found.log_psi, found.value_error / integral.temperature))
+    (a, da), (b, db) = values
+    assert abs(a - b) < 3.5 * math.hypot(da, db)
+    assert math.hypot(da, db) < 0.2
+
+
+def test_the_key_of_a_sampled_path_is_that_of_its_winding():
+    integral = sampler(SCENES["oblique"](), 0.3)
+    assert integral.homology is not None
+    seen = set()
+    for x, control in (((1.0, 2.5), (0.9, 0.0)), ((1.5, 1.2), (0.8, 0.4)), ((2.9, 4.2), (0.3, -0.6))):
+        rollouts = held(integral, np.array(x), np.array(control), 300, time=0.2)
+        arrived = np.flatnonzero(rollouts.paths.outcome != Outcome.COLLISION)
+        states, steps = integral.replay.trace(rollouts, arrived)
+        for k, s in enumerate(arrived):
+            path = np.column_stack([states[k, : steps[k] + 1], 0.2 + rollouts.leads.times[: steps[k] + 1]])
+            winding = integral.homology.winding(path)
+            assert integral.homology.key(winding) == rollouts.paths.key[s]
+            seen.add(winding)
+    assert len(seen) > 4
+
+
+def test_a_clock_that_starts_later_tells_the_same():
+    integral = sampler(SCENES["oblique"](), 0.3)
+    x, control = np.array([1.0, 2.5]), np.array([0.9, 0.0])
+    now = held(integral, x, control, 200, time=0.7)
+    assert integral.homology is not None
+    integral.foresee(integral.space.traffic.after(0.7), integral.homology)
+    then = held(integral, x, control, 200)
+    assert np.mean(np.abs(now.paths.work - then.paths.work) < 1e-9) > 0.97  # rounding may flip an exit
+    before = integral.replay.trace(now, np.arange(5))[0]
+    assert np.any(before != integral.replay.trace(replace(now, setup=integral.setup), np.arange(5))[0])
+
+
+def test_bodies_out_of_reach_change_no_path():
+    far = [moved(f"far{k}", [(0.0, 60.0, 3.0 * k, 0.0), (2.0, 60.5, 3.0 * k, 1.0)], disc("disc", 0.0, 0.0, 0.3))
+           for k in range(5)]  # fmt: skip
+    near = SCENES["crossing"]().movers
+    x, control, found = np.array([1.5, 2.5]), np.array([0.9, 0.0]), []
+    for movers in (near, (*far[:3], *near, *far[3:])):
+        found.append(held(sampler(hall("near", movers), 0.3), x, control, 300))
+    for name in ("work", "log_ratio", "outcome", "steps", "lasting"):
+        assert np.array_equal(getattr(found[0].paths, name), getattr(found[1].paths, name))
+    assert np.sum(found[0].paths.outcome == Outcome.COLLISION) > 20
+
+
+def jumper() -> Mover:
+    """A disc that sweeps along and starts over where a path may be."""
+    return moved("jumper", [(0.0, 2.0, 2.5, 0.0), (0.55, 2.0, 4.5, 0.0)], disc("disc", 0.0, 0.0, 0.3), repeat=True)
+
+
+def test_nobody_survives_where_a_body_starts_over():
+    integral = sampler(hall("jumps", [jumper()]), 0.05)
+    found = held(integral, np.array([2.0, 2.5]), np.zeros(2), 100, time=0.4, T=5)
+    assert np.all(found.paths.outcome == Outcome.COLLISION)
+    assert np.all(found.paths.steps == 2)
+    assert found.paths.work == pytest.approx(np.full(100, 0.15), abs=1e-3)
+
+
+def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
+    integral, batch = passing()
+    guidance = integral.guidance
+    assert isinstance(guidance, AnyGuidance)
+    for proposal in batch.proposals:
+        lead: Lead = proposal.lead
+        guide = lead.guide
+        assert guide.valid
+        assert guide.gates is not None
+        for i in (0, 3, 6):
+            assert lead(guide.states[i], guide.times[i]) == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
