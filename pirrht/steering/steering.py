@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.steering.along_arcs import ARCS
-from pirrht.steering.motion import Motion, Motions
+from pirrht.steering.motion import Motion, Motions, Surroundings
 from pirrht.steering.trajectory import Trajectory
 
 
@@ -51,6 +52,14 @@ class Steering(ABC):
     @abstractmethod
     def roots(self, goal: Array) -> Array:
         """States (k, n) at the goal point (2,) [m] that the tree starts from."""
+
+    def homology(self, space: FreeSpace) -> Any:
+        """Of which classes paths are in an examined scene (`Homology`)."""
+        return space.homology
+
+    def surroundings(self, space: FreeSpace) -> Any:
+        """What the kernels of its motions know of an examined scene (`Surroundings`)."""
+        return Surroundings.of(space)
 
     def vertex_of(self, x: Array) -> Array:
         """What a vertex of the tree has of a state (..., n) of the system; here all of it."""
