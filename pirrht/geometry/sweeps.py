@@ -10,11 +10,33 @@ from __future__ import annotations
 import math
 
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE
+from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
+from pirrht.geometry.field import clearance
 from pirrht.geometry.traffic import clearance_of_body, piece_of
 
 STRIDE = 5e-3  # of a march on where nothing is certain [m]
+CLOSE = 1e-4  # where distances are closed forms a march may come so close before it is uncertain [m]
 MOMENT = 1e-9  # least time that a march advances from one row to the next [s]
+
+
+@kernel
+def certify_way(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m] by what stands.
+
+    Where that is not certain the walk goes on in small steps: most such segments soon enter an obstacle beyond doubt.
+    """
+    length, s, verdict = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2), 0.0, FREE
+    per = 1.0 / length if length > 0.0 else 0.0
+    while True:
+        x, y = ax + s * per * (bx - ax), ay + s * per * (by - ay)
+        c = clearance(field, x, y)
+        if c < LEAST_STEP:
+            if refused(field, x, y) == BLOCKED:
+                return BLOCKED
+            verdict, c = UNSURE, 0.5 * field.spacing
+        if s >= length:
+            return verdict
+        s = min(s + c, length)
 
 
 @kernel
@@ -77,14 +99,14 @@ def _marched(traffic, j, ox, oy, yaw, vx, vy, turn, x, y, ux, uy, now, end, pace
         now, end: the times [s].
         pace: by which clearances change at most [m/s].
     """
-    error, verdict = 0.0, FREE
+    error, least, verdict = 0.0, CLOSE, FREE
     for k in range(traffic.solid[j], traffic.solid[j + 1]):
         if traffic.bodies.solids.form[k] < 0:
-            error = traffic.bodies.pitch
+            error, least = traffic.bodies.pitch, LEAST_STEP
     while True:
         px, py, qx, qy = ox + now * vx, oy + now * vy, x + now * ux, y + now * uy
         c = clearance_of_body(traffic, j, px, py, yaw + now * turn, qx, qy) - error
-        if c < LEAST_STEP:
+        if c < least:
             if c <= -2.0 * error:
                 return BLOCKED
             verdict, c = UNSURE, STRIDE

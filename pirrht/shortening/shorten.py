@@ -15,8 +15,11 @@ from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import clearance
 from pirrht.shortening.chain import cheapest_chain
 from pirrht.shortening.dubins_shortcut import shortcut
+from pirrht.shortening.in_time import taut_in_time
 from pirrht.steering.along_arcs import ARCS
+from pirrht.steering.along_legs import Legs
 from pirrht.steering.dubins import Dubins
+from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Surroundings
 from pirrht.steering.rover import RoverSteering
 from pirrht.steering.steering import Steering
@@ -81,6 +84,11 @@ def _(steering: RoverSteering, path: Curves, space: FreeSpace) -> Curves:
     """The cheapest of those that are shortened like a car's, by the rover's radii; its guides do the rest."""
     found = [steering.priced(shortcut(path, Dubins(V=1.0, rho=radius), space)) for radius in steering.radii]
     return min([path, *found], key=lambda one: float(one.cost.sum()))
+
+
+@shorten.register
+def _(steering: InTime, path: Legs, space: FreeSpace) -> Legs:
+    return taut_in_time(path, steering, space)
 
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:

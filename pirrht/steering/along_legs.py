@@ -13,9 +13,9 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_segment
+from pirrht.geometry.certify import BLOCKED, UNSURE
 from pirrht.geometry.field import Field
-from pirrht.geometry.sweeps import certify_leg
+from pirrht.geometry.sweeps import certify_leg, certify_way
 from pirrht.geometry.traffic import Traffic
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
@@ -104,7 +104,7 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @kernel
 def free_leg(around, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """FREE, BLOCKED or UNSURE for the way from (ax, ay) [m] at s [s] to (bx, by) at t, by what stands and moves."""
-    standing = certify_segment(around.field, ax, ay, bx, by)
+    standing = certify_way(around.field, ax, ay, bx, by)
     if standing == BLOCKED:
         return BLOCKED
     moving = certify_leg(around.traffic, ax, ay, s, bx, by, t)

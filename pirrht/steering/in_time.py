@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
+from pirrht.geometry.traffic import traffic_clearance
 from pirrht.problem import Problem
 from pirrht.steering.along_legs import LEGS, LegRecord, Legs, TimedSurroundings
 from pirrht.steering.steering import Compiled, Steering
@@ -29,8 +32,13 @@ FASTER = 3.0  # speeds up to so many times the best one, if the robot has no lim
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
 WIDE = 0.2  # share of the draws that are uniform in space and time
 SLOWER = 0.5  # excess of cost that half of the other draws stay below, as a share of the unhindered cost
-PASSING = (0.8, 1.0, 1.3, 1.8)  # when a passage is driven through, in times that it takes to get there unhindered
+BESIDE = 0.3  # share of the others that lie beside a body ...
+NEAR = 4.0  # ... so many robot radii away from the disc around it at most
 TRIES = 64  # to draw a state that may be of use
+ACROSS = (0.0, -0.9, 0.9, -0.5, 0.5)  # where passages are driven through, as a share of the room to either side
+SPEEDS = (2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)  # how fast on the way there, as a share of the best speed
+MOST = 2.5  # times the unhindered cost that such a way may cost at least
+OFFERED = 256  # states in passages, the cheapest
 
 
 @inlined
@@ -182,38 +190,61 @@ class InTime(Steering):
         return np.array([[*goal, np.nan]])
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A place and a time (3,) [m, m, s] from 0 on.
-
-        Most draws are of use to a robot that leaves the scene's start at 0: they cost no more on the way than some
-        multiple of what nothing in the way would cost. The others are uniform, up to the last row and the time to go.
-        """
-        sx, sy, gx, gy = float(scene.start[0]), float(scene.start[1]), *map(float, scene.goal.center)
-        (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
-        least = self.cost_per_meter * math.hypot(gx - sx, gy - sy)
-        across = math.hypot(right - left, high - low) / self.pace
-        chance = rng.random()
-        excess = 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3)
-        for k in range(TRIES):
-            x, y = left + (right - left) * rng.random(), low + (high - low) * rng.random()
-            if k == 0 and rng.random() < WIDE:
-                return np.array([x, y, rng.random() * self.horizon(scene)])
-            away, ahead = math.hypot(x - sx, y - sy), self.cost_per_meter * math.hypot(gx - x, gy - y)
-            t = away / self.limit + rng.random() * min(excess * least / self.q, across * excess)
-            if t > 0.0 and self.q * t + 0.5 * self.r * away * away / t + ahead <= excess * least:
-                return np.array([x, y, t])
+        """A place and a time (3,) [m, m, s], uniform in the workspace up to the last row and the time to go."""
+        x, y = rng.uniform(scene.lower, scene.upper)
         return np.array([x, y, rng.random() * self.horizon(scene)])
+
+    def draw(self, space: FreeSpace, rng: np.random.Generator) -> Array:
+        """A place and a time (3,) [m, m, s] from 0 on that are of use to a robot that leaves the scene's start at 0.
+
+        Most draws cost no more on the way than some multiple of what nothing in the way would cost; some of these lie
+        beside a body that moves, where ways around it bend. The others are uniform.
+        """
+        scene, J = space.scene, space.traffic.J
+        (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
+        if rng.random() < WIDE:
+            return self.sample(scene, rng)
+        beside, chance = J > 0 and rng.random() < BESIDE, rng.random()
+        useful = _Useful.of(self, scene, 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3))
+        for _ in range(TRIES):
+            if beside:
+                j, t = int(rng.integers(J)), rng.random() * useful.latest(0.0)
+                x, y, _ = scene.movers[j].motion.pose(t)
+                angle = rng.uniform(-math.pi, math.pi)
+                away = space.traffic.radius[j] + rng.random() ** 2 * NEAR * space.scene.robot_radius
+                x, y = x + away * math.cos(angle), y + away * math.sin(angle)
+            else:
+                x, y = left + (right - left) * rng.random(), low + (high - low) * rng.random()
+                soonest = useful.away(x, y) / self.limit
+                t = soonest + rng.random() * useful.latest(soonest)
+            if useful(x, y, t) and left < x < right and low < y < high and not scene.goal.contains(np.array([x, y])):
+                return np.array([x, y, t])
+        return self.sample(scene, rng)
 
     def horizon(self, scene: Scene) -> float:
         """Until when draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
-        rows = [mover.motion for mover in scene.movers]
-        last = max((float(m.rows[-1, 0]) if m.repeat else m.last for m in rows), default=0.0)
+        motions = [mover.motion for mover in scene.movers]
+        last = max((float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), default=0.0)
         return max(last, 0.0) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
 
-    def states_along(self, way: Array, scene: Scene) -> Array:
-        """Every point (k, 3) earlier and later, (4 k, 3) [m, m, s]."""
-        away = np.hypot(way[:, 0] - scene.start[0], way[:, 1] - scene.start[1]) / self.pace
-        rows = [np.column_stack([way[:, :2], share * away]) for share in PASSING]
-        return np.stack(rows, axis=1).reshape(-1, 3)
+    def offers(self, passages: Passages, space: FreeSpace) -> Array:
+        """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then: the cheapest."""
+        left, right = passages.chords()
+        radius = space.scene.robot_radius
+        inner = 1.0 - 2.0 * radius / np.maximum(passages.width, 2.0 * radius)
+        middle, half = 0.5 * (left + right), 0.5 * (right - left) * inner[:, None]
+        across = [middle + share * half for share in ACROSS]
+        places = np.vstack([*across, passages.way[:, :2]])
+        useful = _Useful.of(self, space.scene, MOST)
+        found = []
+        for x, y in places.tolist():
+            away = useful.away(x, y)
+            for share in SPEEDS:
+                t = away / (share * self.pace)
+                if useful(x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
+                    found.append((useful.cost(x, y, t), x, y, t))
+        found.sort()
+        return np.array([row[1:] for row in found[:OFFERED]]).reshape(-1, 3)
 
     def trajectory(self, path: Legs) -> Trajectory:
         """Velocities along a path, or just when it is where for a system that tracks it."""
@@ -221,6 +252,41 @@ class InTime(Steering):
         if self.drives:
             return found
         return replace(found, controls=np.zeros((len(found.durations), self.m)), slack=self.slack)
+
+
+class _Useful(NamedTuple):
+    """Which places at which times cost a robot no more than so much, by what is between start and goal at least."""
+
+    start: tuple[float, float]  # [m]
+    goal: tuple[float, float]  # [m]
+    q: float  # [cost/s]
+    r: float  # [cost s/m^2]
+    meter: float  # [cost/m] of a way that nothing hinders
+    most: float  # [cost]
+
+    @classmethod
+    def of(cls, steering: InTime, scene: Scene, multiple: float) -> _Useful:
+        """Up to a multiple of the cost between a scene's start and its goal without anything in the way."""
+        (sx, sy), (gx, gy) = scene.start[:2].tolist(), scene.goal.center.tolist()
+        least = steering.cost_per_meter * math.hypot(gx - sx, gy - sy)
+        return cls((sx, sy), (gx, gy), steering.q, steering.r, steering.cost_per_meter, multiple * least)
+
+    def away(self, x: float, y: float) -> float:
+        """How far a place is from the start [m]."""
+        return math.hypot(x - self.start[0], y - self.start[1])
+
+    def latest(self, soonest: float) -> float:
+        """How much later than a time [s] anything can be of use [s]."""
+        return max(self.most / self.q - soonest, 0.0)
+
+    def cost(self, x: float, y: float, t: float) -> float:
+        """Of a way over a place at a time, at least [cost]."""
+        ahead = math.hypot(self.goal[0] - x, self.goal[1] - y)
+        return self.q * t + 0.5 * self.r * self.away(x, y) ** 2 / max(t, 1e-9) + self.meter * ahead
+
+    def __call__(self, x: float, y: float, t: float) -> bool:
+        """Whether it is little enough."""
+        return t > 0.0 and self.cost(x, y, t) <= self.most
 
 
 def _rows(states: Array) -> Array:

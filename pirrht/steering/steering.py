@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.motion import Motion, Motions, Surroundings
@@ -74,6 +75,14 @@ class Steering(ABC):
         states = np.array([self.sample(scene, rng) for _ in way]).reshape(-1, self.n)
         states[:, :2] = way[:, :2]
         return states
+
+    def draw(self, space: FreeSpace, rng: np.random.Generator) -> Array:
+        """A random state (n,) for a tree in an examined scene; here of its workspace."""
+        return self.sample(space.scene, rng)
+
+    def offers(self, passages: Passages, space: FreeSpace) -> Array:
+        """States (l, n) that a tree in an examined scene draws first; here those along its passages."""
+        return self.states_along(passages.way, space.scene)
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Indices of the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from.

@@ -257,7 +257,7 @@ class HomologyTree:
 
     @cached_property
     def _offers(self) -> Offers:
-        return Offers(self.steering.states_along(self.passages.way, self.space.scene))
+        return Offers(self.steering.offers(self.passages, self.space))
 
     def _draw(self, number: int) -> Array:
         """The state of a draw: in a passage that has no vertex yet, or random."""
@@ -265,7 +265,7 @@ class HomologyTree:
         return self._sample() if offered is None else offered
 
     def _sample(self) -> Array:
-        x = self.steering.sample(self.space.scene, self.rng)
+        x = self.steering.draw(self.space, self.rng)
         if self.rng.random() < GOAL_SHARE:
             goal = self.space.scene.goal
             angle, radius = self.rng.uniform(-np.pi, np.pi), goal.radius * np.sqrt(self.rng.random())
