@@ -22,8 +22,8 @@ from pirrht.steering.in_time import LATE, InTime
 from pirrht.topology.cuts import crossed
 from pirrht.topology.in_time import whole_turns
 
-KNOTS = (24, 40)  # legs of the first round and of the second
-MARGINS = (1e-3, 4e-3, 1.6e-2)  # clearance that is wanted; the first with which legs are certified counts [m]
+# Legs of a round, and clearances that are wanted [m]; the first with which all legs are certified counts.
+ROUNDS = (24, (1e-2, 3e-2)), (40, (1e-3, 4e-3, 1.5e-2))
 BENDS = 0.6  # share of the knots of the second round that go where the path bends
 
 
@@ -33,8 +33,8 @@ def taut_in_time(path: Legs, steering: InTime, space: FreeSpace) -> Legs:
     best = _joined(path.knots, steering, checker)
     if best is None or best.cost.sum() > path.cost.sum():
         best = path
-    for count in KNOTS:
-        for margin in MARGINS:
+    for count, margins in ROUNDS:
+        for margin in margins:
             found = _relaxed(best, count, margin, steering, checker)
             if found is not None:
                 best = found

@@ -15,10 +15,11 @@ import numpy as np
 
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.field import clearance
-from pirrht.geometry.traffic import WALL, moving_walls
+from pirrht.geometry.traffic import WALL, outside_of, piece_of, pose_of, wall_of_body
 
+NEAR = 0.6  # what stays so far from all knots is not asked for while they move [m]
 BAND = 4  # diagonals of a symmetric matrix of neighbouring knots
-WEIGHTS = (1e2, 1e3, 1e4, 1e5)  # of squares of what is lacking, one after the other [cost/m^2]
+WEIGHTS = (1e2, 3e3, 1e5)  # of squares of what is lacking, one after the other [cost/m^2]
 STEPS = 12  # Newton steps for each weight
 HALVINGS = 6  # of a step that does not save anything
 SETTLED = 1e-6  # a step that saves less than this share is the last one for its weight
@@ -48,10 +49,35 @@ def _add(matrix, border, slope, first, along, value, weight):  # type: ignore[no
     border[last] += weight * along[4] * along[4]
 
 
+@kernel
+def _around(around, knots, near):  # type: ignore[no-untyped-def]
+    """Write to `near` (J,) which bodies come so near to a path that they may matter; how many do."""
+    traffic, count = around.traffic, 0
+    for j in range(traffic.lead.shape[0]):
+        matters = False
+        for i in range(knots.shape[0]):
+            ox, oy, _ = pose_of(traffic, j, knots[i, 2])
+            if outside_of(traffic, j, ox, oy, knots[i, 0], knots[i, 1]) < NEAR:
+                matters = True
+                break
+        if matters:
+            near[count] = j
+            count += 1
+    return count
+
+
 @inlined
-def _walls(around, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
+def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
     """Write what is nearer than a margin [m] to rows of `walls` (J + 1, WALL), as `moving_walls` does; how many."""
-    count, field = moving_walls(around.traffic, x, y, t, margin, walls), around.field
+    count, field, traffic = 0, around.field, around.traffic
+    for j in near:
+        ox, oy, yaw, vx, vy, turn, _ = piece_of(traffic, j, t)
+        if outside_of(traffic, j, ox, oy, x, y) < margin:
+            c, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, yaw, x, y)
+            if c < margin:
+                walls[count, 0], walls[count, 1], walls[count, 2] = c, nx, ny
+                walls[count, 3], walls[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
+                count += 1
     c = clearance(field, x, y)
     if c < margin:
         h = 0.5 * field.spacing
@@ -63,11 +89,12 @@ def _walls(around, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def modelled(around, numbers, knots, weight, margin, matrix, border, slope):  # type: ignore[no-untyped-def]
+def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope):  # type: ignore[no-untyped-def]
     """Cost of a path and of what it lacks; its slope and the matrix of it are written if there is room for them.
 
     Args:
         around: of `TimedSurroundings`.
+        near: bodies that may matter.
         numbers: q, r and the limit of speeds.
         knots: the path (N + 1, 3) [m, m, s].
         weight: of what is lacking [cost/m^2].
@@ -98,7 +125,7 @@ def modelled(around, numbers, knots, weight, margin, matrix, border, slope):  # 
                 _add(matrix, border, slope, i, along, lacking, weight)
         for share in SHARES:
             x, y, t = knots[i, 0] + share * dx, knots[i, 1] + share * dy, knots[i, 2] + share * dt
-            for k in range(_walls(around, x, y, t, margin, walls)):
+            for k in range(_walls(around, near, x, y, t, margin, walls)):
                 lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
                 total += 0.5 * weight * lacking * lacking
                 if model:
@@ -201,14 +228,16 @@ def relax(around, numbers, knots, margin, thin):  # type: ignore[no-untyped-def]
     step, work, moved = np.empty(n + 1), np.empty(n), knots.copy()
     for j in range(around.traffic.fastest.shape[0]):
         fastest = max(fastest, around.traffic.fastest[j])
+    bodies = np.empty(around.traffic.lead.shape[0], np.int64)
     for weight in WEIGHTS:
+        near = bodies[: _around(around, knots, bodies)]
         for _ in range(STEPS):
-            before = modelled(around, numbers, knots, weight, margin, matrix, border, slope)
+            before = modelled(around, near, numbers, knots, weight, margin, matrix, border, slope)
             _step(matrix, border, slope, 1e-9 * weight, step, work)
             share, after = _allowed(knots, step, THIN * thin, fastest), np.inf
             for _ in range(HALVINGS):
                 _moved(knots, step, share, moved)
-                after = modelled(around, numbers, moved, weight, margin, matrix[:0], none, none)
+                after = modelled(around, near, numbers, moved, weight, margin, matrix[:0], none, none)
                 if after < before:
                     break
                 share *= 0.5

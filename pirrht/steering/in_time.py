@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,7 @@ BESIDE = 0.3  # share of the others that lie beside a body ...
 NEAR = 4.0  # ... so many robot radii away from the disc around it at most
 TRIES = 64  # to draw a state that may be of use
 ACROSS = (0.0, -0.9, 0.9, -0.5, 0.5)  # where passages are driven through, as a share of the room to either side
+ALONG = (0.0, 3.0, -3.0)  # and how far from their narrowest chord [robot radii]
 SPEEDS = (2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)  # how fast on the way there, as a share of the best speed
 MOST = 2.5  # times the unhindered cost that such a way may cost at least
 OFFERED = 256  # states in passages, the cheapest
@@ -230,17 +232,16 @@ class InTime(Steering):
     def offers(self, passages: Passages, space: FreeSpace) -> Array:
         """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then: the cheapest."""
         left, right = passages.chords()
-        radius = space.scene.robot_radius
-        inner = 1.0 - 2.0 * radius / np.maximum(passages.width, 2.0 * radius)
-        middle, half = 0.5 * (left + right), 0.5 * (right - left) * inner[:, None]
-        across = [middle + share * half for share in ACROSS]
-        places = np.vstack([*across, passages.way[:, :2]])
-        useful = _Useful.of(self, space.scene, MOST)
+        start, radius, useful = space.scene.start[:2], space.scene.robot_radius, _Useful.of(self, space.scene, MOST)
+        half = 0.5 * (right - left) * (1.0 - 2.0 * radius / np.maximum(passages.width, 2.0 * radius))[:, None]
+        ahead = np.column_stack([np.cos(passages.heading), np.sin(passages.heading)])
+        ahead *= np.where(np.sum(ahead * (passages.place - start), axis=1) < 0.0, -1.0, 1.0)[:, None]
         found = []
-        for x, y in places.tolist():
-            away = useful.away(x, y)
-            for share in SPEEDS:
-                t = away / (share * self.pace)
+        for across, along, speed in product(ACROSS, ALONG, SPEEDS):
+            middle = passages.place + across * half
+            places, late = middle + along * radius * ahead, along * radius / (speed * self.pace)
+            for (x, y), away in zip(places.tolist(), np.hypot(*(middle - start).T).tolist(), strict=True):
+                t = away / (speed * self.pace) + late
                 if useful(x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
                     found.append((useful.cost(x, y, t), x, y, t))
         found.sort()
