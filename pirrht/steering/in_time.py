@@ -113,6 +113,7 @@ class InTime(Steering):
 
     n = 3
     symmetric = False
+    asked = 500  # in haste one goes farther than to the cheapest neighbours
     motion = LEGS
 
     def __post_init__(self) -> None:

@@ -36,6 +36,7 @@ class Steering(ABC):
     n: int  # states of a vertex; the first two are the position [m]
     symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
     drives: bool = True  # whether references come with the controls that drive them; else guides must find those
+    asked: int = 0  # how many vertices a reference is looked for from at least
     motion: Motion = ARCS  # what `connect` makes
 
     @abstractmethod

@@ -217,7 +217,7 @@ class HomologyTree:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        edges = self._edges_from(x)
+        edges = self._edges_from(x, self.steering.asked)
         best = Best.room(self.classes or max(1, int(self.graph.nodes[edges.near[edges.free]].sum())))
         weights = self.homology.hash_weights
         count = best_classes(self._places, self._straight(x), edges, weights, self.rules, best)
@@ -311,13 +311,14 @@ class HomologyTree:
         straight: Array = self.homology.straight(x[None])[0]
         return straight
 
-    def _near(self, x: Array, size: int, *, forward: bool) -> NDArray[np.int64]:
-        """NearForward and NearBackward among the first `size` states."""
-        return self.steering.nearest(self.states[:size], x, near_count(size, self.steering.n), forward=forward)
+    def _near(self, x: Array, size: int, *, forward: bool, least: int = 0) -> NDArray[np.int64]:
+        """NearForward and NearBackward among the first `size` states, at least so many."""
+        count = max(near_count(size, self.steering.n), least)
+        return self.steering.nearest(self.states[:size], x, count, forward=forward)
 
-    def _edges_from(self, x: Array) -> Edges:
-        """Edges from x (n,) to the vertices near it."""
-        near = self._near(x, self.size, forward=True)
+    def _edges_from(self, x: Array, least: int = 0) -> Edges:
+        """Edges from x (n,) to the vertices near it, at least so many."""
+        near = self._near(x, self.size, forward=True, least=least)
         motions = self.steering.connect(_repeated(x, len(near)), self.states[near])
         return self.checker.inspect(motions, self.in_goal[near], near)
 
