@@ -7,15 +7,13 @@ and of the same class: that never costs more. Then all knots move, in space and 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import FREE
-from pirrht.shortening.timed_relaxation import relax
+from pirrht.shortening.timed_relaxation import INSIDE, relax
 from pirrht.steering.along_legs import Legs, entered, free_leg
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import LATE, InTime
@@ -30,9 +28,8 @@ BENDS = 0.6  # share of the knots of the second round that go where the path ben
 def taut_in_time(path: Legs, steering: InTime, space: FreeSpace) -> Legs:
     """A path into the goal's disc of the same class that never costs more."""
     checker = EdgeChecker.of(space, steering)
-    best = _joined(path.knots, steering, checker)
-    if best is None or best.cost.sum() > path.cost.sum():
-        best = path
+    joined = _joined(path.knots, steering, checker)
+    best = path if joined is None or joined.cost.sum() > path.cost.sum() else joined
     for count, margins in ROUNDS:
         for margin in margins:
             found = _relaxed(best, count, margin, steering, checker)
@@ -52,11 +49,13 @@ def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: E
     return found
 
 
-def _joined(knots: Array, steering: InTime, checker: EdgeChecker) -> Any:
+def _joined(knots: Array, steering: InTime, checker: EdgeChecker) -> Legs | None:
     """The path over some of the knots (k, 3), all legs of which are free up to the goal's disc; None if one is not."""
-    kept = knots.copy()
+    kept, goal = knots.copy(), checker.space.scene.goal
+    away = kept[-1, :2] - goal.center
+    kept[-1, :2] = goal.center + away * min(1.0, (1.0 - INSIDE) * goal.radius / max(np.hypot(*away), 1e-300))
     count = _shortcut(checker.around, steering.compiled.numbers, kept)
-    path = checker.until_goal(steering.connect(kept[: count - 1], kept[1:count]))
+    path: Legs = checker.until_goal(steering.connect(kept[: count - 1], kept[1:count]))
     last = np.arange(count - 1) == count - 2
     return path if checker.inspect(path, last).free.all() else None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import singledispatch
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ HALVINGS = 6
 SLIDES = 12  # halvings of a leg along which a corner slides
 
 
-def polish(path: Curves, steering: Steering, space: FreeSpace) -> Curves:
+def polish(path: Any, steering: Steering, space: FreeSpace) -> Any:
     """A path (k consecutive curves, (k, P) pieces, into the goal) of the same class that is never longer [m].
 
     Every new piece is certified by the clearance field, which is FCL's distance less its error bound.
@@ -47,7 +48,7 @@ def polish(path: Curves, steering: Steering, space: FreeSpace) -> Curves:
 
 
 @singledispatch
-def shorten(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
+def shorten(steering: Steering, path: Any, space: FreeSpace) -> Any:
     """How paths of one steering method are polished; `shorten.register` adds a method.
 
     Straight lines of a system of two states are pulled taut like a point's; anything else gets the best chain of the
@@ -55,8 +56,7 @@ def shorten(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
     """
     if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):
         return _straight(steering, path, space)
-    found: Curves = cheapest_chain(path, steering, space)
-    return found
+    return cheapest_chain(path, steering, space)
 
 
 def searches(steering: Steering) -> bool:

@@ -129,7 +129,12 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
                 lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
                 total += 0.5 * weight * lacking * lacking
                 if model:
-                    along[0], along[1], along[2], along[3] = (share - 1.0) * nx, (share - 1.0) * ny, -share * nx, -share * ny
+                    along[0], along[1], along[2], along[3] = (
+                        (share - 1.0) * nx,
+                        (share - 1.0) * ny,
+                        -share * nx,
+                        -share * ny,
+                    )
                     along[4] = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
                     _add(matrix, border, slope, i, along, lacking, weight)
     gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
@@ -199,7 +204,7 @@ def _moved(knots, step, share, out):  # type: ignore[no-untyped-def]
 
 @inlined
 def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
-    """The share of a step that moves no knot too far [m], as bodies see it that go so fast, nor ends the path at once."""
+    """The share of a step that moves no knot too far [m] for bodies that go so fast, nor ends the path at once."""
     last = knots.shape[0] - 1
     whole, change, share = knots[last, 2] - knots[0, 2], step[2 * last], 1.0
     if change < 0.0:

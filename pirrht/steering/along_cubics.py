@@ -10,8 +10,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.certify import BLOCKED, UNSURE
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.certify import BLOCKED, UNSURE
 from pirrht.geometry.cubics import (
     Cubic,
     certify_cubic,

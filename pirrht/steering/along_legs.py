@@ -92,7 +92,7 @@ class Legs:
 
 @inlined
 def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """After which share of a straight way from (ax, ay) to (bx, by) [m] it enters the goal's disc; infinity if never."""
+    """After which share of a straight way from (ax, ay) to (bx, by) [m] it enters the goal; infinity if never."""
     dx, dy = bx - ax, by - ay
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:

@@ -1,7 +1,7 @@
 """Steering in space and time: a point that may go at any speed up to a limit, and wait, among bodies that move.
 
-Vertices are x, y [m] and t [s] on the tree's clock. What leads from one to another is the straight way between them at a
-constant speed, forward in time, and costs q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and where
+Vertices are x, y [m] and t [s] on the tree's clock. What leads from one to another is the straight way between them at
+a constant speed, forward in time, and costs q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and where
 nothing is in the way one goes there at the best speed, sqrt(2 q / r).
 """
 
@@ -180,7 +180,8 @@ class InTime(Steering):
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost of the ways from tails to heads, (..., 3) x 2 -> (...,) [cost]; infinite where there is none."""
         tails, heads = np.broadcast_arrays(tails, heads)
-        return _connect(_rows(tails), _rows(heads), self.compiled.numbers).cost.reshape(tails.shape[:-1])
+        cost: Array = _connect(_rows(tails), _rows(heads), self.compiled.numbers).cost.reshape(tails.shape[:-1])
+        return cost
 
     def connect(self, tails: Array, heads: Array) -> Legs:
         """The ways from tails (k, 3) to heads (k, 3) [m, m, s]."""
