@@ -15,7 +15,7 @@ from pirrht.geometry.field import clearance
 from pirrht.geometry.traffic import clearance_of_body, piece_of
 
 STRIDE = 5e-3  # of a march on where nothing is certain [m]
-CLOSE = 1e-4  # where distances are closed forms a march may come so close before it is uncertain [m]
+CLOSE = 1e-5  # where distances are closed forms a march may come so close before it is uncertain [m]
 MOMENT = 1e-9  # least time that a march advances from one row to the next [s]
 
 

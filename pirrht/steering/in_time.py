@@ -35,7 +35,7 @@ WIDE = 0.2  # share of the draws that are uniform in space and time
 SLOWER = 0.5  # excess of cost that half of the other draws stay below, as a share of the unhindered cost
 BESIDE = 0.3  # share of the others that lie beside a body ...
 NEAR = 4.0  # ... so many robot radii away from the disc around it at most
-TRIES = 64  # to draw a state that may be of use
+TRIES = 32  # to draw a state that may be of use
 ACROSS = (0.0, -0.9, 0.9, -0.5, 0.5)  # where passages are driven through, as a share of the room to either side
 ALONG = (0.0, 3.0, -3.0)  # and how far from their narrowest chord [robot radii]
 SPEEDS = (2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)  # how fast on the way there, as a share of the best speed
@@ -210,18 +210,19 @@ class InTime(Steering):
             return self.sample(scene, rng)
         beside, chance = J > 0 and rng.random() < BESIDE, rng.random()
         useful = _Useful.of(self, scene, 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3))
-        for _ in range(TRIES):
+        for a, b, c in rng.random((TRIES, 3)).tolist():
             if beside:
-                j, t = int(rng.integers(J)), rng.random() * useful.latest(0.0)
+                j, t = int(rng.integers(J)), c * useful.latest(0.0)
                 x, y, _ = scene.movers[j].motion.pose(t)
-                angle = rng.uniform(-math.pi, math.pi)
-                away = space.traffic.radius[j] + rng.random() ** 2 * NEAR * space.scene.robot_radius
+                angle = 2.0 * math.pi * a
+                away = space.traffic.radius[j] + b**2 * NEAR * scene.robot_radius
                 x, y = x + away * math.cos(angle), y + away * math.sin(angle)
             else:
-                x, y = left + (right - left) * rng.random(), low + (high - low) * rng.random()
+                x, y = left + (right - left) * a, low + (high - low) * b
                 soonest = useful.away(x, y) / self.limit
-                t = soonest + rng.random() * useful.latest(soonest)
-            if useful(x, y, t) and left < x < right and low < y < high and not scene.goal.contains(np.array([x, y])):
+                t = soonest + c * useful.latest(soonest)
+            inside = left < x < right and low < y < high
+            if inside and useful(x, y, t) and useful.ahead(x, y) > scene.goal.radius:
                 return np.array([x, y, t])
         return self.sample(scene, rng)
 
@@ -278,14 +279,17 @@ class _Useful(NamedTuple):
         """How far a place is from the start [m]."""
         return math.hypot(x - self.start[0], y - self.start[1])
 
+    def ahead(self, x: float, y: float) -> float:
+        """How far it is from the goal point [m]."""
+        return math.hypot(self.goal[0] - x, self.goal[1] - y)
+
     def latest(self, soonest: float) -> float:
         """How much later than a time [s] anything can be of use [s]."""
         return max(self.most / self.q - soonest, 0.0)
 
     def cost(self, x: float, y: float, t: float) -> float:
         """Of a way over a place at a time, at least [cost]."""
-        ahead = math.hypot(self.goal[0] - x, self.goal[1] - y)
-        return self.q * t + 0.5 * self.r * self.away(x, y) ** 2 / max(t, 1e-9) + self.meter * ahead
+        return self.q * t + 0.5 * self.r * self.away(x, y) ** 2 / max(t, 1e-9) + self.meter * self.ahead(x, y)
 
     def __call__(self, x: float, y: float, t: float) -> bool:
         """Whether it is little enough."""
