@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,27 +18,18 @@ from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.geometry.traffic import traffic_clearance
 from pirrht.problem import Problem
 from pirrht.steering.along_legs import LEGS, LegRecord, Legs, TimedSurroundings
 from pirrht.steering.steering import Compiled, Steering
 from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.useful import drawn, offered
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.in_time import TimedHomology
 
 FASTER = 3.0  # speeds up to so many times the best one, if the robot has no limit of its own
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
 WIDE = 0.2  # share of the draws that are uniform in space and time
-SLOWER = 0.5  # excess of cost that half of the other draws stay below, as a share of the unhindered cost
-BESIDE = 0.3  # share of the others that lie beside a body ...
-NEAR = 4.0  # ... so many robot radii away from the disc around it at most
-TRIES = 32  # to draw a state that may be of use
-ACROSS = (0.0, -0.9, 0.9, -0.5, 0.5)  # where passages are driven through, as a share of the room to either side
-ALONG = (0.0, 3.0, -3.0)  # and how far from their narrowest chord [robot radii]
-SPEEDS = (2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)  # how fast on the way there, as a share of the best speed
-MOST = 2.5  # times the unhindered cost that such a way may cost at least
-OFFERED = 256  # states in passages, the cheapest
 
 
 @inlined
@@ -199,32 +188,9 @@ class InTime(Steering):
         return np.array([x, y, rng.random() * self.horizon(scene)])
 
     def draw(self, space: FreeSpace, rng: np.random.Generator) -> Array:
-        """A place and a time (3,) [m, m, s] from 0 on that are of use to a robot that leaves the scene's start at 0.
-
-        Most draws cost no more on the way than some multiple of what nothing in the way would cost; some of these lie
-        beside a body that moves, where ways around it bend. The others are uniform.
-        """
-        scene, J = space.scene, space.traffic.J
-        (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
-        if rng.random() < WIDE:
-            return self.sample(scene, rng)
-        beside, chance = J > 0 and rng.random() < BESIDE, rng.random()
-        useful = _Useful.of(self, scene, 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3))
-        for a, b, c in rng.random((TRIES, 3)).tolist():
-            if beside:
-                j, t = int(rng.integers(J)), c * useful.latest(0.0)
-                x, y, _ = scene.movers[j].motion.pose(t)
-                angle = 2.0 * math.pi * a
-                away = space.traffic.radius[j] + b**2 * NEAR * scene.robot_radius
-                x, y = x + away * math.cos(angle), y + away * math.sin(angle)
-            else:
-                x, y = left + (right - left) * a, low + (high - low) * b
-                soonest = useful.away(x, y) / self.limit
-                t = soonest + c * useful.latest(soonest)
-            inside = left < x < right and low < y < high
-            if inside and useful(x, y, t) and useful.ahead(x, y) > scene.goal.radius:
-                return np.array([x, y, t])
-        return self.sample(scene, rng)
+        """A place and a time (3,) [m, m, s] from 0 on, mostly of use to a robot that leaves the scene's start at 0."""
+        found = None if rng.random() < WIDE else drawn(self.compiled.numbers, space, rng)
+        return self.sample(space.scene, rng) if found is None else found
 
     def horizon(self, scene: Scene) -> float:
         """Until when draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
@@ -233,22 +199,8 @@ class InTime(Steering):
         return max(last, 0.0) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
 
     def offers(self, passages: Passages, space: FreeSpace) -> Array:
-        """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then: the cheapest."""
-        left, right = passages.chords()
-        start, radius, useful = space.scene.start[:2], space.scene.robot_radius, _Useful.of(self, space.scene, MOST)
-        half = 0.5 * (right - left) * (1.0 - 2.0 * radius / np.maximum(passages.width, 2.0 * radius))[:, None]
-        ahead = np.column_stack([np.cos(passages.heading), np.sin(passages.heading)])
-        ahead *= np.where(np.sum(ahead * (passages.place - start), axis=1) < 0.0, -1.0, 1.0)[:, None]
-        found = []
-        for across, along, speed in product(ACROSS, ALONG, SPEEDS):
-            middle = passages.place + across * half
-            places, late = middle + along * radius * ahead, along * radius / (speed * self.pace)
-            for (x, y), away in zip(places.tolist(), np.hypot(*(middle - start).T).tolist(), strict=True):
-                t = away / (speed * self.pace) + late
-                if useful(x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
-                    found.append((useful.cost(x, y, t), x, y, t))
-        found.sort()
-        return np.array([row[1:] for row in found[:OFFERED]]).reshape(-1, 3)
+        """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then."""
+        return offered(self.compiled.numbers, passages, space)
 
     def trajectory(self, path: Legs) -> Trajectory:
         """Velocities along a path, or just when it is where for a system that tracks it."""
@@ -256,44 +208,6 @@ class InTime(Steering):
         if self.drives:
             return found
         return replace(found, controls=np.zeros((len(found.durations), self.m)), slack=self.slack)
-
-
-class _Useful(NamedTuple):
-    """Which places at which times cost a robot no more than so much, by what is between start and goal at least."""
-
-    start: tuple[float, float]  # [m]
-    goal: tuple[float, float]  # [m]
-    q: float  # [cost/s]
-    r: float  # [cost s/m^2]
-    meter: float  # [cost/m] of a way that nothing hinders
-    most: float  # [cost]
-
-    @classmethod
-    def of(cls, steering: InTime, scene: Scene, multiple: float) -> _Useful:
-        """Up to a multiple of the cost between a scene's start and its goal without anything in the way."""
-        (sx, sy), (gx, gy) = scene.start[:2].tolist(), scene.goal.center.tolist()
-        least = steering.cost_per_meter * math.hypot(gx - sx, gy - sy)
-        return cls((sx, sy), (gx, gy), steering.q, steering.r, steering.cost_per_meter, multiple * least)
-
-    def away(self, x: float, y: float) -> float:
-        """How far a place is from the start [m]."""
-        return math.hypot(x - self.start[0], y - self.start[1])
-
-    def ahead(self, x: float, y: float) -> float:
-        """How far it is from the goal point [m]."""
-        return math.hypot(self.goal[0] - x, self.goal[1] - y)
-
-    def latest(self, soonest: float) -> float:
-        """How much later than a time [s] anything can be of use [s]."""
-        return max(self.most / self.q - soonest, 0.0)
-
-    def cost(self, x: float, y: float, t: float) -> float:
-        """Of a way over a place at a time, at least [cost]."""
-        return self.q * t + 0.5 * self.r * self.away(x, y) ** 2 / max(t, 1e-9) + self.meter * self.ahead(x, y)
-
-    def __call__(self, x: float, y: float, t: float) -> bool:
-        """Whether it is little enough."""
-        return t > 0.0 and self.cost(x, y, t) <= self.most
 
 
 def _rows(states: Array) -> Array:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
 from discs import disc
 from moving import SCENES, hall, moved
 
-from pirrht.errors import NoReference
+from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.crowd import Crowd
 from pirrht.steering.in_time import InTime
+from pirrht.tree.file import load, save
 from pirrht.tree.homology_tree import HomologyTree, Reference
 
 START = np.array([1.0, 2.5, 0.0])
@@ -158,3 +160,16 @@ def test_far_bodies_do_not_multiply_the_classes_that_count():
     found = grown(FreeSpace.of(replace(crossing, movers=(*crossing.movers, *far))), 0, 300).references(START)
     assert [one.winding for one in found[:2]] == [(w, *[0] * 12) for (w,) in (alone[0].winding, alone[1].winding)]
     assert [one.cost for one in found[:2]] == pytest.approx([one.cost for one in alone], rel=2e-3)
+
+
+def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
+    space, kept = FreeSpace.of(SCENES["pincer"]()), BytesIO()
+    tree = grown(space, 2, 120)
+    save(tree, kept)
+    kept.seek(0)
+    again = load(kept, space, InTime())
+    assert [one.cost for one in again.references(START)] == [one.cost for one in tree.references(START)]
+    kept.seek(0)
+    later = space.among([replace(mover, motion=mover.motion.after(0.1)) for mover in space.scene.movers])
+    with pytest.raises(OptionError, match="bodies that move"):
+        load(kept, later, InTime())
