@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -10,11 +12,14 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.crowd import Crowd
 from pirrht.geometry.field import Field
+from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.survey import build_field
 from pirrht.geometry.traffic import Traffic
 from pirrht.topology.homology import Homology
+from pirrht.topology.moving import MovingHomology
 from pirrht.topology.obstacles import Component, components
 
 
@@ -31,6 +36,8 @@ class FreeSpace:
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
     homology: Homology
     traffic: Traffic  # what moves, none of which the others know of
+    moving: MovingHomology  # its markers, with bases at 1 m/s
+    crowd: Crowd  # the same as FCL knows it
 
     @classmethod
     def of(cls, scene: Scene) -> FreeSpace:
@@ -50,7 +57,7 @@ class FreeSpace:
             field=_field(scene, collision, sorted(i for part in parts for i in part.members)),
             obstacles=encircled,
             homology=Homology(markers=markers, goal=scene.goal.center.astype(float)),
-            traffic=Traffic.of(scene),
+            **_moving(scene),
         )
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
@@ -62,8 +69,14 @@ class FreeSpace:
         scene = self.scene
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
         _check_task(scene, self.collision)
-        homology = Homology(markers=self.homology.markers, goal=scene.goal.center.astype(float))
-        return replace(self, scene=scene, homology=homology)
+        center = scene.goal.center.astype(float)
+        homology = Homology(markers=self.homology.markers, goal=center)
+        return replace(self, scene=scene, homology=homology, moving=replace(self.moving, goal=center))
+
+    def among(self, movers: Sequence[Mover]) -> FreeSpace:
+        """The same standing world and task among other bodies that move, or the same as they are foretold now."""
+        scene = replace(self.scene, movers=tuple(movers))
+        return replace(self, scene=scene, **_moving(scene))
 
     @property
     def arena(self) -> Arena:
@@ -73,6 +86,13 @@ class FreeSpace:
     def clearance(self, position: Array) -> float:
         """FCL's clearance of the robot's centre at one position (2,) [m]."""
         return float(self.collision.clearance(position[None, :2])[0])
+
+
+def _moving(scene: Scene) -> dict[str, Any]:
+    """What is known of a scene's bodies that move."""
+    movers, footprint = scene.movers, scene.footprint
+    moving = MovingHomology.of(movers, footprint, scene.goal.center, 1.0)
+    return {"traffic": Traffic.of(scene), "moving": moving, "crowd": Crowd(movers, footprint)}
 
 
 def _field(scene: Scene, collision: Collision, members: list[int]) -> Field:

@@ -2,7 +2,8 @@
 
 `shorten` chooses by steering method and does straight lines: shortcuts between corners, and corners blunted as far as
 obstacles allow. For Dubins curves `dubins_shortcut` replaces stretches by the best chain of curves between stations,
-`dubins_bends` moves the joints where the chain bends, `dubins_legs` is what both are made of.
+`dubins_bends` moves the joints where the chain bends, `dubins_legs` is what both are made of. In space and time
+`in_time` leaves out knots, and `timed_relaxation` moves them.
 
 No path gets longer, every new piece is certified by the clearance field, and its turns around the markers are those of
 what it replaces. Any other steering method gets the cheapest chain of its own connections (`chain`). It imports

@@ -29,7 +29,7 @@ ROUNDING = 1e-6  # share of the cost of a motion by which its parts may cost mor
 
 def cheapest_chain(path: Motions, steering: Steering, space: FreeSpace) -> Any:
     """A path of consecutive motions into the goal, of the same kind and class, that never costs more."""
-    checker = EdgeChecker(space=space, motion=steering.motion)
+    checker = EdgeChecker.of(space, steering)
     idle = 0
     for number in range(1 + CORNERS):
         stations = _stations(path, steering, number)
@@ -49,7 +49,7 @@ def resumed(x: Array, path: Motions, steering: Steering, space: FreeSpace) -> An
     """The cheapest path from x (n,) over some of the corners of an earlier one, into the goal; None if none is free."""
     goal, corners = space.scene.goal.center, path.heads.copy()
     corners[-1, :2] += INTO * (goal - corners[-1, :2])
-    return _joined(EdgeChecker(space=space, motion=steering.motion), steering, np.vstack([x, corners]))
+    return _joined(EdgeChecker.of(space, steering), steering, np.vstack([x, corners]))
 
 
 def _stations(path: Motions, steering: Steering, number: int) -> Array:
@@ -85,7 +85,7 @@ def _joined(checker: EdgeChecker, steering: Steering, stations: Array) -> Any:
     edges, _ = judge_with(checker.motion.kernels)(checker.around, record, last, j)
     free, next_ = edges.status == FREE, j == i + 1
     for row in np.flatnonzero(next_ & (edges.status == UNSURE)).tolist():
-        free[row] = checker.motion.ask(record, row, checker.space.collision)
+        free[row] = checker.motion.ask(record, row, checker.space)
     if not free[next_].all():
         return None
     key = _keys(edges.turns.first, edges.turns.marker, edges.turns.turn, checker.around.weights)

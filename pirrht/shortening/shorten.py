@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import singledispatch
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,11 @@ from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import clearance
 from pirrht.shortening.chain import cheapest_chain
 from pirrht.shortening.dubins_shortcut import shortcut
+from pirrht.shortening.in_time import taut_in_time
 from pirrht.steering.along_arcs import ARCS
+from pirrht.steering.along_legs import Legs
 from pirrht.steering.dubins import Dubins
+from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Surroundings
 from pirrht.steering.rover import RoverSteering
 from pirrht.steering.steering import Steering
@@ -35,7 +39,7 @@ HALVINGS = 6
 SLIDES = 12  # halvings of a leg along which a corner slides
 
 
-def polish(path: Curves, steering: Steering, space: FreeSpace) -> Curves:
+def polish(path: Any, steering: Steering, space: FreeSpace) -> Any:
     """A path (k consecutive curves, (k, P) pieces, into the goal) of the same class that is never longer [m].
 
     Every new piece is certified by the clearance field, which is FCL's distance less its error bound.
@@ -44,7 +48,7 @@ def polish(path: Curves, steering: Steering, space: FreeSpace) -> Curves:
 
 
 @singledispatch
-def shorten(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
+def shorten(steering: Steering, path: Any, space: FreeSpace) -> Any:
     """How paths of one steering method are polished; `shorten.register` adds a method.
 
     Straight lines of a system of two states are pulled taut like a point's; anything else gets the best chain of the
@@ -52,8 +56,7 @@ def shorten(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
     """
     if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):
         return _straight(steering, path, space)
-    found: Curves = cheapest_chain(path, steering, space)
-    return found
+    return cheapest_chain(path, steering, space)
 
 
 def searches(steering: Steering) -> bool:
@@ -81,6 +84,11 @@ def _(steering: RoverSteering, path: Curves, space: FreeSpace) -> Curves:
     """The cheapest of those that are shortened like a car's, by the rover's radii; its guides do the rest."""
     found = [steering.priced(shortcut(path, Dubins(V=1.0, rho=radius), space)) for radius in steering.radii]
     return min([path, *found], key=lambda one: float(one.cost.sum()))
+
+
+@shorten.register
+def _(steering: InTime, path: Legs, space: FreeSpace) -> Legs:
+    return taut_in_time(path, steering, space)
 
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
+from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, along, entry_of_curve, truncate
 from pirrht.geometry.certify import BLOCKED, UNSURE, certify_curve
 from pirrht.geometry.collision import Collision
@@ -71,9 +72,9 @@ def _most(arcs):  # type: ignore[no-untyped-def]
     return arcs.length.shape[1]
 
 
-def _ask(arcs: Arcs, i: int, collision: Collision) -> bool:
+def _ask(arcs: Arcs, i: int, space: FreeSpace) -> bool:
     """One swept capsule where a curve is straight, bisection where it turns."""
-    length = arcs.length[i]
+    collision, length = space.collision, arcs.length[i]
     x, y, theta = (float(v) for v in arcs.start[i])
     for kappa, total in zip(arcs.curvature[i], length, strict=True):
         if total <= 0 and not np.all(length <= 0):

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.addresses import load_float64, load_int32
 from pirrht.compiled.jit import inlined, kernel
+from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import BLOCKED, UNSURE
-from pirrht.geometry.collision import Collision
 from pirrht.geometry.cubics import (
     Cubic,
     certify_cubic,
@@ -26,7 +25,7 @@ from pirrht.geometry.cubics import (
 from pirrht.geometry.field import clearance
 from pirrht.steering.motion import Motion, MotionKernels, Surroundings
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.cuts import sector, turn_at_cut
+from pirrht.topology.cuts import crossed
 
 CROSSINGS = 3  # a cubic path crosses a straight cut no more often
 TAPE = 0.05  # pieces of constant control that a trajectory is told in [s]
@@ -114,19 +113,6 @@ def _judge(record, into_goal, around, status, enters):  # type: ignore[no-untype
     return unsure
 
 
-@inlined
-def _crossed(cuts, ax, ay, bx, by, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Append the pairs of a segment from (ax, ay) to (bx, by) [m]; number of pairs."""
-    begin, end = sector(cuts, ax, ay, bx, by)
-    for k in range(begin, end):
-        mx, my = load_float64(cuts.x, k), load_float64(cuts.y, k)
-        whole = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, ax, ay, bx, by)
-        if whole != 0:
-            marker[count], turn[count] = load_int32(cuts.marker, k), whole
-            count += 1
-    return count
-
-
 @kernel
 def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     """Pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
@@ -139,7 +125,7 @@ def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-
         bx, by = place(c, s)
         if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
             bx, by = record.heads[i, 0], record.heads[i, 1]
-        count = _crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
+        count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
         ax, ay = bx, by
     return count
 
@@ -153,11 +139,11 @@ def _record(motions: Cubics) -> CubicRecord:
     return CubicRecord(motions.path, motions.duration.copy(), motions.cost.copy(), motions.heads, motions.rates)
 
 
-def _ask(record: CubicRecord, i: int, collision: Collision) -> bool:
+def _ask(record: CubicRecord, i: int, space: FreeSpace) -> bool:
     """Bisection by clearances, at a pace that the path nowhere exceeds."""
     c, T = Cubic(*(float(v) for v in record.path[i])), float(record.duration[i])
     pace = max(math.hypot(c.vx, c.vy) + T * greatest_force(c, 0.0, T), 1e-9)
-    return collision.bisect_free(lambda length: np.array(place(c, length / pace)), T * pace)
+    return space.collision.bisect_free(lambda length: np.array(place(c, length / pace)), T * pace)
 
 
 def _until_goal(path: Cubics, around: Surroundings) -> Cubics:

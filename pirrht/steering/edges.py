@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_point
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.motion import Motion, MotionKernels, Motions, Surroundings
+from pirrht.steering.steering import Steering
 from pirrht.topology.turns import Turns, summed
 
 
@@ -46,10 +47,16 @@ class EdgeChecker:
 
     space: FreeSpace
     motion: Motion = ARCS
-    around: Surroundings = field(init=False)
+    around: Any = None  # `Surroundings` of the space, or what else the kernels of the motion take
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "around", Surroundings.of(self.space))
+        if self.around is None:
+            object.__setattr__(self, "around", Surroundings.of(self.space))
+
+    @classmethod
+    def of(cls, space: FreeSpace, steering: Steering) -> EdgeChecker:
+        """The judge of a steering method's motions in an examined scene."""
+        return cls(space=space, motion=steering.motion, around=steering.surroundings(space))
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).
@@ -61,7 +68,7 @@ class EdgeChecker:
         near = np.arange(len(into_goal)) if near is None else near
         edges, unsure = judge_with(self.motion.kernels)(self.around, record, into_goal, near)
         for i in np.flatnonzero(edges.status == UNSURE).tolist() if unsure else ():
-            if self.motion.ask(record, i, self.space.collision):
+            if self.motion.ask(record, i, self.space):
                 edges.status[i] = FREE
         return edges
 
@@ -78,7 +85,7 @@ class EdgeChecker:
 @cache
 def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
     """The kernel that judges one kind of motions: (around, record, into_goal (k,), near (k,)) -> (`Edges`, unsure)."""
-    judge, pairs, most = kernels
+    judge, pairs, most, _ = kernels
 
     @kernel
     def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
@@ -86,7 +93,7 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
 
         `into_goal` and `near` are (k,).
         """
-        k, M = into_goal.shape[0], around.cuts.M
+        k, M = into_goal.shape[0], around.weights.shape[0]
         status, enters, first = np.empty(k, np.int8), np.empty(k, np.bool_), np.empty(k + 1, np.int64)
         unsure = judge(motions, into_goal, around, status, enters)
         room = most(motions) * M  # pairs that one motion can have

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.cuts import Cuts
+from pirrht.topology.cuts import Cuts, straight_turns
 
 
 class Surroundings(NamedTuple):
@@ -55,6 +55,14 @@ class Motions(Protocol):
         """Each as a polyline (l, 2) [m], whose points lie at most `spacing` m apart where it turns."""
 
 
+@inlined
+def write_straight(around, x, out):  # type: ignore[no-untyped-def]
+    """Write H of the straight line from a state x (n,) to the goal point to `out` (M,) [turns]."""
+    markers = around.markers
+    for k in range(out.shape[0]):
+        out[k] = straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], around.goal_x, around.goal_y)
+
+
 class MotionKernels(NamedTuple):
     """What compiled code asks of a record of motions, into which nothing else looks."""
 
@@ -66,6 +74,7 @@ class MotionKernels(NamedTuple):
     # its head, or of the straight line from its end to the goal point; the number of pairs. A marker may recur.
     pairs: Callable[..., int]
     most: Callable[..., int]  # (motions): how often a marker can come up in the pairs of one motion
+    straight: Callable[..., None] = write_straight  # (around, x (n,), out (M,)): H of the base from a state [turns]
 
 
 class Motion(NamedTuple):
@@ -73,8 +82,8 @@ class Motion(NamedTuple):
 
     kernels: MotionKernels
     record: Callable[[Any], Any]  # Motions as the record of arrays that the kernels take, which they may change
-    ask: Callable[[Any, int, Collision], bool]  # FCL's own word on motion i of a record
-    until_goal: Callable[[Any, Surroundings], Any]  # a path (consecutive motions) that ends where it enters the disc
+    ask: Callable[[Any, int, FreeSpace], bool]  # FCL's own word on motion i of a record
+    until_goal: Callable[[Any, Any], Any]  # a path (consecutive motions) that ends where it enters the disc
     trajectory: Callable[[Any, Any], Trajectory]  # (steering, path): the controls that drive a path, and their times
     # (path, i, shares (l,)): states (l, n) that motion i passes after shares of it; (0, n) where that cannot be told
     between: Callable[[Any, int, Array], Array]

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.steering.along_arcs import ARCS
-from pirrht.steering.motion import Motion, Motions
+from pirrht.steering.motion import Motion, Motions, Surroundings
 from pirrht.steering.trajectory import Trajectory
 
 
@@ -34,6 +36,7 @@ class Steering(ABC):
     n: int  # states of a vertex; the first two are the position [m]
     symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
     drives: bool = True  # whether references come with the controls that drive them; else guides must find those
+    asked: int = 0  # how many vertices a reference is looked for from at least
     motion: Motion = ARCS  # what `connect` makes
 
     @abstractmethod
@@ -52,6 +55,14 @@ class Steering(ABC):
     def roots(self, goal: Array) -> Array:
         """States (k, n) at the goal point (2,) [m] that the tree starts from."""
 
+    def homology(self, space: FreeSpace) -> Any:
+        """Of which classes paths are in an examined scene (`Homology`)."""
+        return space.homology
+
+    def surroundings(self, space: FreeSpace) -> Any:
+        """What the kernels of its motions know of an examined scene (`Surroundings`)."""
+        return Surroundings.of(space)
+
     def vertex_of(self, x: Array) -> Array:
         """What a vertex of the tree has of a state (..., n) of the system; here all of it."""
         return x
@@ -65,6 +76,14 @@ class Steering(ABC):
         states = np.array([self.sample(scene, rng) for _ in way]).reshape(-1, self.n)
         states[:, :2] = way[:, :2]
         return states
+
+    def draw(self, space: FreeSpace, rng: np.random.Generator) -> Array:
+        """A random state (n,) for a tree in an examined scene; here of its workspace."""
+        return self.sample(space.scene, rng)
+
+    def offers(self, passages: Passages, space: FreeSpace) -> Array:
+        """States (l, n) that a tree in an examined scene draws first; here those along its passages."""
+        return self.states_along(passages.way, space.scene)
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Indices of the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from.

@@ -5,6 +5,7 @@ homology      representative points zeta_l, H-signatures, and the integers that 
 cuts          the ray behind each marker, and which of them a segment crosses
 turns         whole turns of curves as (marker, turn) pairs, and their sums along edges
 moving        turns about bodies that move, of paths in space and time, and the classes that follow
+in_time       classes among markers that stand and markers that move, edge by edge
 driven        the path driven so far, which goes before every class
 
 H = 1 + H(straight line to the goal point) + integers, so that equal classes are equal tuples and no tolerance is

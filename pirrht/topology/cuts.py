@@ -170,3 +170,16 @@ def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
         if turn != 0:
             key += turn * load_int64(cuts.weight, i)
     return key
+
+
+@inlined
+def crossed(cuts, ax, ay, bx, by, marker, turn, count):  # type: ignore[no-untyped-def]
+    """Append the pairs of a segment from (ax, ay) to (bx, by) [m] to marker, turn (l,) [turns]; number of pairs."""
+    begin, end = sector(cuts, ax, ay, bx, by)
+    for k in range(begin, end):
+        mx, my = load_float64(cuts.x, k), load_float64(cuts.y, k)
+        whole = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, ax, ay, bx, by)
+        if whole != 0:
+            marker[count], turn[count] = load_int32(cuts.marker, k), whole
+            count += 1
+    return count

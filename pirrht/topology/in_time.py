@@ -18,7 +18,7 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.topology.cuts import straight_turns
 from pirrht.topology.homology import Homology, hash_weights
-from pirrht.topology.moving import MovingHomology, place_at, turns_of_step
+from pirrht.topology.moving import MovingHomology, next_place, place_at, turns_of_step
 
 BESIDE = 1e-9  # a marker must be farther than this from a triangle to lie outside of it [m^2]
 
@@ -132,7 +132,7 @@ def beside(tracks, j, ax, ay, bx, by, gx, gy, s, t):  # type: ignore[no-untyped-
     begin, end = tracks.first[j], tracks.first[j + 1]
     k, last = begin, end
     if tracks.period[j] == 0.0:
-        k = begin + np.searchsorted(tracks.time[begin:end], s, side="right")
+        k = next_place(tracks, begin, end, s)
         last = k
         while last < end and tracks.time[last] < t:
             last += 1

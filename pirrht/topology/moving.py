@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import kernel
+from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Motion, Mover
@@ -124,7 +124,7 @@ def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-d
     shift = 0.0
     if period > 0.0 and s > tracks.time[begin]:
         shift = math.floor((s - tracks.time[begin]) / period) * period
-    k = begin + np.searchsorted(tracks.time[begin:end], s - shift, side="right")  # the next place
+    k = next_place(tracks, begin, end, s - shift)
     mx, my = _place(tracks, begin, end, k, s - shift)
     fx, fy = ax - mx, ay - my
     total, now = 0.0, s
@@ -146,7 +146,19 @@ def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-d
             fx, fy = gx, gy
 
 
-@kernel
+@inlined
+def next_place(tracks, begin, end, t):  # type: ignore[no-untyped-def]
+    """The first of the places from begin to end that comes after t [s] of its own clock; `end` if none does."""
+    while begin < end:
+        middle = (begin + end) // 2
+        if tracks.time[middle] <= t:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@inlined
 def _place(tracks, begin, end, k, t):  # type: ignore[no-untyped-def]
     """Where a marker is at t [s] of its own clock, if place k is the next of those from begin to end."""
     if k == begin:
@@ -164,7 +176,7 @@ def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
     begin, end, period = tracks.first[j], tracks.first[j + 1], tracks.period[j]
     if period > 0.0 and t > tracks.time[begin]:
         t -= max(math.ceil((t - tracks.time[begin]) / period) - 1.0, 0.0) * period
-    return _place(tracks, begin, end, begin + np.searchsorted(tracks.time[begin:end], t, side="right"), t)
+    return _place(tracks, begin, end, next_place(tracks, begin, end, t), t)
 
 
 @kernel

@@ -16,7 +16,6 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import BLOCKED, FREE, certify_point
 from pirrht.steering.edges import judge_with
 from pirrht.steering.motion import MotionKernels
-from pirrht.topology.cuts import straight_turns
 from pirrht.tree import graph as g
 from pirrht.tree.nodes import ask_again
 from pirrht.tree.search import reaches, settle
@@ -105,7 +104,7 @@ def grow_with(
     nearest: Callable[..., None], connect: Callable[..., Any], motion: MotionKernels
 ) -> Callable[..., tuple[int, int]]:
     """The kernel that turns draws (k, n) into vertices by one steering (`steering.Compiled`) and kind of motion."""
-    judge = judge_with(motion)
+    judge, write_straight = judge_with(motion), motion.straight
 
     @inlined
     def proposed(vertices, size, x, around, numbers, forward):  # type: ignore[no-untyped-def]
@@ -127,7 +126,7 @@ def grow_with(
     @kernel
     def grow(at, vertices, draws, i, around, numbers, rules):  # type: ignore[no-untyped-def]
         """Make vertices of the draws (k, n) from i on: the first not dealt with, and DONE, ASK or what must grow."""
-        straight, markers = np.empty(at.M), around.markers
+        straight = np.empty(at.M)
         gx, gy = around.goal_x, around.goal_y
         while i < draws.shape[0]:
             x, v = draws[i], load_int64(at.size, g.VERTEX_COUNT)
@@ -144,8 +143,7 @@ def grow_with(
             out, unsure = proposed(vertices, v, x, around, numbers, True)
             if unsure > 0:
                 return i, ASK
-            for k in range(at.M):
-                straight[k] = straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], gx, gy)
+            write_straight(around, x, straight)
             if not reaches(at, straight, out, rules):
                 i += 1
                 continue

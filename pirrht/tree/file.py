@@ -22,6 +22,7 @@ import pirrht
 from pirrht.errors import OptionError
 from pirrht.files import MISSING, replaced, why_unreadable
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Obstacle
 from pirrht.steering.steering import Steering
 from pirrht.tree import graph as g
@@ -89,7 +90,7 @@ def load(
     try:
         belongs = about["belongs"]
         left_open = np.any(np.isnan(steering.roots(space.scene.goal.center)), axis=0)
-        check(arrays, space.homology, left_open, int(belongs["classes"]))
+        check(arrays, steering.homology(space), left_open, int(belongs["classes"]))
         tree = HomologyTree(
             space,
             steering,
@@ -107,6 +108,7 @@ def load(
 def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
     """What a tree depends on besides its limits, as numbers (lengths [m]) and texts by name."""
     scene = space.scene
+    moving = {"bodies that move": f"{len(scene.movers)} bodies, {_motions(scene.movers)}"} if scene.movers else {}
     return {
         "workspace": [*scene.lower.tolist(), *scene.upper.tolist()],
         "goal": [*scene.goal.center.tolist(), scene.goal.radius],
@@ -115,7 +117,17 @@ def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
         "obstacles": f"{len(scene.obstacles)} solids, {_digest(scene.obstacles)}",
         "obstacles to wind around": [[round(v, 9) for v in marker] for marker in space.homology.markers.tolist()],
         "motion": _described(steering),
+        **moving,
     }
+
+
+def _motions(movers: tuple[Mover, ...]) -> str:
+    """A digest of what bodies are made of and how they move."""
+    digest = hashlib.sha256()
+    for mover in movers:
+        motion = mover.motion
+        digest.update(f"{_digest(mover.solids)} {motion.repeat} {motion.lead} ".encode() + motion.rows.tobytes())
+    return digest.hexdigest()[:16]
 
 
 _DERIVED = ("queue_cost", "queue_vertex", "queue_key", "refill", "waiting")  # empty between two states

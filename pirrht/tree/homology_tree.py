@@ -100,12 +100,12 @@ class HomologyTree:
             )
         self.space, self.steering, self.rng = space, steering, rng
         self.rules = SearchRules(float(limit), int(classes), bool(steering.symmetric))
-        self.checker = EdgeChecker(space=space, motion=steering.motion)
+        self.checker, self.homology = EdgeChecker.of(space, steering), steering.homology(space)
         self._compiled = steering.compiled
         self._grow_kernel = self._compiled and grow_with(*self._compiled[:2], steering.motion.kernels)
         self.states = np.zeros((256, steering.n))
         self.in_goal = np.zeros(256, dtype=np.bool_)
-        self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, space.homology.M)
+        self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, self.homology.M)
         self.draws = 0
         for x in roots:
             self._write(x, root=True)
@@ -217,9 +217,9 @@ class HomologyTree:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        edges = self._edges_from(x)
+        edges = self._edges_from(x, self.steering.asked)
         best = Best.room(self.classes or max(1, int(self.graph.nodes[edges.near[edges.free]].sum())))
-        weights = self.space.homology.hash_weights
+        weights = self.homology.hash_weights
         count = best_classes(self._places, self._straight(x), edges, weights, self.rules, best)
         if count == 0:
             raise NoReference(x.tolist(), vertices=self.size, limit=self.limit)
@@ -257,7 +257,7 @@ class HomologyTree:
 
     @cached_property
     def _offers(self) -> Offers:
-        return Offers(self.steering.states_along(self.passages.way, self.space.scene))
+        return Offers(self.steering.offers(self.passages, self.space))
 
     def _draw(self, number: int) -> Array:
         """The state of a draw: in a passage that has no vertex yet, or random."""
@@ -265,7 +265,7 @@ class HomologyTree:
         return self._sample() if offered is None else offered
 
     def _sample(self) -> Array:
-        x = self.steering.sample(self.space.scene, self.rng)
+        x = self.steering.draw(self.space, self.rng)
         if self.rng.random() < GOAL_SHARE:
             goal = self.space.scene.goal
             angle, radius = self.rng.uniform(-np.pi, np.pi), goal.radius * np.sqrt(self.rng.random())
@@ -308,16 +308,17 @@ class HomologyTree:
 
     def _straight(self, x: Array) -> Array:
         """H of the straight line from x (n,) to the goal point, (M,)."""
-        straight: Array = self.space.homology.straight(x[None, :2])[0]
+        straight: Array = self.homology.straight(x[None])[0]
         return straight
 
-    def _near(self, x: Array, size: int, *, forward: bool) -> NDArray[np.int64]:
-        """NearForward and NearBackward among the first `size` states."""
-        return self.steering.nearest(self.states[:size], x, near_count(size, self.steering.n), forward=forward)
+    def _near(self, x: Array, size: int, *, forward: bool, least: int = 0) -> NDArray[np.int64]:
+        """NearForward and NearBackward among the first `size` states, at least so many."""
+        count = max(near_count(size, self.steering.n), least)
+        return self.steering.nearest(self.states[:size], x, count, forward=forward)
 
-    def _edges_from(self, x: Array) -> Edges:
-        """Edges from x (n,) to the vertices near it."""
-        near = self._near(x, self.size, forward=True)
+    def _edges_from(self, x: Array, least: int = 0) -> Edges:
+        """Edges from x (n,) to the vertices near it, at least so many."""
+        near = self._near(x, self.size, forward=True, least=least)
         motions = self.steering.connect(_repeated(x, len(near)), self.states[near])
         return self.checker.inspect(motions, self.in_goal[near], near)
 
@@ -342,7 +343,7 @@ class HomologyTree:
         head = int(edges.near[edge])
         states = np.vstack([x, self.states[self.path_of(head, slot)]])
         path = self.checker.until_goal(self.steering.connect(states[:-1], states[1:]))
-        winding = integers(g.class_at(self.graph, head, slot) + edges.turns.dense(edge, self.space.homology.M))
+        winding = integers(g.class_at(self.graph, head, slot) + edges.turns.dense(edge, self.homology.M))
         again = self._resumed(x, before[winding], winding) if winding in before else None
         if again is not None and again.cost.sum() <= path.cost.sum():
             path = again
@@ -350,7 +351,7 @@ class HomologyTree:
             path = polish(path, self.steering, self.space)
         return Reference(
             winding=winding,
-            signature=self.space.homology.signature(x, winding),
+            signature=self.homology.signature(x, winding),
             trajectory=self.steering.trajectory(path),
         )
 
@@ -361,7 +362,7 @@ class HomologyTree:
             return None
         count = len(found.cost)
         edges = self.checker.inspect(found, np.arange(count) == count - 1)
-        turns = np.sum([edges.turns.dense(i, self.space.homology.M) for i in range(count)], axis=0)
+        turns = np.sum([edges.turns.dense(i, self.homology.M) for i in range(count)], axis=0)
         return found if integers(turns) == winding else None
 
 

@@ -1,0 +1,115 @@
+"""What surely passes bodies that move: straight ways at a constant speed, in space and time.
+
+Seen from a body such a way is straight between two rows, and its clearance changes no faster than the body's relative
+speed and its turning times its reach let it. A march by that bound certifies it; where bodies are too far to matter a
+closed form says so first.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
+from pirrht.geometry.field import clearance
+from pirrht.geometry.traffic import clearance_of_body, piece_of
+
+STRIDE = 5e-3  # of a march on where nothing is certain [m]
+CLOSE = 1e-5  # where distances are closed forms a march may come so close before it is uncertain [m]
+MOMENT = 1e-9  # least time that a march advances from one row to the next [s]
+
+
+@kernel
+def certify_way(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m] by what stands.
+
+    Where that is not certain the walk goes on in small steps: most such segments soon enter an obstacle beyond doubt.
+    """
+    length, s, verdict = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2), 0.0, FREE
+    per = 1.0 / length if length > 0.0 else 0.0
+    while True:
+        x, y = ax + s * per * (bx - ax), ay + s * per * (by - ay)
+        c = clearance(field, x, y)
+        if c < LEAST_STEP:
+            if refused(field, x, y) == BLOCKED:
+                return BLOCKED
+            verdict, c = UNSURE, 0.5 * field.spacing
+        if s >= length:
+            return verdict
+        s = min(s + c, length)
+
+
+@kernel
+def certify_leg(traffic, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for the straight way from (ax, ay) [m] at s [s] to (bx, by) at t, by all of `Traffic`."""
+    verdict = FREE
+    for j in range(traffic.lead.shape[0]):
+        one = certify_past(traffic, j, ax, ay, s, bx, by, t)
+        if one == BLOCKED:
+            return BLOCKED
+        if one == UNSURE:
+            verdict = UNSURE
+    return verdict
+
+
+@inlined
+def certify_past(traffic, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
+    """The same for body j alone."""
+    per = 1.0 / (t - s) if t > s else 0.0
+    ux, uy, now, verdict = (bx - ax) * per, (by - ay) * per, s, FREE
+    while True:
+        ox, oy, yaw, vx, vy, turn, until = piece_of(traffic, j, now)
+        x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + MOMENT), t)
+        begin, leaves = within(x - ox, y - oy, ux - vx, uy - vy, end - now, traffic.radius[j] + LEAST_STEP)
+        if begin <= leaves:
+            pace = math.hypot(ux - vx, uy - vy) + abs(turn) * traffic.radius[j]
+            one = _marched(traffic, j, ox, oy, yaw, vx, vy, turn, x, y, ux, uy, begin, leaves, pace)
+            if one == BLOCKED:
+                return BLOCKED
+            if one == UNSURE:
+                verdict = UNSURE
+        if end >= t:
+            return verdict
+        now = end
+
+
+@inlined
+def within(x, y, vx, vy, duration, radius):  # type: ignore[no-untyped-def]
+    """From when to when, of a duration [s], what is at (x, y) [m] and moves at (vx, vy) [m/s] is inside a circle.
+
+    The circle is around the origin, `radius` in [m]; the second time is before the first if it never is.
+    """
+    gap, along, square = x * x + y * y - radius * radius, x * vx + y * vy, vx * vx + vy * vy
+    if gap > 0.0 and (along >= 0.0 or along * along < square * gap):
+        return 1.0, 0.0
+    if square == 0.0:
+        return 0.0, duration
+    root = math.sqrt(max(along * along - square * gap, 0.0))
+    return max((-along - root) / square, 0.0), min((-along + root) / square, duration)
+
+
+@kernel
+def _marched(traffic, j, ox, oy, yaw, vx, vy, turn, x, y, ux, uy, now, end, pace):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE from a time to another, of a piece of the motion of body j and one of a way.
+
+    Args:
+        traffic, j: the body's.
+        ox, oy, yaw, vx, vy, turn: its pose at time 0 [m, m, rad] and the rates of it [1/s].
+        x, y, ux, uy: the way at time 0 [m] and its velocity [m/s].
+        now, end: the times [s].
+        pace: by which clearances change at most [m/s].
+    """
+    error, least, verdict = 0.0, CLOSE, FREE
+    for k in range(traffic.solid[j], traffic.solid[j + 1]):
+        if traffic.bodies.solids.form[k] < 0:
+            error, least = traffic.bodies.pitch, LEAST_STEP
+    while True:
+        px, py, qx, qy = ox + now * vx, oy + now * vy, x + now * ux, y + now * uy
+        c = clearance_of_body(traffic, j, px, py, yaw + now * turn, qx, qy) - error
+        if c < least:
+            if c <= -2.0 * error:
+                return BLOCKED
+            verdict, c = UNSURE, STRIDE
+        if now >= end:
+            return verdict
+        now = min(now + c / pace, end) if pace > 0.0 else end

@@ -1,0 +1,140 @@
+"""Shortening paths in space and time inside their class, until they are nearly the optimum of the class.
+
+Any knots between two others may be left out where the straight way between those is free, within the limit of speeds
+and of the same class: that never costs more. Then all knots move, in space and time, to where the path costs least
+(`timed_relaxation`), more of them where it bends. What comes out counts only if it is certified and of the class.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.certify import FREE
+from pirrht.shortening.timed_relaxation import INSIDE, relax
+from pirrht.steering.along_legs import Legs, entered, free_leg
+from pirrht.steering.edges import EdgeChecker
+from pirrht.steering.in_time import LATE, InTime
+from pirrht.topology.cuts import crossed
+from pirrht.topology.in_time import whole_turns
+
+# Legs of a round, and clearances that are wanted [m]; the first with which all legs are certified counts.
+ROUNDS = (24, (1e-2, 3e-2)), (40, (1e-3, 4e-3, 1.5e-2))
+BENDS = 0.6  # share of the knots of the second round that go where the path bends
+
+
+def taut_in_time(path: Legs, steering: InTime, space: FreeSpace) -> Legs:
+    """A path into the goal's disc of the same class that never costs more."""
+    checker = EdgeChecker.of(space, steering)
+    joined = _joined(path.knots, steering, checker)
+    best = path if joined is None or joined.cost.sum() > path.cost.sum() else joined
+    for count, margins in ROUNDS:
+        for margin in margins:
+            found = _relaxed(best, count, margin, steering, checker)
+            if found is not None:
+                best = found
+                break
+    return best
+
+
+def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: EdgeChecker) -> Legs | None:
+    """A path of moved knots if it is free, of the class and cheaper, else None."""
+    knots = _meshed(path.knots, count)
+    relax(checker.around, steering.compiled.numbers, knots, margin, checker.space.scene.robot_radius)
+    found = _joined(knots, steering, checker)
+    if found is None or found.cost.sum() >= path.cost.sum() or _key(found.knots, checker) != _key(path.knots, checker):
+        return None
+    return found
+
+
+def _joined(knots: Array, steering: InTime, checker: EdgeChecker) -> Legs | None:
+    """The path over some of the knots (k, 3), all legs of which are free up to the goal's disc; None if one is not."""
+    kept, goal = knots.copy(), checker.space.scene.goal
+    away = kept[-1, :2] - goal.center
+    kept[-1, :2] = goal.center + away * min(1.0, (1.0 - INSIDE) * goal.radius / max(np.hypot(*away), 1e-300))
+    count = _shortcut(checker.around, steering.compiled.numbers, kept)
+    path: Legs = checker.until_goal(steering.connect(kept[: count - 1], kept[1:count]))
+    last = np.arange(count - 1) == count - 2
+    return path if checker.inspect(path, last).free.all() else None
+
+
+def _key(knots: Array, checker: EdgeChecker) -> int:
+    """Additive key of the class of a path over knots (k, 3)."""
+    return int(_key_of(checker.around, knots))
+
+
+def _meshed(knots: Array, count: int) -> Array:
+    """A path over knots (k, 3) with so many legs, denser where it bends, (count + 1, 3)."""
+    steps = np.diff(knots, axis=0)
+    steps = steps[steps[:, 2] > 0.0]
+    knots = np.vstack([knots[0], knots[0] + np.cumsum(steps, axis=0)])
+    times = knots[:, 2]
+    even = np.linspace(times[0], times[-1], 257)
+    velocity = steps[:, :2] / steps[:, 2:]
+    bends = np.hypot(*np.diff(velocity, axis=0).T)
+    weight = np.full(256, 1.0)
+    if len(bends) and bends.sum() > 0.0:
+        middle, width = 0.5 * (even[1:] + even[:-1]), 0.05 * (times[-1] - times[0])
+        near = np.exp(-(((middle[:, None] - times[None, 1:-1]) / width) ** 2)) @ bends
+        weight = (1.0 - BENDS) / 256 + BENDS * near / near.sum()
+    share = np.concatenate([[0.0], np.cumsum(weight)])
+    at = np.interp(np.linspace(0.0, share[-1], count + 1), share, even)
+    return np.column_stack([np.interp(at, times, knots[:, k]) for k in range(3)])
+
+
+@kernel
+def _key_of_leg(around, a, b, to_goal, marker, turn):  # type: ignore[no-untyped-def]
+    """Additive key of the straight way from a to b, 2 x (3,); marker, turn (M,) are room."""
+    key, standing = np.int64(0), around.markers.shape[0]
+    for i in range(crossed(around.cuts, a[0], a[1], b[0], b[1], marker, turn, 0)):
+        key += turn[i] * around.weights[marker[i]]
+    tail, head, goal = (a[0], a[1], a[2]), (b[0], b[1], b[2]), (around.goal_x, around.goal_y)
+    for j in range(around.tracks.period.shape[0]):
+        whole = whole_turns(around.tracks, j, goal, around.speed, tail, head, to_goal)
+        if whole != 0:
+            key += whole * around.weights[standing + j]
+    return key
+
+
+@kernel
+def _key_of(around, knots):  # type: ignore[no-untyped-def]
+    """Additive key of a path over knots (k, 3) into the goal's disc."""
+    M, last, key = around.weights.shape[0], knots.shape[0] - 2, np.int64(0)
+    marker, turn = np.empty(M, np.int32), np.empty(M, np.int16)
+    for i in range(last + 1):
+        key += _key_of_leg(around, knots[i], knots[i + 1], i == last, marker, turn)
+    return key
+
+
+@kernel
+def _shortcut(around, numbers, knots):  # type: ignore[no-untyped-def]
+    """Leave out knots (k, 3) between which and others a free straight way of the class leads, in place; how many stay.
+
+    The last one is where the path enters the goal's disc.
+    """
+    M, count = around.weights.shape[0], knots.shape[0]
+    marker, turn, kept, i, speed = np.empty(M, np.int32), np.empty(M, np.int16), 1, 0, numbers[2]
+    keys = np.zeros(count, np.int64)
+    for k in range(count - 1):
+        keys[k + 1] = keys[k] + _key_of_leg(around, knots[k], knots[k + 1], k == count - 2, marker, turn)
+    while i < count - 1:
+        a, to = knots[i], i + 1
+        for j in range(count - 1, i + 1, -1):
+            b = knots[j]
+            dt, square, last = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2, j == count - 1
+            if not dt > 0.0 or square > (speed * dt) ** 2 * (1.0 + LATE):
+                continue
+            if not last and entered(around, a[0], a[1], b[0], b[1]) < np.inf:
+                continue
+            if _key_of_leg(around, a, b, last, marker, turn) != keys[j] - keys[i]:
+                continue
+            if free_leg(around, a[0], a[1], a[2], b[0], b[1], b[2]) == FREE:
+                to = j
+                break
+        for c in range(3):
+            knots[kept, c] = knots[to, c]
+        keys[kept] = keys[to]
+        kept, i = kept + 1, to
+    return kept

@@ -1,0 +1,197 @@
+"""Motions in space and time: straight ways at a constant speed from a place at a time to another later, or waiting."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.arcs import entry_of_piece
+from pirrht.geometry.certify import BLOCKED, UNSURE
+from pirrht.geometry.field import Field
+from pirrht.geometry.sweeps import certify_leg, certify_way
+from pirrht.geometry.traffic import Traffic
+from pirrht.steering.motion import Motion, MotionKernels
+from pirrht.steering.trajectory import Trajectory
+from pirrht.topology.cuts import Cuts, crossed
+from pirrht.topology.in_time import TimedHomology, whole_turns, write_straight
+from pirrht.topology.moving import Tracks
+
+
+class TimedSurroundings(NamedTuple):
+    """What kernels that judge or shorten motions in space and time know of a scene."""
+
+    field: Field
+    cuts: Cuts
+    markers: Array  # (m, 2) of those that stand [m]
+    weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker, those that move included
+    goal_x: float  # goal point [m]
+    goal_y: float
+    reach: float  # radius of the goal's disc [m]
+    traffic: Traffic
+    tracks: Tracks
+    speed: float  # of bases [m/s]
+
+    @classmethod
+    def of(cls, space: FreeSpace, homology: TimedHomology) -> TimedSurroundings:
+        """Those of an examined scene and its classes."""
+        goal, standing, moving = space.scene.goal, homology.standing, homology.moving
+        x, y, reach = (float(v) for v in (*goal.center, goal.radius))
+        return cls(
+            field=space.field, cuts=standing.cuts, markers=standing.markers, weights=homology.hash_weights,
+            goal_x=x, goal_y=y, reach=reach, traffic=space.traffic, tracks=moving.tracks, speed=moving.speed,
+        )  # fmt: skip
+
+
+class LegRecord(NamedTuple):
+    """The arrays of k `Legs` that kernels need."""
+
+    path: Array  # (k, 6): x, y [m], t [s] of both ends
+    cost: Array  # (k,) [cost]; infinite where there is no such motion
+    heads: Array  # (k, n) last states
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Legs:
+    """k straight ways at a constant speed, one row each."""
+
+    path: Array  # (k, 6): x, y [m], t [s] of both ends
+    cost: Array  # (k,) integral of q + (r/2) |v|^2 [cost]
+    tails: Array  # (k, 3) first states, x, y [m], t [s]
+    heads: Array  # (k, 3) last states; an open time is not a number
+
+    @property
+    def duration(self) -> Array:
+        """How long each takes, (k,) [s]."""
+        return np.asarray(self.path[:, 5] - self.path[:, 2])
+
+    @property
+    def knots(self) -> Array:
+        """Where consecutive ones begin, and where the last one ends, (k + 1, 3) [m, m, s]."""
+        return np.vstack([self.path[:, :3], self.path[-1:, 3:]])
+
+    def length(self) -> Array:
+        """Lengths (k,) [m]."""
+        return np.asarray(np.hypot(self.path[:, 3] - self.path[:, 0], self.path[:, 4] - self.path[:, 1]))
+
+    def points(self, spacing: float) -> list[Array]:
+        """Both ends of each, (2, 2) [m]; no others, whatever the `spacing`."""
+        return [row[[0, 1, 3, 4]].reshape(2, 2) for row in self.path]
+
+    def places(self, times: Array) -> Array:
+        """Where a path of consecutive ones is at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
+        knots = self.knots
+        return np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
+
+
+@inlined
+def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """After which share of a straight way from (ax, ay) to (bx, by) [m] it enters the goal; infinity if never."""
+    dx, dy = bx - ax, by - ay
+    length = math.sqrt(dx * dx + dy * dy)
+    if length == 0.0:
+        return np.inf
+    s = entry_of_piece(ax, ay, math.atan2(dy, dx), 0.0, length, around.goal_x, around.goal_y, around.reach)
+    return s / length if s < np.inf else np.inf
+
+
+@kernel
+def free_leg(around, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
+    """FREE, BLOCKED or UNSURE for the way from (ax, ay) [m] at s [s] to (bx, by) at t, by what stands and moves."""
+    standing = certify_way(around.field, ax, ay, bx, by)
+    if standing == BLOCKED:
+        return BLOCKED
+    moving = certify_leg(around.traffic, ax, ay, s, bx, by, t)
+    return min(standing, moving) if moving != BLOCKED else BLOCKED
+
+
+@kernel
+def _judge(record, into_goal, around, status, enters):  # type: ignore[no-untyped-def]
+    unsure, path = 0, record.path
+    for i in range(status.shape[0]):
+        if not record.cost[i] < np.inf:
+            status[i], enters[i] = BLOCKED, False
+            continue
+        ax, ay, s, bx, by, t = path[i, 0], path[i, 1], path[i, 2], path[i, 3], path[i, 4], path[i, 5]
+        share = entered(around, ax, ay, bx, by)
+        enters[i] = share < np.inf
+        if enters[i]:
+            if not into_goal[i]:
+                status[i] = BLOCKED
+                continue
+            bx, by, t = ax + share * (bx - ax), ay + share * (by - ay), s + share * (t - s)
+            path[i, 3], path[i, 4], path[i, 5] = bx, by, t
+            record.cost[i] *= share
+        status[i] = free_leg(around, ax, ay, s, bx, by, t)
+        unsure += status[i] == UNSURE
+    return unsure
+
+
+@kernel
+def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+    path = record.path
+    ax, ay, s, bx, by, t = path[i, 0], path[i, 1], path[i, 2], path[i, 3], path[i, 4], path[i, 5]
+    count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
+    a, b, goal, standing = (ax, ay, s), (bx, by, t), (around.goal_x, around.goal_y), around.markers.shape[0]
+    for j in range(around.tracks.period.shape[0]):
+        whole = whole_turns(around.tracks, j, goal, around.speed, a, b, to_goal)
+        if whole != 0:
+            marker[count], turn[count] = standing + j, whole
+            count += 1
+    return count
+
+
+@inlined
+def _most(record):  # type: ignore[no-untyped-def]
+    return 1
+
+
+@inlined
+def _straight(around, x, out):  # type: ignore[no-untyped-def]
+    write_straight(around.markers, around.tracks, (around.goal_x, around.goal_y), around.speed, x, out)
+
+
+def _record(motions: Legs) -> LegRecord:
+    return LegRecord(motions.path.copy(), motions.cost.copy(), motions.heads)
+
+
+def _ask(record: LegRecord, i: int, space: FreeSpace) -> bool:
+    """One swept capsule among what stands, and bisection against every body that moves."""
+    ax, ay, s, bx, by, t = (float(v) for v in record.path[i])
+    a, b = np.array([ax, ay]), np.array([bx, by])
+    return bool(space.collision.segments_free(a[None], b[None])[0]) and not space.crowd.meets(a, s, b, t)
+
+
+def _until_goal(path: Legs, around: Any) -> Legs:
+    ax, ay, s, bx, by, t = (float(v) for v in path.path[-1])
+    share = entered(around, ax, ay, bx, by)
+    if share == np.inf:
+        return path
+    rows, cost = path.path.copy(), path.cost.copy()
+    rows[-1, 3:] = ax + share * (bx - ax), ay + share * (by - ay), s + share * (t - s)
+    cost[-1] *= share
+    return replace(path, path=rows, cost=cost)
+
+
+def _trajectory(steering: Any, path: Legs) -> Trajectory:
+    """One control for each leg; waiting is no control for a while."""
+    duration, length = path.duration, path.length()
+    keep = duration > 0.0
+    velocity = (path.path[keep, 3:5] - path.path[keep, :2]) / duration[keep, None]
+    return Trajectory(
+        controls=velocity, durations=duration[keep], path=path, cost=float(path.cost.sum()), length=float(length.sum())
+    )
+
+
+def _between(path: Legs, i: int, shares: Array) -> Array:
+    tail, head = path.path[i, :3], path.path[i, 3:]
+    return np.asarray(tail + shares[:, None] * (head - tail))
+
+
+LEGS = Motion(MotionKernels(_judge, _pairs, _most, _straight), _record, _ask, _until_goal, _trajectory, _between)

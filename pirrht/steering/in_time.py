@@ -1,0 +1,214 @@
+"""Steering in space and time: a point that may go at any speed up to a limit, and wait, among bodies that move.
+
+Vertices are x, y [m] and t [s] on the tree's clock. What leads from one to another is the straight way between them at
+a constant speed, forward in time, and costs q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and where
+nothing is in the way one goes there at the best speed, sqrt(2 q / r).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.passages import Passages
+from pirrht.geometry.scene import Scene
+from pirrht.problem import Problem
+from pirrht.steering.along_legs import LEGS, LegRecord, Legs, TimedSurroundings
+from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.tracked import Tracked
+from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.useful import drawn, offered
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.topology.in_time import TimedHomology
+
+FASTER = 3.0  # speeds up to so many times the best one, if the robot has no limit of its own
+LATE = 1e-9  # share by which rounding may exceed the limit of speeds
+WIDE = 0.2  # share of the draws that are uniform in space and time
+
+
+@inlined
+def _cost(ax, ay, s, bx, by, t, numbers):  # type: ignore[no-untyped-def]
+    """Cost and duration of a way; the time of its end may be open."""
+    q, r, speed, pace = numbers
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    dt = math.sqrt(square) / pace if math.isnan(t) else t - s
+    if math.isnan(s) or not dt >= 0.0 or square > (speed * dt) ** 2 * (1.0 + LATE):
+        return np.inf, 0.0
+    if dt == 0.0:
+        return (0.0 if math.isnan(t) else np.inf), 0.0
+    return q * dt + 0.5 * r * square / dt, dt
+
+
+@kernel
+def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
+    """One way each; the numbers are q, r, the limit of speeds and the best speed."""
+    k = tails.shape[0]
+    path, cost = np.empty((k, 6)), np.empty(k)
+    for i in range(k):
+        ax, ay, s, bx, by, t = tails[i, 0], tails[i, 1], tails[i, 2], heads[i, 0], heads[i, 1], heads[i, 2]
+        cost[i], dt = _cost(ax, ay, s, bx, by, t, numbers)
+        path[i, 0], path[i, 1], path[i, 2] = ax, ay, s
+        path[i, 3], path[i, 4], path[i, 5] = bx, by, s + dt if math.isnan(t) else t
+    return LegRecord(path, cost, heads)
+
+
+@kernel
+def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
+    """Fill `chosen` with the states of least cost, cheapest first; of equal ones the earlier comes first."""
+    count, found = chosen.shape[0], 0
+    for i in range(states.shape[0]):
+        if forward:
+            d, _ = _cost(x[0], x[1], x[2], states[i, 0], states[i, 1], states[i, 2], numbers)
+        else:
+            d, _ = _cost(states[i, 0], states[i, 1], states[i, 2], x[0], x[1], x[2], numbers)
+        if found < count:
+            found += 1
+        elif d >= least[count - 1]:
+            continue
+        at = found - 1
+        while at > 0 and least[at - 1] > d:
+            least[at], chosen[at] = least[at - 1], chosen[at - 1]
+            at -= 1
+        least[at], chosen[at] = d, i
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InTime(Steering):
+    """Ways of a point in space and time, for a robot that is one or for guides of another that track them.
+
+    Args:
+        q: cost rate [cost/s].
+        r: weight of the velocity in q + (r/2) |v|^2 [cost s/m^2].
+        speed: limit of speeds [m/s]; 0 is three times the best one.
+        m: controls of a system that only tracks these ways; 0 is the point's own velocity.
+        slack: time that such a system may take to get under way [s].
+
+    Raises:
+        OptionError: q or r is not a positive number, or the limit is a negative one or slower than the best speed.
+    """
+
+    q: float = 1.0
+    r: float = 2.0
+    speed: float = 0.0
+    m: int = 0
+    slack: float = 0.0
+
+    n = 3
+    symmetric = False
+    asked = 500  # in haste one goes farther than to the cheapest neighbours
+    motion = LEGS
+
+    def __post_init__(self) -> None:
+        for name in ("q", "r"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+        if not (np.isfinite(self.speed) and self.speed >= 0):
+            raise OptionError(f"the limit of speeds is {self.speed:g}; it must be a number [m/s], 0 for none")
+
+    @classmethod
+    def of(cls, problem: Problem, speed: float = 0.0) -> InTime:
+        """Ways for any problem: those of a point that is one, and what another may track at most at a speed [m/s].
+
+        Raises:
+            OptionError: the cost of the problem tells no pace, or the limit is no speed.
+        """
+        d = problem.dynamics
+        R = problem.control_cost(np.zeros(d.n))
+        if isinstance(d, SingleIntegrator) and np.allclose(R, R[0, 0] * np.eye(len(R))):
+            return cls(q=problem.least_rate, r=float(R[0, 0]), speed=speed)
+        lines = Tracked.of(problem)
+        q = 0.5 * lines.cost_per_meter * lines.pace
+        return cls(q=q, r=2.0 * q / lines.pace**2, speed=speed, m=d.m, slack=lines.slack)
+
+    @property
+    def drives(self) -> bool:  # type: ignore[override]
+        """Whether the ways are a point's own, with the velocities that drive it."""
+        return self.m == 0
+
+    @property
+    def pace(self) -> float:
+        """The best speed, or the limit if that is less [m/s]."""
+        best = math.sqrt(2.0 * self.q / self.r)
+        return min(best, self.speed) if self.speed else best
+
+    @property
+    def limit(self) -> float:
+        """The limit of speeds [m/s]."""
+        return self.speed or FASTER * self.pace
+
+    @property
+    def cost_per_meter(self) -> float:
+        """Cost of a way without anything in it [cost/m]."""
+        return self.q / self.pace + 0.5 * self.r * self.pace
+
+    @property
+    def compiled(self) -> Compiled:
+        """Ways as kernels; their numbers are q, r, the limit of speeds and the best one."""
+        return Compiled(_nearest, _connect, (self.q, self.r, self.limit, self.pace))
+
+    def homology(self, space: FreeSpace) -> TimedHomology:
+        """Classes among what stands and what moves; bases go at the best speed."""
+        return TimedHomology(standing=space.homology, moving=replace(space.moving, speed=self.pace))
+
+    def surroundings(self, space: FreeSpace) -> TimedSurroundings:
+        """What kernels know of a scene."""
+        return TimedSurroundings.of(space, self.homology(space))
+
+    def vertex_of(self, x: Array) -> Array:
+        """The place and the time, (..., 3) [m, m, s], of states that begin with them."""
+        return np.ascontiguousarray(x[..., :3], dtype=float)
+
+    def distance(self, tails: Array, heads: Array) -> Array:
+        """Cost of the ways from tails to heads, (..., 3) x 2 -> (...,) [cost]; infinite where there is none."""
+        tails, heads = np.broadcast_arrays(tails, heads)
+        cost: Array = _connect(_rows(tails), _rows(heads), self.compiled.numbers).cost.reshape(tails.shape[:-1])
+        return cost
+
+    def connect(self, tails: Array, heads: Array) -> Legs:
+        """The ways from tails (k, 3) to heads (k, 3) [m, m, s]."""
+        tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
+        found = _connect(tails, heads, self.compiled.numbers)
+        return Legs(path=found.path, cost=found.cost, tails=tails, heads=heads)
+
+    def roots(self, goal: Array) -> Array:
+        """The goal point (2,) [m] at any time, (1, 3)."""
+        return np.array([[*goal, np.nan]])
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """A place and a time (3,) [m, m, s], uniform in the workspace up to the last row and the time to go."""
+        x, y = rng.uniform(scene.lower, scene.upper)
+        return np.array([x, y, rng.random() * self.horizon(scene)])
+
+    def draw(self, space: FreeSpace, rng: np.random.Generator) -> Array:
+        """A place and a time (3,) [m, m, s] from 0 on, mostly of use to a robot that leaves the scene's start at 0."""
+        found = None if rng.random() < WIDE else drawn(self.compiled.numbers, space, rng)
+        return self.sample(space.scene, rng) if found is None else found
+
+    def horizon(self, scene: Scene) -> float:
+        """Until when draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
+        motions = [mover.motion for mover in scene.movers]
+        last = max((float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), default=0.0)
+        return max(last, 0.0) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
+
+    def offers(self, passages: Passages, space: FreeSpace) -> Array:
+        """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then."""
+        return offered(self.compiled.numbers, passages, space)
+
+    def trajectory(self, path: Legs) -> Trajectory:
+        """Velocities along a path, or just when it is where for a system that tracks it."""
+        found = self.motion.trajectory(self, path)
+        if self.drives:
+            return found
+        return replace(found, controls=np.zeros((len(found.durations), self.m)), slack=self.slack)
+
+
+def _rows(states: Array) -> Array:
+    return np.ascontiguousarray(states, dtype=float).reshape(-1, 3)

@@ -1,0 +1,115 @@
+"""Places and times that may be of use to a robot on its way from a start to a goal among bodies that move.
+
+Whatever lies on a way costs at least what it takes to be there in time, and on to the goal at the best speed.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.passages import Passages
+from pirrht.geometry.scene import Scene
+from pirrht.geometry.traffic import traffic_clearance
+
+SLOWER = 0.5  # excess of cost that half of the other draws stay below, as a share of the unhindered cost
+BESIDE = 0.3  # share of the others that lie beside a body ...
+NEAR = 4.0  # ... so many robot radii away from the disc around it at most
+TRIES = 32  # to draw a state that may be of use
+ACROSS = (0.0, -0.9, 0.9, -0.5, 0.5)  # where passages are driven through, as a share of the room to either side
+ALONG = (0.0, 3.0, -3.0)  # and how far from their narrowest chord [robot radii]
+SPEEDS = (2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)  # how fast on the way there, as a share of the best speed
+MOST = 2.5  # times the unhindered cost that such a way may cost at least
+OFFERED = 256  # states in passages, the cheapest
+
+
+class Useful(NamedTuple):
+    """Which places at which times cost a robot no more than so much, by what is between start and goal at least."""
+
+    start: tuple[float, float]  # [m]
+    goal: tuple[float, float]  # [m]
+    q: float  # [cost/s]
+    r: float  # [cost s/m^2]
+    meter: float  # [cost/m] of a way that nothing hinders
+    most: float  # [cost]
+
+    @classmethod
+    def of(cls, numbers: tuple[float, ...], scene: Scene, multiple: float) -> Useful:
+        """Up to a multiple of the cost between a scene's start and its goal without anything in the way.
+
+        `numbers` are q, r, the limit of speeds and the best speed.
+        """
+        q, r, _, pace = numbers
+        meter = q / pace + 0.5 * r * pace
+        (sx, sy), (gx, gy) = scene.start[:2].tolist(), scene.goal.center.tolist()
+        return cls((sx, sy), (gx, gy), q, r, meter, multiple * meter * math.hypot(gx - sx, gy - sy))
+
+    def away(self, x: float, y: float) -> float:
+        """How far a place is from the start [m]."""
+        return math.hypot(x - self.start[0], y - self.start[1])
+
+    def ahead(self, x: float, y: float) -> float:
+        """How far it is from the goal point [m]."""
+        return math.hypot(self.goal[0] - x, self.goal[1] - y)
+
+    def latest(self, soonest: float) -> float:
+        """How much later than a time [s] anything can be of use [s]."""
+        return max(self.most / self.q - soonest, 0.0)
+
+    def cost(self, x: float, y: float, t: float) -> float:
+        """Of a way over a place at a time, at least [cost]."""
+        return self.q * t + 0.5 * self.r * self.away(x, y) ** 2 / max(t, 1e-9) + self.meter * self.ahead(x, y)
+
+    def __call__(self, x: float, y: float, t: float) -> bool:
+        """Whether it is little enough."""
+        return t > 0.0 and self.cost(x, y, t) <= self.most
+
+
+def drawn(numbers: tuple[float, ...], space: FreeSpace, rng: np.random.Generator) -> Array | None:
+    """A random place and time (3,) [m, m, s]; some lie beside a body that moves, where ways around it bend.
+
+    It costs no more on the way than some multiple of what nothing in the way would cost; None if none is found.
+    """
+    scene, J = space.scene, space.traffic.J
+    (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
+    beside, chance = J > 0 and rng.random() < BESIDE, rng.random()
+    useful = Useful.of(numbers, scene, 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3))
+    for a, b, c in rng.random((TRIES, 3)).tolist():
+        if beside:
+            j, t = int(rng.integers(J)), c * useful.latest(0.0)
+            x, y, _ = scene.movers[j].motion.pose(t)
+            angle = 2.0 * math.pi * a
+            away = space.traffic.radius[j] + b**2 * NEAR * scene.robot_radius
+            x, y = x + away * math.cos(angle), y + away * math.sin(angle)
+        else:
+            x, y = left + (right - left) * a, low + (high - low) * b
+            soonest = useful.away(x, y) / numbers[2]
+            t = soonest + c * useful.latest(soonest)
+        inside = left < x < right and low < y < high
+        if inside and useful(x, y, t) and useful.ahead(x, y) > scene.goal.radius:
+            return np.array([x, y, t])
+    return None
+
+
+def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace) -> Array:
+    """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then: the cheapest."""
+    left, right = passages.chords()
+    start, radius, useful = space.scene.start[:2], space.scene.robot_radius, Useful.of(numbers, space.scene, MOST)
+    half = 0.5 * (right - left) * (1.0 - 2.0 * radius / np.maximum(passages.width, 2.0 * radius))[:, None]
+    ahead = np.column_stack([np.cos(passages.heading), np.sin(passages.heading)])
+    ahead *= np.where(np.sum(ahead * (passages.place - start), axis=1) < 0.0, -1.0, 1.0)[:, None]
+    found = []
+    for across, along, speed in product(ACROSS, ALONG, SPEEDS):
+        middle = passages.place + across * half
+        places, late = middle + along * radius * ahead, along * radius / (speed * numbers[3])
+        for (x, y), away in zip(places.tolist(), np.hypot(*(middle - start).T).tolist(), strict=True):
+            t = away / (speed * numbers[3]) + late
+            if useful(x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
+                found.append((useful.cost(x, y, t), x, y, t))
+    found.sort()
+    return np.array([row[1:] for row in found[:OFFERED]]).reshape(-1, 3)

@@ -1,0 +1,176 @@
+"""Edges in space and time: forward, no faster than the limit, paid for by the integral, never through anything."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from discs import block, disc
+from moving import SCENES, as_mesh, hall, moved
+
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.certify import BLOCKED, FREE
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.scene import Scene, World
+from pirrht.geometry.sweeps import certify_leg
+from pirrht.problem import Problem
+from pirrht.steering.edges import EdgeChecker
+from pirrht.steering.in_time import InTime
+from pirrht.systems.rover import Rover
+from pirrht.systems.single_integrator import SingleIntegrator
+
+GOAL = np.array([[5.5, 2.5, np.nan]])
+
+
+def tumbling() -> Scene:
+    """A mesh and a bar that turn while they drift, and one body that starts over elsewhere."""
+    plank = as_mesh(block("plank", 0.0, 0.0, (0.5, 0.1)))
+    rows = [(0.0, 2.0, 3.5, 0.0), (1.5, 3.0, 2.2, 4.0), (3.0, 2.2, 1.5, 9.0)]
+    jump = [(0.0, 4.0, 1.0, 0.0), (1.0, 4.0, 4.0, 0.0)]
+    movers = [moved("plank", rows, plank), moved("jump", jump, disc("disc", 0.0, 0.0, 0.25), repeat=True)]
+    return hall("tumbling", movers, [block("block", 3.2, 3.9, (0.2, 0.3))])
+
+
+def edges(seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    tails = np.column_stack([rng.uniform(0.2, 4.8, (count, 2)), rng.uniform(0.0, 4.0, count)])
+    step = np.column_stack([rng.normal(0.0, 0.5, (count, 2)), rng.uniform(-0.2, 1.2, count)])
+    step[::9, :2] = 0.0
+    return tails, tails + step
+
+
+def fcl_free(scene: Scene, path: np.ndarray) -> bool:
+    """Whether FCL finds a robot free everywhere on a way (6,), asked every 2 ms."""
+    standing = Collision(scene.world, scene.footprint)
+    for s in np.linspace(0.0, 1.0, max(2, math.ceil((path[5] - path[2]) / 2e-3))):
+        x, y, t = path[:3] + s * (path[3:] - path[:3])
+        solids = tuple(solid for mover in scene.movers for solid in mover.at(t))
+        moving = Collision(World(np.full(2, -np.inf), np.full(2, np.inf), solids), scene.footprint)
+        place = np.array([[x, y]])
+        if standing.clearance(place)[0] <= 0.0 or moving.distance(place)[0] <= scene.robot_radius:
+            return False
+    return True
+
+
+@pytest.mark.parametrize("scene", [SCENES["crossing"], SCENES["closing_door"], SCENES["oblique"], tumbling])
+def test_edges_never_collide_and_only_what_nearly_collides_is_refused(scene):
+    space, steering = FreeSpace.of(scene()), InTime()
+    tails, heads = edges(3, 160)
+    motions = steering.connect(tails, heads)
+    judged = EdgeChecker.of(space, steering).inspect(motions, np.zeros(len(tails), dtype=bool))
+    possible, counts = np.isfinite(motions.cost), [0, 0]
+    for i in np.flatnonzero(possible):
+        path = motions.path[i]
+        if np.hypot(*(path[3:5] - space.scene.goal.center)) < 1.0:
+            continue
+        counts[int(judged.status[i] == FREE)] += 1
+        assert fcl_free(space.scene, path) == (judged.status[i] == FREE)
+    assert min(counts) > 5
+
+
+def test_a_way_that_touches_by_a_hair_is_left_to_fcl_and_what_surely_meets_is_blocked():
+    space = FreeSpace.of(SCENES["crossing"]())
+    traffic = space.traffic
+    x = 3.25 + 0.4
+    assert certify_leg(traffic, x + 1e-3, 0.5, 0.0, x + 1e-3, 4.5, 4.5) == FREE
+    assert certify_leg(traffic, x - 1e-3, 0.5, 0.0, x - 1e-3, 4.5, 4.5) == BLOCKED
+    assert certify_leg(traffic, 3.25, 3.79, 0.0, 3.25, 3.79, 3.8) == FREE  # who waits until it comes near
+    assert certify_leg(traffic, 3.25, 3.79, 0.0, 3.25, 3.79, 3.9) == BLOCKED
+
+
+def test_costs_are_those_of_the_integral():
+    steering = InTime(q=1.3, r=0.7)
+    tails, heads = edges(0, 200)
+    motions = steering.connect(tails, heads)
+    for i in np.flatnonzero(np.isfinite(motions.cost)):
+        dt = heads[i, 2] - tails[i, 2]
+        v = np.hypot(*(heads[i, :2] - tails[i, :2])) / dt
+        assert motions.cost[i] == pytest.approx((1.3 + 0.35 * v * v) * dt)
+    assert steering.distance(tails, heads) == pytest.approx(motions.cost)
+
+
+def test_no_edge_runs_backward_in_time_or_faster_than_the_limit():
+    steering = InTime(speed=1.5)
+    tails, heads = edges(1, 500)
+    cost, dt = steering.distance(tails, heads), heads[:, 2] - tails[:, 2]
+    fast = np.hypot(*(heads - tails)[:, :2].T) > 1.5 * dt * (1.0 + 1e-8)
+    assert np.array_equal(np.isinf(cost), (dt <= 0.0) | fast)
+    assert fast.sum() > 50
+    assert (dt <= 0.0).sum() > 20
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_nearest_states_are_those_of_least_cost_in_either_direction(forward):
+    steering, rng = InTime(), np.random.default_rng(2)
+    states = np.column_stack([rng.uniform(0.0, 5.0, (300, 2)), rng.uniform(0.0, 5.0, 300)])
+    x = np.array([2.0, 2.0, 2.5])
+    cost = steering.distance(x, states) if forward else steering.distance(states, x)
+    found = steering.nearest(states, x, 20, forward=forward)
+    assert np.array_equal(found, np.argsort(cost, kind="stable")[:20])
+    assert np.isfinite(cost[found]).all()
+
+
+def test_arrival_is_free_and_at_the_best_speed():
+    steering = InTime(q=2.0, r=1.0)
+    motion = steering.connect(np.array([[1.0, 2.5, 0.4]]), GOAL)
+    assert steering.pace == pytest.approx(2.0)
+    assert motion.path[0, 5] == pytest.approx(0.4 + 4.5 / 2.0)
+    assert motion.cost[0] == pytest.approx(4.5 * math.sqrt(2.0 * 2.0 * 1.0))
+
+
+def test_a_way_into_the_goal_is_paid_up_to_the_rim_and_other_ways_must_not_enter_it():
+    space, steering = FreeSpace.of(hall("empty", [])), InTime()
+    checker = EdgeChecker.of(space, steering)
+    motions = steering.connect(np.array([[1.0, 2.5, 0.0]]), GOAL)
+    assert checker.inspect(motions, np.array([True])).cost[0] == pytest.approx(2.0 * 4.2)
+    assert checker.inspect(motions, np.array([False])).status[0] == BLOCKED
+    path = checker.until_goal(motions)
+    assert path.path[0, 3:] == pytest.approx([5.2, 2.5, 4.2])
+    assert path.cost[0] == pytest.approx(8.4)
+
+
+def test_waiting_is_no_control_for_a_while():
+    steering = InTime()
+    knots = np.array([[1.0, 2.5, 0.5], [1.0, 2.5, 1.75], [2.0, 2.5, 2.25]])
+    path = steering.connect(knots[:-1], knots[1:])
+    found = steering.trajectory(path)
+    assert found.controls == pytest.approx(np.array([[0.0, 0.0], [2.0, 0.0]]))
+    assert found.durations == pytest.approx([1.25, 0.5])
+    assert found.cost == pytest.approx(1.25 + 0.5 * (1.0 + 4.0))
+    assert found.slack is None
+    assert path.knots == pytest.approx(knots)
+    assert path.places(np.array([0.0, 1.0, 2.0, 9.0])) == pytest.approx(
+        np.array([[1.0, 2.5], [1.0, 2.5], [1.5, 2.5], [2.0, 2.5]])
+    )
+
+
+def test_a_point_is_steered_by_its_own_cost_and_other_systems_track_at_their_pace():
+    scene = hall("empty", [])
+    point = InTime.of(Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=3.0 * np.eye(2), q=1.5))
+    assert (point.q, point.r, point.drives) == (1.5, 3.0, True)
+    problem = Problem(dynamics=Rover(), scene=scene, R=np.diag([2.0, 0.5]), q=1.0)
+    rover = InTime.of(problem, speed=1.2)
+    assert not rover.drives
+    assert (rover.m, rover.limit) == (2, 1.2)
+    found = rover.trajectory(rover.connect(np.array([[1.0, 1.0, 0.0]]), np.array([[2.0, 1.0, 1.0]])))
+    assert np.array_equal(found.controls, np.zeros((1, 2)))
+    assert found.slack == rover.slack > 0.0
+
+
+@pytest.mark.parametrize("wrong", [{"q": 0.0}, {"r": np.inf}, {"speed": -1.0}])
+def test_costs_and_limits_that_are_none_are_refused(wrong):
+    with pytest.raises(OptionError, match="must be a"):
+        InTime(**wrong)
+
+
+def test_draws_are_of_use_from_the_start_on():
+    """Most lie where the way there and on to the goal costs a small multiple of the straight way."""
+    space, steering = FreeSpace.of(SCENES["pincer"]()), InTime()
+    rng = np.random.default_rng(0)
+    states = np.array([steering.draw(space, rng) for _ in range(600)])
+    assert np.all((states[:, :2] > 0.0) & (states[:, :2] < [6.0, 5.0]) & (states[:, 2:] >= 0.0))
+    away = np.hypot(*(states[:, :2] - [1.0, 2.5]).T)
+    least = states[:, 2] + away**2 / np.maximum(states[:, 2], 1e-9) + 2.0 * np.hypot(*(states[:, :2] - [5.5, 2.5]).T)
+    assert np.mean(least < 2.0 * 9.0) > 0.7
