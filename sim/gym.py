@@ -125,7 +125,9 @@ class Drive(gymnasium.Env[Array, Array]):
         self._plant.reset(self.scenario.start)
         self._tally, self._frame = Tally(self.scenario.settings.period), None
         problem, space = self.scenario.problem, self.scenario.space
-        self._odometer = Odometer(problem, space, self._plant.state, self.scenario.settings.max_time)
+        self._odometer = Odometer(
+            problem, space, self._plant.state, self.scenario.settings.max_time, self.scenario.homology
+        )
         self._asked = time.perf_counter()
         return self._plant.state, self._info()
 

@@ -45,7 +45,7 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
     with suppress(Exception):  # a robot that cannot turn in so small a room, say: what matters will come up again
         tree = None if s.method in TREELESS else small.grown_tree()
         if tree is not None:
-            tree.references(small.start, polished=s.polish)
+            small.references(tree)
         if driving and s.method != "optimal":
             driver = small.driver(tree)
             driver.path_integral.warm_up()

@@ -11,16 +11,22 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
+from pirrht.control.methods import TREELESS
 from pirrht.control.mppi import Mppi
 from pirrht.control.optimal import Optimal
 from pirrht.control.policy import Policy
+from pirrht.control.prediction import ByVelocity, Prediction
+from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
+from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
+from pirrht.topology.homology import Homology
+from pirrht.topology.in_time import TimedHomology
 from pirrht.tree import file as tree_file
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim import memory
 from sim.drive import episode, realtime
 from sim.drive.executor import Analytic, Executor, Plant
@@ -31,6 +37,8 @@ from sim.system_import import chosen
 from sim.systems import System, named, refuse
 
 Driver = Controller | Mppi | Optimal
+AMONG = 0.8  # H_limit where bodies move and nobody says another: who waits for one is turned about by it meanwhile
+QUICK = 400  # vertices at most of a tree that is grown within a control period
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,6 +63,36 @@ class Scenario:
         """Start state, (n,)."""
         return self.problem.dynamics.state_of(self.problem.scene.start)
 
+    @property
+    def moving(self) -> bool:
+        """Whether bodies move in the scene."""
+        return bool(self.loaded.scene.movers)
+
+    @property
+    def homology(self) -> Homology | TimedHomology:
+        """What tells classes of drives apart."""
+        return self._in_time.homology(self.space) if self.moving else self.space.homology
+
+    @property
+    def _in_time(self) -> InTime:
+        return InTime.of(self.problem, self.settings.speed_limit, self.system.pace)
+
+    def _prediction(self, *, trees: bool) -> Prediction | None:
+        """What plans take to come of bodies that move; None: they know."""
+        if not self.moving or self.settings.predict == "known":
+            return None
+        seeds = self.seeds()[0].spawn(1)[0]
+
+        def grown(space: FreeSpace) -> HomologyTree:
+            return self._rooted(space, np.random.default_rng(seeds.spawn(1)[0]))
+
+        vertices = min(self.settings.vertices, QUICK)
+        return ByVelocity(self.space, self._in_time, grown if trees else None, vertices=vertices)
+
+    def asked(self, x: Array, time: float = 0.0) -> Array:
+        """The state x (n,) as trees are asked about it: a place and a time (3,) [m, m, s] where bodies move."""
+        return np.array([x[0], x[1], time]) if self.moving else x
+
     def seeds(self) -> tuple[np.random.SeedSequence, ...]:
         """Independent seeds of the tree, the sampler and the plant."""
         tree, sampler, plant = np.random.SeedSequence(self.settings.seed).spawn(3)
@@ -73,19 +111,19 @@ class Scenario:
         return replace(self, settings=settings, problem=self.system.problem(self.loaded.scene, settings))
 
     def steering(self) -> Steering:
-        """The two-point optimum that fits the dynamics."""
+        """The two-point optimum that fits the dynamics; ways in space and time where bodies move."""
+        if self.moving:
+            return self._in_time
         steering: Steering = self.system.steered(self.problem)
         return steering
 
     def empty_tree(self) -> HomologyTree:
         """A tree that has its roots only."""
-        return HomologyTree(
-            self.space,
-            self.steering(),
-            limit=self.settings.limit,
-            classes=self.settings.classes,
-            rng=np.random.default_rng(self.seeds()[0]),
-        )
+        return self._rooted(self.space, np.random.default_rng(self.seeds()[0]))
+
+    def _rooted(self, space: FreeSpace, rng: np.random.Generator) -> HomologyTree:
+        s = self.settings
+        return HomologyTree(space, self.steering(), limit=s.limit, classes=s.classes, rng=rng)
 
     def grown_tree(self, progress: Callable[[int], None] | None = None) -> HomologyTree:
         """A tree of `settings.vertices` vertices, or the one that was saved as `settings.tree`.
@@ -100,6 +138,14 @@ class Scenario:
         tree.grow(s.vertices, progress=progress)
         return tree
 
+    def references(self, tree: HomologyTree) -> list[Reference]:
+        """The best path of every class from the start, cheapest first.
+
+        Raises:
+            NoReference: no class reaches the goal.
+        """
+        return tree.references(self.asked(self.start), polished=self.settings.polish)
+
     def truth(self) -> Desirability:
         """The exact solution: in continuous time, or for steps of dt if exit is judged at their ends.
 
@@ -110,7 +156,13 @@ class Scenario:
         return Desirability.of(self.problem, self.space, dt=dt)
 
     def optimal(self, truth: Desirability | None = None) -> Optimal:
-        """The grid's feedback law, in continuous time; `truth` if it has been solved for before."""
+        """The grid's feedback law, in continuous time; `truth` if it has been solved for before.
+
+        Raises:
+            OptionError: bodies are to be foretold, and the law knows how they move.
+        """
+        if self.moving and self.settings.predict != "known":
+            raise OptionError(f"--predict {self.settings.predict}: the optimal law knows how bodies move; leave it out")
         return Optimal(truth or Desirability.of(self.problem, self.space), self.sampling)
 
     def mppi(self) -> Mppi:
@@ -119,7 +171,10 @@ class Scenario:
         sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent")
         problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
         home, rng = self.system.way_home(problem), np.random.default_rng(self.seeds()[1])
-        return Mppi(problem, self.space, sampling, horizon=s.horizon, beyond=home, rng=rng)
+        return Mppi(
+            problem, self.space, sampling, horizon=s.horizon, beyond=home, homology=self.homology,
+            predict=self._prediction(trees=False), rng=rng,
+        )  # fmt: skip
 
     def _at_once(self) -> Sampling:
         """Sampling around one reference, or none, with at least as many samples as "pi-rrht" draws from the start."""
@@ -129,7 +184,9 @@ class Scenario:
 
     def _classes_at_start(self) -> int:
         """Classes with |1 - H_i| <= H_limit at the start, `settings.classes` at most."""
-        straight, limit = self.space.homology.straight(self.start[None, :2])[0], self.settings.limit
+        homology, limit = self.homology, self.settings.limit
+        here = np.append(self.start[:2], 0.0) if isinstance(homology, TimedHomology) else self.start[:2]
+        straight = homology.straight(here[None])[0]
         most = self.settings.classes or Settings().classes
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, most))
@@ -160,6 +217,8 @@ class Scenario:
             polished=self.settings.polish,
             consistency=self.settings.consistency,
             between=self.settings.between,
+            homology=self.homology,
+            predict=self._prediction(trees=self.settings.method not in TREELESS),
             rng=np.random.default_rng(self.seeds()[1]),
         )
 
@@ -242,7 +301,8 @@ def prepare(
     said = given or {}
     overlay = kind.preset(preset)
     refuse(kind, said)
-    settings = settle(kind.settings, kind.heard(loaded.scene.defaults, loaded.meant), overlay, said)
+    base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
+    settings = settle(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, said)
     problem = kind.problem(loaded.scene, settings)
     space = FreeSpace.of(loaded.scene)
     scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)

@@ -48,6 +48,8 @@ class Settings:
     horizon: float = 3.0  # of "mppi" [s]
     exploration: float = 1.0  # of "mppi": noise of its samples over that of the robot
     plant: str = "mujoco"
+    predict: str = "known"  # what plans take to come of bodies that move
+    speed_limit: float = 0.0  # of ways among them [m/s]; 0: three times the best speed
     exit: str = "bridge"
     steps: str = "fitted"
     weights: str = "balance"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from pirrht.control.feedback import ClassMixture, ClassPool
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
+from pirrht.control.prediction import Prediction
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.batches import sample
@@ -26,9 +28,11 @@ from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
 from pirrht.guidance.tracking import FEW
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
+from pirrht.steering.in_time import homology_of
 from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import Trajectory, running_cost
-from pirrht.topology.homology import class_id, integers
+from pirrht.topology.homology import Homology, class_id, integers
+from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree, Reference
 
 BETWEEN = ("classes", "hold")
@@ -44,6 +48,8 @@ class Controller(Policy):
         polished: shorten references inside their class.
         consistency: share of its value that the class followed so far counts under the method "best-class".
         between: until the next plan follow the state by "classes", or "hold" the control (paper).
+        homology: tells classes apart where bodies move; None: that of the tree, or of the problem.
+        predict: what is taken to come of bodies that move; None: as they do.
 
     Raises:
         OptionError: method or feedback is unknown, or the tree is missing or of another system.
@@ -60,6 +66,8 @@ class Controller(Policy):
         polished: bool = True,
         consistency: float = CONSISTENCY,
         between: str = "classes",
+        homology: Homology | TimedHomology | None = None,
+        predict: Prediction | None = None,
         rng: np.random.Generator,
     ) -> None:
         if between not in BETWEEN:
@@ -69,14 +77,20 @@ class Controller(Policy):
         self.method = SAMPLING[method]
         if tree is None and self.method.most != 0:
             raise OptionError(f"the method {method!r} needs a tree")
-        if tree is not None and len(tree.steering.vertex_of(np.zeros(problem.dynamics.n))) != tree.steering.n:
+        known = 3 if problem.scene.movers else problem.dynamics.n  # of a place and a time, or of a state
+        if tree is not None and len(tree.steering.vertex_of(np.zeros(known))) != tree.steering.n:
             moves, bends = type(problem.dynamics).__name__, type(tree.steering).__name__
             raise OptionError(
                 f"{bends} connects states of {tree.steering.n} numbers and {moves} has {problem.dynamics.n}; "
                 f"grow the tree with a Steering for {moves}"
             )
         self.problem, self.space, self.tree, self.consistency = problem, space, tree, consistency
-        self.path_integral = PathIntegral(problem, space, sampling)
+        self.predict = predict
+        if homology is None:
+            homology = homology_of(problem, space) if tree is None else tree.homology
+        self.homology = homology
+        timed = homology if isinstance(homology, TimedHomology) else None
+        self.path_integral = PathIntegral(problem, space, sampling, homology=timed)
         if tree is not None and not (tree.steering.drives or self.path_integral.leads_itself):
             raise OptionError(
                 f"{type(problem.dynamics).__name__} has no steering of its own, and its references no controls that "
@@ -88,9 +102,9 @@ class Controller(Policy):
         self.pool = ClassPool(problem) if between == "classes" else None
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
-    def begin(self, x: Array) -> None:
-        """Forget the drive so far; a new one starts at x (n,)."""
-        super().begin(x)
+    def begin(self, x: Array, time: float = 0.0) -> None:
+        """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
+        super().begin(x, time)
         self._previous: Plan | None = None
         self._followed: str | None = None  # class, where only one is
         if self.pool is not None:
@@ -100,6 +114,7 @@ class Controller(Policy):
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
         self._guides: dict[tuple[int, ...], Any] = {}  # by class of driven path and guide together
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
+        self._way: Array | None = None  # of the last favourite, (k, 3) [m, m, s] on the drive's clock
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,) (Algorithm 4, lines 3 and 4).
@@ -115,6 +130,10 @@ class Controller(Policy):
         if x.shape != (self.problem.dynamics.n,):
             moves = f"{type(self.problem.dynamics).__name__} ({', '.join(self.problem.dynamics.states)})"
             raise OptionError(f"the state has the shape {x.shape}; {moves} has {self.problem.dynamics.n} numbers")
+        foreseen = self._look(x, self._left(x))
+        if foreseen is not None:
+            self.tree = self.tree and foreseen.tree
+            self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
         try:
             references = self._references(x)
         except NoReference:
@@ -125,7 +144,20 @@ class Controller(Policy):
                 return self._previous.rest(x, self.drive.since_plan)
         plan = self._around(x, references, left)
         self._previous, self.drive.since_plan = plan, 0.0
+        self._note(plan)
         return plan
+
+    def _note(self, plan: Plan) -> None:
+        """Keep the way of the plan's favourite, by which classes are known again when something else is foreseen."""
+        chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
+        if self._foreseen is not None and chosen is not None:
+            self._way = chosen.trajectory.path.knots[:, :3] + [0.0, 0.0, self.since]
+
+    def _left(self, x: Array) -> Array | None:
+        """What is left of it from x (n,) on, (k, 3) [m, m, s]."""
+        if self._way is None:
+            return None
+        return np.vstack([[*x[:2], self.drive.time], self._way[self._way[:, 2] > self.drive.time]])
 
     def _around(self, x: Array, references: list[Reference], left: Callable[[], float] | None) -> Plan:
         """The plan at x (n,) that samples around references make."""
@@ -146,6 +178,7 @@ class Controller(Policy):
             fallback="no survivor" if estimate is None else None,
             instead=self._instead(batch, references) if estimate is None else None,
             law=law,
+            classes=batch.classes,
             time=self.drive.time,
             push=push,
             span=self.path_integral.sampling.dt,
@@ -160,14 +193,25 @@ class Controller(Policy):
         times = integral.grid(self._least_cost(x, trajectories))
         if not references:
             still = Tape(times, np.zeros((len(times) - 1, self.problem.dynamics.m)))
-            return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),))
+            return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),), time=self.now)
         names = [class_id(whole) for whole in self._from_start(references)]
         leads, counts = self._leads(x, times, references, names)
-        keys = [self.space.homology.key(reference.winding) for reference in references]
-        rows = zip(leads, counts, names, keys, strict=True)
-        return Batch(
-            state=x, times=times, proposals=tuple(Proposal(lead=a, count=n, name=i, key=k) for a, n, i, k in rows)
-        )
+        keys = [self.homology.key(reference.winding) for reference in references]
+        proposals = [
+            Proposal(lead=a, count=n, name=i, key=k) for a, n, i, k in zip(leads, counts, names, keys, strict=True)
+        ]
+        if self.method.mixes:
+            proposals = self._beside(x, proposals, trajectories)
+        return Batch(state=x, times=times, proposals=tuple(proposals), time=self.now)
+
+    def _beside(self, x: Array, proposals: list[Proposal], trajectories: list[Trajectory]) -> list[Proposal]:
+        """The same samples, half of those of each class around what goes beside its guide, if anything does."""
+        found = [
+            (one, self.path_integral.beside(x, trajectory))
+            for one, trajectory in zip(proposals, trajectories, strict=True)
+        ]
+        kept = [one if other is None else replace(one, count=one.count - one.count // 2) for one, other in found]
+        return kept + [replace(one, lead=other, count=one.count // 2) for one, other in found if other is not None]
 
     def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
         """What samples say; None if none survives."""
@@ -193,7 +237,8 @@ class Controller(Policy):
 
     def _law(self, pool: ClassPool, estimate: Estimate, batch: Batch, push: Push) -> ClassMixture:
         """Feedback until the next plan."""
-        leads = {one.name: one.lead for one in batch.proposals if one.key is not None and one.lead.follows}
+        rows = sorted(zip(batch.proposals, estimate.proposal_weights, strict=True), key=lambda row: row[1])
+        leads = {one.name: one.lead for one, _ in rows if one.key is not None and one.lead.follows}
         elapsed, self.drive.since_estimate = self.drive.since_estimate, 0.0
         return pool.law(estimate, leads, push, elapsed)
 
@@ -202,7 +247,7 @@ class Controller(Policy):
             return []
         driven = np.array(self.driven_class())
         before = {integers(np.asarray(whole) - driven): path for whole, path in self._paths.items()}
-        found = self.tree.references(x, polished=self.polished, before=before)
+        found = self.tree.references(self._here(x), polished=self.polished, before=before)
         classes = self._from_start(found)
         self._paths = {whole: one.path for whole, one in zip(classes, found, strict=True)}
         kept = [] if self.method.most is not None else self._kept(x, set(classes))
@@ -210,7 +255,6 @@ class Controller(Policy):
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
         """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""
-        homology = self.space.homology
         driven = np.array(self.driven_class())
         references = []
         for whole, guide in self._guides.items():
@@ -220,10 +264,18 @@ class Controller(Policy):
             if rest is None:
                 continue
             winding = integers(np.asarray(whole) - driven)
-            signature = homology.signature(x, winding)
+            signature = self._signature(x, winding)
             if self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit):
                 references.append(Reference(winding=winding, signature=signature, trajectory=rest))
         return references
+
+    def _here(self, x: Array) -> Array:
+        """The state x (n,) as the tree is asked: where bodies move, a place and the time (3,) [m, m, s]."""
+        return np.array([x[0], x[1], self.now]) if isinstance(self.homology, TimedHomology) else x
+
+    def _signature(self, x: Array, winding: tuple[int, ...]) -> Array:
+        homology = self.homology if self._foreseen is None else self._foreseen.homology
+        return homology.signature(self._here(x), winding)
 
     def _leads(
         self, x: Array, times: Array, references: list[Reference], names: list[str]
@@ -248,11 +300,12 @@ class Controller(Policy):
     ) -> tuple[list[Any], list[int]]:
         """Guides, each from what is left of the last one of its class, and samples around each."""
         classes = self._from_start(references)
+        clock = {"time": self.now} if isinstance(self.homology, TimedHomology) else {}
 
         def improve(which: tuple[Reference, tuple[int, ...]]) -> Any:
             reference, whole = which
-            key, last = self.space.homology.key(reference.winding), self._guides.get(whole)
-            return guidance.improve(x, times, key, reference.trajectory, last, self.drive.since_plan)
+            key, last = self.homology.key(reference.winding), self._guides.get(whole)
+            return guidance.improve(x, times, key, reference.trajectory, last, self.drive.since_plan, **clock)
 
         guides = mapped(improve, zip(references, classes, strict=True), self.path_integral.threads)
         counts = guidance.counts(guides, self.path_integral.sampling.samples)

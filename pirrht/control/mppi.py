@@ -24,6 +24,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan, shifted
 from pirrht.control.policy import Policy
+from pirrht.control.prediction import Prediction
 from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.sampler import PathIntegral
@@ -31,6 +32,9 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.problem import Problem
+from pirrht.steering.in_time import homology_of
+from pirrht.topology.homology import Homology
+from pirrht.topology.in_time import TimedHomology
 
 HORIZON = 3.0  # [s]
 
@@ -44,6 +48,8 @@ class Mppi(Policy):
         sampling: `samples` counts all that a plan draws; they hold the tape open loop.
         horizon: length of the tape [s].
         beyond: what the way from states (k, n) at the horizon to the goal costs, (k,) [cost]; None: `straight_home`.
+        homology: tells classes of drives apart where bodies move; None: that of the problem.
+        predict: what is taken to come of bodies that move; None: as they do.
         rng: source of one seed per plan.
 
     Raises:
@@ -58,6 +64,8 @@ class Mppi(Policy):
         *,
         horizon: float = HORIZON,
         beyond: Callable[[Array], Array] | None = None,
+        homology: Homology | TimedHomology | None = None,
+        predict: Prediction | None = None,
         rng: np.random.Generator,
     ) -> None:
         if not (np.isfinite(horizon) and horizon > 0):
@@ -65,13 +73,17 @@ class Mppi(Policy):
         if sampling.guide != "open-loop":
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
         self.problem, self.space, self.rng = problem, space, rng
-        self.path_integral = PathIntegral(problem, space, sampling, beyond=beyond or straight_home(problem))
+        self.homology, self.predict = homology or homology_of(problem, space), predict
+        timed = self.homology if isinstance(self.homology, TimedHomology) else None
+        self.path_integral = PathIntegral(
+            problem, space, sampling, beyond=beyond or straight_home(problem), homology=timed
+        )
         self.times = self.path_integral.steps(horizon)
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
-    def begin(self, x: Array) -> None:
-        """Forget the drive so far; a new one starts at x (n,), from a tape of zeros (T, m)."""
-        super().begin(x)
+    def begin(self, x: Array, time: float = 0.0) -> None:
+        """Forget the drive so far; a new one starts at x (n,) at a time [s], from a tape of zeros (T, m)."""
+        super().begin(x, time)
         self._tape = np.zeros((len(self.times) - 1, self.problem.dynamics.m))
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
@@ -81,9 +93,15 @@ class Mppi(Policy):
             left: time left for sampling [s]; samples are drawn until it is up.
         """
         x = np.asarray(x, dtype=float)
+        foreseen = self._look(x, None)
+        if foreseen is not None:
+            self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
         tape = shifted(self.times, self._tape, self.times + self.drive.since_plan)
         proposal = Proposal(lead=Tape(self.times, tape), count=self.path_integral.sampling.samples)
-        batch, seed = Batch(state=x, times=self.times, proposals=(proposal,)), int(self.rng.integers(2**63))
+        batch, seed = (
+            Batch(state=x, times=self.times, proposals=(proposal,), time=self.now),
+            int(self.rng.integers(2**63)),
+        )
         try:
             estimate = sample(self.path_integral, batch, seed, left=left)
         except NoSurvivingSample:
@@ -97,6 +115,7 @@ class Mppi(Policy):
             replay=self.path_integral.replay,
             fallback="no survivor" if estimate is None else None,
             instead=tape if estimate is None else None,
+            time=self.drive.time,
         )
         self._tape, self.drive.since_plan = plan.tape, 0.0
         return plan

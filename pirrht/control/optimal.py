@@ -19,6 +19,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
+from pirrht.steering.in_time import homology_of
 
 DRAWN = 0.5  # a recording draws where the control now would lead in this time [s]
 
@@ -35,6 +36,7 @@ class Optimal(Policy):
         self.desirability, self._sampling = desirability, sampling
         self.problem: Problem = desirability.problem
         self.space: FreeSpace = desirability.space
+        self.homology = homology_of(self.problem, self.space)
         start = self.problem.dynamics.state_of(self.problem.scene.start)
         desirability.control(start)  # compiles, so that the first plan takes no longer than the others
         self.begin(start)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +31,7 @@ class Plan:
     span: float = np.inf  # how long the law is followed [s]; then the tape
     shares: dict[str, float] | None = None  # weight of every class under the law
     followed: str | None = None  # the class that the control is of, where it is of one alone
+    classes: Mapping[int, str] = field(default_factory=dict)  # names of the references' classes by additive key
     time: float = 0.0  # of the drive when it was made, or for which [s]
     exact: float | None = None  # v at the state [cost], where it is known without samples
 

@@ -5,22 +5,34 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
+import numpy as np
+
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
+from pirrht.control.prediction import Foreseen, Prediction
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.topology.driven import Driven
+from pirrht.topology.driven import DrivenInTime, driven
+from pirrht.topology.homology import Homology
+from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 
 
 class Drive:
-    """A drive so far: its path, which gives classes their names, and the time since plans were made."""
+    """A drive so far: its path, which gives classes their names, and the time since plans were made.
 
-    def __init__(self, space: FreeSpace, x: Array) -> None:
-        self.path = Driven(space.homology, x)
+    Args:
+        homology: of classes.
+        x: where it starts, (n,).
+        time: when, on the clock of bodies that move [s].
+    """
+
+    def __init__(self, homology: Homology | TimedHomology, x: Array, time: float = 0.0) -> None:
+        self.path = driven(homology, x, time)
         self.since_plan = 0.0  # [s]
         self.since_estimate = 0.0  # since the last plan that samples told anything [s]
-        self.time = 0.0  # of the drive, which is that of bodies that move [s]
+        self.time = time  # of the drive, which is that of bodies that move [s]
+        self.known = time  # until when it is not only expected [s]
 
     def passed(self, duration: float) -> None:
         """Let time [s] pass."""
@@ -30,34 +42,81 @@ class Drive:
 
 
 class Policy(ABC):
-    """A feedback law that plans anew as it drives: `Controller`, `Mppi` or `Optimal`."""
+    """A feedback law that plans anew as it drives: `Controller`, `Mppi` or `Optimal`.
+
+    Attributes:
+        space: the scene as it is, with the bodies in it as they move.
+        homology: tells classes apart, those of drives among the rest.
+        predict: what is taken to come of bodies that move; None: as they do.
+    """
 
     problem: Problem
     space: FreeSpace
+    homology: Homology | TimedHomology
     tree: HomologyTree | None = None  # None: it needs none
+    predict: Prediction | None = None
     drive: Drive
+    _foreseen: Foreseen | None = None
 
     @abstractmethod
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,); `left` tells the time left for sampling [s], where that is limited."""
 
-    def begin(self, x: Array) -> None:
-        """Forget the drive so far; a new one starts at x (n,)."""
-        self.drive = Drive(self.space, x)
+    def begin(self, x: Array, time: float = 0.0) -> None:
+        """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
+        self.drive = Drive(self.homology, x, time)
+        self._foreseen = None
+        if self.predict is not None:
+            self.predict.begin()
 
-    def observe(self, states: Array, duration: float) -> None:
-        """Take note of the states (k, n) just driven through and the time it took [s]."""
-        self.drive.path.observe(states)
+    def observe(self, states: Array, duration: float, until: float | None = None) -> None:
+        """Take note of the states (k, n) just driven through and the time it took [s].
+
+        Args:
+            until: when the last of them was reached [s], where time has passed already; None: it is now.
+        """
         self.drive.passed(duration)
+        self.drive.known = self.drive.time if until is None else until
+        self.drive.path.observe(states, self.drive.known - self.since)
 
     def expect(self, states: Array, duration: float) -> None:
         """Suppose that the robot will drive through the states (k, n) next; `duration` [s] since the last plan's start.
 
         The next plan is made for the end of them. What is observed afterwards takes their place, at no duration.
         """
-        self.drive.path.expect(states)
         self.drive.passed(duration)
+        self.drive.path.expect(states, self.drive.time - self.since)
 
     def driven_class(self) -> tuple[int, ...]:
         """Class (M,) of the driven path, completed by the straight line to the goal point [turns]."""
         return self.drive.path.winding()
+
+    @property
+    def since(self) -> float:
+        """When the clock starts that what is foreseen is told on [s]."""
+        return 0.0 if self._foreseen is None else self._foreseen.since
+
+    @property
+    def now(self) -> float:
+        """The time on that clock [s]."""
+        return self.drive.time - self.since
+
+    def _look(self, x: Array, rest: Array | None) -> Foreseen | None:
+        """What is foreseen at x (n,), if that has changed; the class of a path keeps its name.
+
+        Args:
+            rest: what is left of it from x on, (k, 3) [m, m, s] on the drive's clock, of a drive under way.
+        """
+        if self.predict is None:
+            return None
+        before, after = self._foreseen, self.predict.at(x, self.drive.known, self.drive.time)
+        if after is before:
+            return None
+        offset = None
+        if before is not None:
+            path = np.array([[*x[:2], self.drive.time]]) if rest is None else rest
+            shown = [one.homology.winding(path - [0.0, 0.0, one.since]) for one in (before, after)]
+            offset = np.array(self.driven_class()) + shown[0] - shown[1]
+        self._foreseen = after
+        self.drive.path = DrivenInTime(after.homology, x, self.now, offset)
+        return after

@@ -36,16 +36,17 @@ from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
 from pirrht.rollouts.records import FINER, LAW, Kernels, Leads, MovingSetup, Origin, Setup, empty_paths
 from pirrht.rollouts.ways import no_ways
+from pirrht.steering.in_time import InTime
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.marks import NO_MARKS, Marks
-from pirrht.topology.moving import MovingHomology
 
 LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
 UNSURE = 3.0  # by so many nats a shortfall may change before it is found anew
 HOPELESS = 16.0  # classes that promise so many nats less than another are worth only a few samples
 BEHIND = 0.5826  # deviations of a step; minus zeta(1/2) / sqrt(2 pi)
 SMALLEST = 0.2  # of the goal's disc is left of it at least
+STRAIGHT = 0.01  # bends of a way that are less are none [m]
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 
 
@@ -71,7 +72,9 @@ class PathIntegral:
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
         self.moving = bool(problem.scene.movers)
-        self.homology = timed_homology(problem, space) if homology is None and self.moving else homology
+        if homology is None and self.moving:
+            homology = InTime.of(problem).homology(space)
+        self.homology = homology
         self.setup = _setup(problem, space, sampling.exit == "bridge")
         self.guidance: Guidance | AnyGuidance | None = None
         if sampling.guide == "feedback" and self.moving:
@@ -195,6 +198,16 @@ class PathIntegral:
         push = self._push(scales.reach, self.sampling.leading)
         return Climb(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
 
+    def beside(self, x: Array, trajectory: Trajectory) -> Climb | None:
+        """What samples of a point may follow besides a guide among bodies that move; None of other systems.
+
+        Walls that stand bend psi more than a law that is linear around one trajectory tells, and a way knows how. It
+        knows nothing of bodies, but those that are near push.
+        """
+        if not (self.moving and self.pointlike and self.problem.dynamics.even):
+            return None
+        return self.climbing(x, np.vstack([_bends(trajectory.path.knots[:, :2])[1:-1], self.space.scene.goal.center]))
+
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
         leads = self._packed(batch)
@@ -278,7 +291,7 @@ class PathIntegral:
             active=np.zeros(H, dtype=np.int64),
             first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64),
             ways=no_ways(H, C, NODES, scales.decay),
-            reach=scales.reach if climbs else 0.0,
+            reach=scales.reach if climbs or any(isinstance(one.lead, Climb) for one in batch.proposals) else 0.0,
             beyond=self._beyond,
             least=LEAST * self.sampling.dt if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
@@ -311,12 +324,15 @@ class PathIntegral:
         return np.zeros((H, T, LAW))
 
 
-def timed_homology(problem: Problem, space: FreeSpace) -> TimedHomology:
-    """Of paths among all that stands and moves in a scene, with bases at the speed that costs least in the open."""
-    R, scene = problem.control_cost(problem.dynamics.state_of(problem.scene.start)), space.scene
-    speed = math.sqrt(2.0 * problem.least_rate / float(R[0, 0]))
-    moving = MovingHomology.of(scene.movers, scene.footprint, scene.goal.center, speed)
-    return TimedHomology(standing=space.homology, moving=moving)
+def _bends(line: Array) -> Array:
+    """Corners (j, 2) of a line (k, 2) [m] that is off them by STRAIGHT at most [m]."""
+    if len(line) < 3:
+        return line
+    along = line[-1] - line[0]
+    away = line[1:-1] - line[0]
+    off = np.abs(along[0] * away[:, 1] - along[1] * away[:, 0]) / max(float(np.hypot(*along)), STRAIGHT)
+    i = int(np.argmax(off)) + 1
+    return line[[0, -1]] if off[i - 1] <= STRAIGHT else np.vstack([_bends(line[: i + 1])[:-1], _bends(line[i:])])
 
 
 def _setup(problem: Problem, space: FreeSpace, bridge: bool) -> Setup | MovingSetup:

@@ -54,6 +54,17 @@ class Motion:
             t = np.where(t > 0.0, np.mod(t, self.rows[-1, 0]), t)
         return np.stack([np.interp(t, self.rows[:, 0], self.rows[:, k]) for k in (1, 2, 3)], axis=-1)
 
+    def velocity(self, time: float) -> Array:
+        """Rates of x, y [m/s] and yaw [rad/s] that led to where it is at a time [s], (3,)."""
+        t, period = time + self.lead, float(self.rows[-1, 0])
+        if len(self.rows) < 2 or t < 0.0 or (t > period and not self.repeat):
+            return np.zeros(3)
+        if self.repeat and t > period:
+            t = math.fmod(t, period) or period
+        i = max(int(np.searchsorted(self.rows[:, 0], t, side="left")), 1)
+        step = self.rows[i] - self.rows[i - 1]
+        return np.asarray(step[1:] / step[0])
+
     def after(self, time: float) -> Motion:
         """The same motion as told by a clock that starts at a time [s] of this one's."""
         return replace(self, lead=self.lead + time)

@@ -203,7 +203,16 @@ def optimiser(kind: Kind) -> Optimiser:
 
     @kernel
     def _end(setup, task, x, v, W):  # type: ignore[no-untyped-def]
-        """Gradient v (n,) and Hessian W (n, n) of `arrival` at x (n,), by central differences."""
+        """Gradient v (n,) and Hessian W (n, n) of `arrival` at x (n,), by central differences if it has no kink."""
+        if noisy_position and not by_inputs:
+            ax, ay = x[0] - setup.arena.goal[0], x[1] - setup.arena.goal[1]
+            away = math.sqrt(ax * ax + ay * ay)
+            v[:], W[:, :] = 0.0, 0.0
+            if away > setup.arena.radius:
+                v[0], v[1], bent = task.far * ax / away, task.far * ay / away, task.far / (away * away * away)
+                W[0, 0], W[1, 1], W[0, 1] = bent * ay * ay, bent * ax * ax, -bent * ax * ay
+                W[1, 0] = W[0, 1]
+            return
         z, f, up, down = x.copy(), np.zeros(n), np.empty(n), np.empty(n)
         here, h = arrival(setup, task, x, f), NUDGE
         for i in range(n):

@@ -25,6 +25,7 @@ from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import Trajectory
 from pirrht.steering.useful import drawn, offered
 from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 
 FASTER = 3.0  # speeds up to so many times the best one, if the robot has no limit of its own
@@ -114,8 +115,11 @@ class InTime(Steering):
             raise OptionError(f"the limit of speeds is {self.speed:g}; it must be a number [m/s], 0 for none")
 
     @classmethod
-    def of(cls, problem: Problem, speed: float = 0.0) -> InTime:
+    def of(cls, problem: Problem, speed: float = 0.0, pace: float | None = None) -> InTime:
         """Ways for any problem: those of a point that is one, and what another may track at most at a speed [m/s].
+
+        Args:
+            pace: the best speed of another [m/s]; None: that at which its cost per meter is least.
 
         Raises:
             OptionError: the cost of the problem tells no pace, or the limit is no speed.
@@ -124,7 +128,7 @@ class InTime(Steering):
         R = problem.control_cost(np.zeros(d.n))
         if isinstance(d, SingleIntegrator) and np.allclose(R, R[0, 0] * np.eye(len(R))):
             return cls(q=problem.least_rate, r=float(R[0, 0]), speed=speed)
-        lines = Tracked.of(problem)
+        lines = Tracked.of(problem, pace)
         q = 0.5 * lines.cost_per_meter * lines.pace
         return cls(q=q, r=2.0 * q / lines.pace**2, speed=speed, m=d.m, slack=lines.slack)
 
@@ -208,6 +212,15 @@ class InTime(Steering):
         if self.drives:
             return found
         return replace(found, controls=np.zeros((len(found.durations), self.m)), slack=self.slack)
+
+
+def homology_of(problem: Problem, space: FreeSpace) -> Homology | TimedHomology:
+    """What tells classes of a problem's paths apart: of those in space and time where bodies move.
+
+    Raises:
+        OptionError: bodies move, and the cost of the problem tells no best speed.
+    """
+    return InTime.of(problem).homology(space) if problem.scene.movers else space.homology
 
 
 def _rows(states: Array) -> Array:

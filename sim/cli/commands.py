@@ -70,7 +70,7 @@ def plan(arguments: argparse.Namespace) -> int:
     convergence = None
     if arguments.convergence:
         tree, convergence = _watched(scenario)
-        references = tree.references(scenario.start, polished=scenario.settings.polish)
+        references = tree.references(scenario.asked(scenario.start), polished=scenario.settings.polish)
     else:
         tree, references = _planned(scenario)
     seconds = clock() - began
@@ -154,12 +154,12 @@ def estimate(arguments: argparse.Namespace) -> int:
         raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
     x = _state(arguments.at, scenario)
     compiling = warm.start(scenario.loaded.dynamics_name)
-    truth = _truth(scenario, x) if arguments.truth else None
+    truth = _truth(scenario, x, arguments.time) if arguments.truth else None
     tree, _ = (None, []) if scenario.settings.method in TREELESS else _planned(scenario)
     if compiling is not None:
         compiling.wait()
     controller = scenario.driver(tree)
-    controller.begin(x)
+    controller.begin(x, arguments.time)
     estimates: list[Estimate | None] = []
     references: tuple[Reference, ...] = ()
     for _ in range(arguments.repeat):
@@ -257,7 +257,7 @@ def _planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
     """The grown tree and the references at the start."""
     with _bar("plan", scenario.settings.vertices, " vertices") as bar:
         tree = scenario.grown_tree(lambda size: bar.update(size - bar.n))
-    return tree, tree.references(scenario.start, polished=scenario.settings.polish)
+    return tree, scenario.references(tree)
 
 
 def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
@@ -276,9 +276,9 @@ def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
     return tree, convergence
 
 
-def _truth(scenario: Scenario, x: Array) -> Truth:
-    """The grid's value and control at x (n,)."""
-    return Truth.at(scenario.truth(), x)
+def _truth(scenario: Scenario, x: Array, time: float) -> Truth:
+    """The grid's value and control at x (n,) at a time [s]."""
+    return Truth.at(scenario.truth(), x, time)
 
 
 def _state(at: list[float], scenario: Scenario) -> Array:

@@ -11,7 +11,9 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.crowd import Crowd
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.topology.driven import Driven
+from pirrht.topology.driven import driven
+from pirrht.topology.homology import Homology
+from pirrht.topology.in_time import TimedHomology
 from sim.drive.executor import Advance
 from sim.drive.length import Length
 from sim.drive.realtime_timing import Timing
@@ -62,11 +64,12 @@ class Odometer:
         space: FreeSpace,
         x: Array,
         max_time: float,
+        homology: Homology | TimedHomology,
         clearance: Callable[[Array], float] | None = None,
     ) -> None:
         self.step, self.time, self.cost = 0, 0.0, 0.0
         self.length = Length(problem, x)
-        self._driven, self._max_time = Driven(space.homology, x), max_time
+        self._driven, self._max_time = driven(homology, x, 0.0), max_time
         self._clearance = clearance or space.clearance
         scene = space.scene
         self._crowd = Crowd(scene.movers, scene.footprint) if scene.movers else None
@@ -79,7 +82,7 @@ class Odometer:
         self.cost += advance.cost
         self.length.add(advance.states, advance.time / max(1, count), advance.length)
         if count:
-            self._driven.observe(advance.states)
+            self._driven.observe(advance.states, self.time + advance.time)
         frame = Frame(
             step=self.step,
             time=self.time,

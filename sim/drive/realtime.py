@@ -149,7 +149,12 @@ class _Book:
         # FCL moves its objects when it is asked: the planner's are busy.
         collision = Collision(space.scene.world, space.scene.footprint)
         self._odometer = Odometer(
-            controller.problem, space, start, max_time, lambda x: float(collision.clearance(x[None, :2])[0])
+            controller.problem,
+            space,
+            start,
+            max_time,
+            controller.homology,
+            lambda x: float(collision.clearance(x[None, :2])[0]),
         )
 
     def frame(self, moved: Moved) -> Frame:

@@ -100,7 +100,7 @@ class Planner:
         driven = [share.driven.popleft() for _ in range(len(share.driven))]
         time, x = share.seen
         if driven:
-            self.controller.observe(np.vstack(driven), 0.0)
+            self.controller.observe(np.vstack(driven), 0.0, time)
         states = foreseen(self.controller, last, time, x, begin, self.period / PIECES)
         self.controller.expect(states, begin - last.begin)
         return self._made(states[-1], begin=begin, now=now, origin=origin)

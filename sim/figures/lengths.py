@@ -41,7 +41,7 @@ def work(effort: Effort, tick: Tick) -> Lengths:
     scenario = effort.scenario("clutter", vertices=effort.vertices or VERTICES)
     tree, vertices = scenario.empty_tree(), scenario.settings.vertices
     convergence = grow(tree, scenario.start, vertices, every=max(1, vertices // NOTES))
-    references = tree.references(scenario.start, polished=scenario.settings.polish)
+    references = scenario.references(tree)
     tick()
     known = [reference for reference in references if reference.id in convergence.ids]
     return Lengths(scenario=scenario, tree=tree, convergence=convergence, references=known[:SHOWN])

@@ -37,7 +37,7 @@ def work(effort: Effort, tick: Tick) -> Lifted:
     """Grow the tree of `slit` and read off the references."""
     scenario = effort.scenario("slit")
     tree = scenario.grown_tree()
-    references = tree.references(scenario.start, polished=scenario.settings.polish)
+    references = scenario.references(tree)
     tick()
     return Lifted(scenario=scenario, tree=tree, references=references)
 

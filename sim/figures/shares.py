@@ -37,7 +37,7 @@ def work(effort: Effort, tick: Tick) -> Shares:
     """Estimate the shares at the start of `slit`; one tree serves all noise levels."""
     base = effort.scenario("slit", samples=effort.draws, dt=DT, period=DT, between="hold", guide="feedback")
     tree = base.grown_tree()
-    references = tree.references(base.start, polished=base.settings.polish)
+    references = base.references(tree)
     ids = tuple(reference.id for reference in references)
     rows = []
     for noise in effort.noises:

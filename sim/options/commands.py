@@ -67,6 +67,10 @@ ESTIMATE = (
         required=True, of_robots="coordinates",
     ),
     Option(
+        name="time", text="time of the drive, by which bodies move", kind=float, metavar="S", commands=("estimate",),
+        default=0.0, numeric=True, bounds=Bounds(low=0.0, high=86_400.0, why="no drive of a day is of use"),
+    ),
+    Option(
         name="repeat", text="repeats with independent samples", kind=int, metavar="N", commands=("estimate",),
         default=1, numeric=True, bounds=Bounds(low=1, high=10_000, why="a table of more rows helps nobody"),
     ),

@@ -7,6 +7,7 @@ from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS,
 from sim.options.record import Bounds, Option
 
 PLANTS = ("mujoco", "sde")
+PREDICTIONS = ("known", "velocity")
 BETWEEN = ("classes", "hold")  # `pirrht.control.controller.BETWEEN`, which is slow to import
 SEED = 2**63 - 1
 
@@ -138,6 +139,14 @@ PLANNER_OPTIONS = (
     _number(
         "exploration", "of mppi: noise of its samples over the robot's", "X", 1e-3, 1e3,
         "beyond it samples have nothing to do with the robot", methods=("mppi",), numeric=True,
+    ),
+    _setting(
+        "predict", "bodies that move: plans know their motions (known), or see where they are and how fast, and take "
+        "them to go straight on (velocity)", metavar="RULE", choices=PREDICTIONS,
+    ),
+    _number(
+        "speed-limit", "fastest way past bodies that move, 0 for three times the best speed", "M/S", 0.0, 1e3,
+        "a faster robot crosses a room in a step", numeric=True,
     ),
     _setting("plant", "mujoco, or sde: the analytic equation", metavar="NAME", choices=PLANTS),
     _number(

@@ -233,7 +233,7 @@ def _planned(scenario: Scenario) -> Planned:
     rehearse(scenario)
     began = time.perf_counter()
     tree = scenario.grown_tree()
-    references = tree.references(scenario.start, polished=scenario.settings.polish)
+    references = scenario.references(tree)
     seconds = time.perf_counter() - began
     return Planned(tree=pack(tree), shortest=min(r.length for r in references), seconds=seconds)
 

@@ -1,0 +1,112 @@
+"""What a planner takes to come of bodies that move, where it does not know their motions.
+
+A robot sees where bodies are and how fast; it takes them to go straight on, turning as they do. That is foretold once
+and holds until what is seen is something else: then it is foretold anew, with a tree that is grown for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.passages import Passages
+from pirrht.steering.in_time import InTime
+from pirrht.topology.in_time import TimedHomology
+from pirrht.tree.homology_tree import HomologyTree
+
+OFF = 0.005  # a body that is farther from where it was foretold moves otherwise [m]
+SOON = 1.0  # and so does one that by its velocity will be ten times as far off after this time [s]
+AHEAD = 2.0  # times the time to cross the workspace at the best speed, for which bodies go on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Foreseen:
+    """What is foretold, on a clock of its own."""
+
+    space: FreeSpace
+    homology: TimedHomology
+    tree: HomologyTree | None  # None: nobody asks for one
+    since: float  # when its clock starts, on that of the drive [s]
+
+
+class Prediction(Protocol):
+    """Foretells how bodies move."""
+
+    def begin(self) -> None:
+        """Forget what was foretold; a new drive begins."""
+
+    def at(self, x: Array, seen: float, time: float) -> Foreseen:
+        """What is foretold to a robot that has seen all until `seen` and plans at x (n,) for a time [s]."""
+
+
+class ByVelocity:
+    """Bodies go on as fast as they are seen to move.
+
+    Args:
+        space: the scene, whose bodies are asked where they are and how fast, and for nothing else.
+        steering: of trees.
+        grown: a tree that has its roots only, for a space; None: there are no trees.
+        vertices: of each tree.
+    """
+
+    def __init__(
+        self,
+        space: FreeSpace,
+        steering: InTime,
+        grown: Callable[[FreeSpace], HomologyTree] | None,
+        *,
+        vertices: int,
+    ) -> None:
+        self.space, self.steering, self.grown, self.vertices = space, steering, grown, vertices
+        self.horizon = AHEAD * float(np.hypot(*(space.scene.upper - space.scene.lower))) / steering.pace
+        self._passages: Passages | None = None
+        self._last: Foreseen | None = None
+
+    def begin(self) -> None:
+        """Forget what was foretold; a new drive begins."""
+        self._last = None
+
+    def at(self, x: Array, seen: float, time: float) -> Foreseen:
+        """What is foretold to a robot that has seen all until `seen` and plans at x (n,) for a time [s]."""
+        if self._last is None or not self._holds(self._last, seen):
+            self._last = self._foretold(x, seen)
+        return self._last
+
+    def _holds(self, last: Foreseen, seen: float) -> bool:
+        """Whether bodies move as they were foretold to."""
+        for actual, foretold in zip(self.space.scene.movers, last.space.scene.movers, strict=True):
+            then = seen - last.since
+            off = actual.motion.pose(seen) - foretold.motion.pose(then)
+            faster = actual.motion.velocity(seen) - foretold.motion.velocity(then)
+            if np.linalg.norm(off) > OFF or np.linalg.norm(faster) * SOON > 10.0 * OFF:
+                return False
+        return True
+
+    def _foretold(self, x: Array, seen: float) -> Foreseen:
+        movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
+        start = np.array([x[0], x[1], self.space.scene.start[2]])
+        space = replace(self.space, scene=replace(self.space.scene, start=start)).among(movers)
+        return Foreseen(space=space, homology=self.steering.homology(space), tree=self._tree(space), since=seen)
+
+    def _tree(self, space: FreeSpace) -> HomologyTree | None:
+        if self.grown is None:
+            return None
+        tree = self.grown(space)
+        if self._passages is None:
+            self._passages = tree.passages
+        tree.passages = self._passages  # of what stands
+        tree.grow(self.vertices)
+        return tree
+
+
+def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
+    """A body that from a time on goes straight on for as long as the horizon [s], on a clock that starts then."""
+    pose, velocity = mover.motion.pose(time), mover.motion.velocity(time)
+    rows = np.array([[0.0, *pose], [horizon, *(pose + horizon * velocity)]])
+    return replace(mover, motion=Motion(rows=rows))
