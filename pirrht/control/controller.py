@@ -36,6 +36,9 @@ from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree, Reference
 
 BETWEEN = ("classes", "hold")
+ELSEWHEN = 0.1  # a drive that begins so much later is another one [s]
+LEAST = 0.15  # of the samples of a class go around its guide, and beside it
+ANEW = 400  # vertices that a tree then gains
 
 
 class Controller(Policy):
@@ -114,7 +117,19 @@ class Controller(Policy):
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
         self._guides: dict[tuple[int, ...], Any] = {}  # by class of driven path and guide together
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
+        self._aim(self._here(x))
+        self._aside: dict[str, float] = {}  # by class, the share of samples beside its guide
         self._way: Array | None = None  # of the last favourite, (k, 3) [m, m, s] on the drive's clock
+
+    def _aim(self, here: Array) -> None:
+        """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
+        if self.tree is None or not isinstance(self.homology, TimedHomology):
+            return
+        scene = self.space.scene
+        origin = np.array([*scene.start[:2], 0.0]) if self.tree.origin is None else self.tree.origin
+        if np.hypot(*(here[:2] - origin[:2])) > scene.robot_radius or abs(here[2] - origin[2]) > ELSEWHEN:
+            self.tree.aim(here)
+            self.tree.grow(self.tree.size + ANEW)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,) (Algorithm 4, lines 3 and 4).
@@ -205,13 +220,25 @@ class Controller(Policy):
         return Batch(state=x, times=times, proposals=tuple(proposals), time=self.now)
 
     def _beside(self, x: Array, proposals: list[Proposal], trajectories: list[Trajectory]) -> list[Proposal]:
-        """The same samples, half of those of each class around what goes beside its guide, if anything does."""
-        found = [
-            (one, self.path_integral.beside(x, trajectory))
-            for one, trajectory in zip(proposals, trajectories, strict=True)
-        ]
-        kept = [one if other is None else replace(one, count=one.count - one.count // 2) for one, other in found]
-        return kept + [replace(one, lead=other, count=one.count // 2) for one, other in found if other is not None]
+        """The same samples, some of each class around what goes beside its guide, by what those weighed last."""
+        pairs = zip(proposals, trajectories, strict=True)
+        found = [(one, self.path_integral.beside(x, trajectory)) for one, trajectory in pairs]
+        kept, more = [], []
+        for one, other in found:
+            count = 0 if other is None else round(self._aside.get(one.name, 0.5) * one.count)
+            kept.append(replace(one, count=one.count - count))
+            if other is not None:
+                more.append(replace(one, lead=other, count=count))
+        return kept + more
+
+    def _weighed(self, batch: Batch, estimate: Estimate) -> None:
+        """Note for each class the share of what goes beside its guide."""
+        weights: dict[str, list[float]] = {}
+        for one, weight in zip(batch.proposals, estimate.proposal_weights, strict=True):
+            weights.setdefault(one.name, []).append(weight)
+        for name, found in weights.items():
+            if len(found) == 2 and sum(found) > 0.0:
+                self._aside[name] = float(np.clip(found[1] / sum(found), LEAST, 1.0 - LEAST))
 
     def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
         """What samples say; None if none survives."""
@@ -224,6 +251,8 @@ class Controller(Policy):
             self.allocation.learn(ids, estimate)
         if self.method.alone and ids:
             estimate = self._alone(estimate, ids, batch.classes)
+        if self.method.mixes:
+            self._weighed(batch, estimate)
         guided = self.path_integral.guidance is not None and ids
         return None if guided and estimate.survivors == 0 else estimate
 

@@ -282,7 +282,7 @@ class PathIntegral:
         x, times, m = batch.state, batch.times, self.problem.dynamics.m
         H, T = len(batch.proposals), len(times) - 1
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
-        longest, climbs, scales = self.sampling.window, self.climbs, self._scales(x)
+        longest, scales = self.sampling.window, self._scales(x)
         bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
         leads = Leads(
             control=np.zeros((H, T, m)),
@@ -291,7 +291,7 @@ class PathIntegral:
             active=np.zeros(H, dtype=np.int64),
             first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64),
             ways=no_ways(H, C, NODES, scales.decay),
-            reach=scales.reach if climbs or any(isinstance(one.lead, Climb) for one in batch.proposals) else 0.0,
+            reach=self._reach(scales),
             beyond=self._beyond,
             least=LEAST * self.sampling.dt if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
@@ -316,6 +316,11 @@ class PathIntegral:
         if isinstance(self.setup, MovingSetup):
             near = min(near, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
         return near
+
+    def _reach(self, scales: Scales) -> float:
+        """Of walls that push (`Leads.reach`) [m]; 0: they do not."""
+        pushing = self.climbs or (isinstance(self.guidance, AnyGuidance) and self.guidance.gated)
+        return scales.reach if pushing else 0.0
 
     def _laws(self, H: int, T: int) -> Array:
         """Room for the laws of H references over T steps."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,8 +18,9 @@ from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
 from pirrht.geometry.traffic import traffic_clearance
 from pirrht.guidance.any_ddp import Course, Task, empty_course, optimiser
-from pirrht.guidance.gates import CARELESS, gates_of
+from pirrht.guidance.gates import CARELESS, gates_of, pushes_of
 from pirrht.guidance.tracking import MARGIN, PARABOLA, SAG, TOLERANCE, WILD, wall_radius, worth
+from pirrht.guidance.walls import Scales
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.gates import GATE, GATES
@@ -87,6 +89,7 @@ class AnyGuide:
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
     priced: float  # the same with clearance priced [cost]
     valid: bool  # whether it touches nothing and is of its class
+    pushes: tuple[Array, Array] | None = None  # of walls beside it, (T FINER, 2) [1/m] and how they change, (.., 2, 2)
     gates: Array | None = None  # (T FINER, GATES, GATE) of a point among what moves: walls it has yet to pass
 
     def input_of(self, x: Array, a: Array) -> Array:
@@ -324,11 +327,11 @@ class AnyGuidance:
             dynamics=self.problem.dynamics, times=times, states=course.states, modes=course.control,
             gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
             metric=self.metric, steep=self.tasks[1.0].steep, length=length, cost=cost, priced=priced, valid=bool(sound),
-            gates=self._gates(setup, then, course.states, length) if self.gated else None,
+            **(self._beside_walls(setup, then, course.states, length) if self.gated else {}),
         )  # fmt: skip
 
-    def _gates(self, setup: Setup | MovingSetup, times: Array, states: Array, length: int) -> Array:
-        """Gates (T FINER, GATES, GATE) of a guide (T+1, 2) at times (T+1,) [s]; none past its length."""
+    def _beside_walls(self, setup: Setup | MovingSetup, times: Array, states: Array, length: int) -> dict[str, Any]:
+        """Gates and pushes of a guide (T+1, 2) at times (T+1,) [s]; none past its length."""
         rows = length * FINER + 1
         i, share = np.divmod(np.arange(rows) / FINER, 1.0)
         i = np.minimum(i.astype(np.int64), len(times) - 2)
@@ -340,7 +343,11 @@ class AnyGuidance:
         out = np.zeros(((len(times) - 1) * FINER, GATES, GATE))
         found = gates_of(setup, places, when, noise, CARELESS * noise * math.sqrt(float(when[-1] - when[0])))
         out[: rows - 1] = found[: rows - 1]
-        return out
+        slopes, bends = np.zeros((len(out), 2)), np.zeros((len(out), 2, 2))
+        reach = Scales.of(self.problem, states[0]).reach
+        one, other = pushes_of(setup, places[: rows - 1], when[: rows - 1], reach)
+        slopes[: rows - 1], bends[: rows - 1] = one, other
+        return {"gates": out, "pushes": (slopes, bends)}
 
     def _held_on(self, course: Course, times: Array, length: int) -> int:
         """Hold the last law for ON steps more, in which what nothing homes in enters the goal; how many steps it has.

@@ -56,6 +56,10 @@ class Follow(Lead):
         if guide.gates is not None:
             d = guide.dynamics
             gains = parts[1].reshape(-1, d.m, d.n)
+            if guide.pushes is not None:
+                B = d.B_c(guide.states[0])
+                parts[0] = parts[0] - guide.pushes[0] @ B
+                gains = gains - np.einsum("ij,kil->kjl", B, guide.pushes[1])
             modes, gains, gates = without(guide.gates, d.B_c(guide.states[0]), parts[0], gains)
             parts[:2] = [modes, gains.reshape(len(row), -1)]
             leads.law[h, :, -gates[0].size :] = gates.reshape(len(row), -1)

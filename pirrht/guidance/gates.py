@@ -21,6 +21,7 @@ from pirrht.rollouts.gates import GATE, GATES, gate_slope, mills
 WALLS = 6  # that are looked at from one place, at most
 APART = 0.5  # walls are different if the cosine of the angle between them is less
 CARELESS = 3.0  # a gate with a greater z is none
+LEAST_GAP = 0.1  # of the reach: nearer walls are taken to push no harder where a guide passes
 SOONEST = 0.05  # a wall is a gate from so far ahead [s]
 
 
@@ -75,6 +76,42 @@ def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
                     gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3] = nx, ny, z, per
             if best == CARELESS:
                 break
+
+
+def pushes_of(setup: object, places: Array, times: Array, reach: float) -> tuple[Array, Array]:
+    """What near walls add to the slope of log psi at places (k, 2) [m] at times (k,) [s], and how that changes.
+
+    Returns: slopes (k, 2) [1/m] and their derivatives (k, 2, 2) [1/m^2].
+    """
+    k = len(places)
+    slopes, bends = np.zeros((k, 2)), np.zeros((k, 2, 2))
+    _pushes(setup, places, times, np.float32(reach), slopes, bends)
+    return slopes, bends
+
+
+@kernel
+def _pushes(setup, places, times, reach, slopes, bends):  # type: ignore[no-untyped-def]
+    near = np.zeros((setup.traffic.lead.shape[0], 5))
+    for i in range(places.shape[0]):
+        x, y = places[i]
+        c, nx, ny, d, mx, my = two_walls(setup.arena.field, x, y)
+        count = moving_walls(setup.traffic, x, y, times[i], 10.0 * reach, near)
+        for k in range(count):
+            e, ex, ey = np.float32(near[k, 0]), np.float32(near[k, 1]), np.float32(near[k, 2])
+            if e < c:
+                c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
+            elif e < d:
+                d, mx, my = e, ex, ey
+        for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
+            near_by = max(float(gap), LEAST_GAP * reach)
+            push = reach / (near_by * (near_by + reach))
+            fall = -push * (1.0 / near_by + 1.0 / (near_by + reach))
+            slopes[i, 0] += push * wx
+            slopes[i, 1] += push * wy
+            bends[i, 0, 0] += fall * wx * wx
+            bends[i, 0, 1] += fall * wx * wy
+            bends[i, 1, 0] += fall * wx * wy
+            bends[i, 1, 1] += fall * wy * wy
 
 
 def beyond_linear(gates: Array, B: Array, gains: Array, off: Array) -> Array:

@@ -28,7 +28,7 @@ from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 
-FASTER = 3.0  # speeds up to so many times the best one, if the robot has no limit of its own
+FASTER = 5.0  # speeds up to so many times the best one, if the robot has no limit of its own
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
 WIDE = 0.2  # share of the draws that are uniform in space and time
 
@@ -191,10 +191,22 @@ class InTime(Steering):
         x, y = rng.uniform(scene.lower, scene.upper)
         return np.array([x, y, rng.random() * self.horizon(scene)])
 
-    def draw(self, space: FreeSpace, rng: np.random.Generator) -> Array:
-        """A place and a time (3,) [m, m, s] from 0 on, mostly of use to a robot that leaves the scene's start at 0."""
-        found = None if rng.random() < WIDE else drawn(self.compiled.numbers, space, rng)
-        return self.sample(space.scene, rng) if found is None else found
+    def draw(self, space: FreeSpace, rng: np.random.Generator, origin: Array | None = None) -> Array:
+        """A place and a time (3,) [m, m, s], mostly of use to a robot that is at the origin (3,).
+
+        Args:
+            origin: None: the scene's start, at 0.
+        """
+        begun = self.origin(space.scene) if origin is None else origin
+        found = None if rng.random() < WIDE else drawn(self.compiled.numbers, space, begun, rng)
+        if found is None:
+            found = self.sample(space.scene, rng)
+            found[2] += begun[2]
+        return found
+
+    def origin(self, scene: Scene) -> Array:
+        """The start of a scene at 0, (3,) [m, m, s]."""
+        return np.array([scene.start[0], scene.start[1], 0.0])
 
     def horizon(self, scene: Scene) -> float:
         """Until when draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
@@ -202,9 +214,10 @@ class InTime(Steering):
         last = max((float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), default=0.0)
         return max(last, 0.0) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
 
-    def offers(self, passages: Passages, space: FreeSpace) -> Array:
+    def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
         """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then."""
-        return offered(self.compiled.numbers, passages, space)
+        begun = self.origin(space.scene) if origin is None else origin
+        return offered(self.compiled.numbers, passages, space, begun)
 
     def trajectory(self, path: Legs) -> Trajectory:
         """Velocities along a path, or just when it is where for a system that tracks it."""

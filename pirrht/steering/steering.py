@@ -77,12 +77,20 @@ class Steering(ABC):
         states[:, :2] = way[:, :2]
         return states
 
-    def draw(self, space: FreeSpace, rng: np.random.Generator) -> Array:
-        """A random state (n,) for a tree in an examined scene; here of its workspace."""
+    def draw(self, space: FreeSpace, rng: np.random.Generator, origin: Array | None = None) -> Array:
+        """A random state (n,) for a tree in an examined scene; here of its workspace.
+
+        Args:
+            origin: where the robot is, (n,); None: at the scene's start.
+        """
         return self.sample(space.scene, rng)
 
-    def offers(self, passages: Passages, space: FreeSpace) -> Array:
-        """States (l, n) that a tree in an examined scene draws first; here those along its passages."""
+    def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
+        """States (l, n) that a tree in an examined scene draws first; here those along its passages.
+
+        Args:
+            origin: where the robot is, (n,); None: at the scene's start.
+        """
         return self.states_along(passages.way, space.scene)
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:

@@ -23,7 +23,7 @@ NEAR = 4.0  # ... so many robot radii away from the disc around it at most
 TRIES = 32  # to draw a state that may be of use
 ACROSS = (0.0, -0.9, 0.9, -0.5, 0.5)  # where passages are driven through, as a share of the room to either side
 ALONG = (0.0, 3.0, -3.0)  # and how far from their narrowest chord [robot radii]
-SPEEDS = (2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)  # how fast on the way there, as a share of the best speed
+SPEEDS = (4.0, 3.0, 2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)  # how fast on the way there, as a share of the best speed
 MOST = 2.5  # times the unhindered cost that such a way may cost at least
 OFFERED = 256  # states in passages, the cheapest
 
@@ -32,6 +32,7 @@ class Useful(NamedTuple):
     """Which places at which times cost a robot no more than so much, by what is between start and goal at least."""
 
     start: tuple[float, float]  # [m]
+    begin: float  # when it is left [s]
     goal: tuple[float, float]  # [m]
     q: float  # [cost/s]
     r: float  # [cost s/m^2]
@@ -39,15 +40,15 @@ class Useful(NamedTuple):
     most: float  # [cost]
 
     @classmethod
-    def of(cls, numbers: tuple[float, ...], scene: Scene, multiple: float) -> Useful:
-        """Up to a multiple of the cost between a scene's start and its goal without anything in the way.
+    def of(cls, numbers: tuple[float, ...], scene: Scene, origin: Array, multiple: float) -> Useful:
+        """Up to a multiple of the cost between an origin (3,) [m, m, s] and the goal without anything in the way.
 
         `numbers` are q, r, the limit of speeds and the best speed.
         """
         q, r, _, pace = numbers
         meter = q / pace + 0.5 * r * pace
-        (sx, sy), (gx, gy) = scene.start[:2].tolist(), scene.goal.center.tolist()
-        return cls((sx, sy), (gx, gy), q, r, meter, multiple * meter * math.hypot(gx - sx, gy - sy))
+        (sx, sy, begin), (gx, gy) = origin.tolist(), scene.goal.center.tolist()
+        return cls((sx, sy), begin, (gx, gy), q, r, meter, multiple * meter * math.hypot(gx - sx, gy - sy))
 
     def away(self, x: float, y: float) -> float:
         """How far a place is from the start [m]."""
@@ -58,19 +59,20 @@ class Useful(NamedTuple):
         return math.hypot(self.goal[0] - x, self.goal[1] - y)
 
     def latest(self, soonest: float) -> float:
-        """How much later than a time [s] anything can be of use [s]."""
+        """How much later than a time after the start [s] anything can be of use [s]."""
         return max(self.most / self.q - soonest, 0.0)
 
     def cost(self, x: float, y: float, t: float) -> float:
         """Of a way over a place at a time, at least [cost]."""
-        return self.q * t + 0.5 * self.r * self.away(x, y) ** 2 / max(t, 1e-9) + self.meter * self.ahead(x, y)
+        since = t - self.begin
+        return self.q * since + 0.5 * self.r * self.away(x, y) ** 2 / max(since, 1e-9) + self.meter * self.ahead(x, y)
 
     def __call__(self, x: float, y: float, t: float) -> bool:
         """Whether it is little enough."""
-        return t > 0.0 and self.cost(x, y, t) <= self.most
+        return t > self.begin and self.cost(x, y, t) <= self.most
 
 
-def drawn(numbers: tuple[float, ...], space: FreeSpace, rng: np.random.Generator) -> Array | None:
+def drawn(numbers: tuple[float, ...], space: FreeSpace, origin: Array, rng: np.random.Generator) -> Array | None:
     """A random place and time (3,) [m, m, s]; some lie beside a body that moves, where ways around it bend.
 
     It costs no more on the way than some multiple of what nothing in the way would cost; None if none is found.
@@ -78,10 +80,10 @@ def drawn(numbers: tuple[float, ...], space: FreeSpace, rng: np.random.Generator
     scene, J = space.scene, space.traffic.J
     (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
     beside, chance = J > 0 and rng.random() < BESIDE, rng.random()
-    useful = Useful.of(numbers, scene, 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3))
+    useful = Useful.of(numbers, scene, origin, 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3))
     for a, b, c in rng.random((TRIES, 3)).tolist():
         if beside:
-            j, t = int(rng.integers(J)), c * useful.latest(0.0)
+            j, t = int(rng.integers(J)), useful.begin + c * useful.latest(0.0)
             x, y, _ = scene.movers[j].motion.pose(t)
             angle = 2.0 * math.pi * a
             away = space.traffic.radius[j] + b**2 * NEAR * scene.robot_radius
@@ -89,17 +91,17 @@ def drawn(numbers: tuple[float, ...], space: FreeSpace, rng: np.random.Generator
         else:
             x, y = left + (right - left) * a, low + (high - low) * b
             soonest = useful.away(x, y) / numbers[2]
-            t = soonest + c * useful.latest(soonest)
+            t = useful.begin + soonest + c * useful.latest(soonest)
         inside = left < x < right and low < y < high
         if inside and useful(x, y, t) and useful.ahead(x, y) > scene.goal.radius:
             return np.array([x, y, t])
     return None
 
 
-def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace) -> Array:
+def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, origin: Array) -> Array:
     """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then: the cheapest."""
     left, right = passages.chords()
-    start, radius, useful = space.scene.start[:2], space.scene.robot_radius, Useful.of(numbers, space.scene, MOST)
+    start, radius, useful = origin[:2], space.scene.robot_radius, Useful.of(numbers, space.scene, origin, MOST)
     half = 0.5 * (right - left) * (1.0 - 2.0 * radius / np.maximum(passages.width, 2.0 * radius))[:, None]
     ahead = np.column_stack([np.cos(passages.heading), np.sin(passages.heading)])
     ahead *= np.where(np.sum(ahead * (passages.place - start), axis=1) < 0.0, -1.0, 1.0)[:, None]
@@ -108,7 +110,7 @@ def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace) ->
         middle = passages.place + across * half
         places, late = middle + along * radius * ahead, along * radius / (speed * numbers[3])
         for (x, y), away in zip(places.tolist(), np.hypot(*(middle - start).T).tolist(), strict=True):
-            t = away / (speed * numbers[3]) + late
+            t = useful.begin + away / (speed * numbers[3]) + late
             if useful(x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
                 found.append((useful.cost(x, y, t), x, y, t))
     found.sort()

@@ -107,6 +107,7 @@ class HomologyTree:
         self.in_goal = np.zeros(256, dtype=np.bool_)
         self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, self.homology.M)
         self.draws = 0
+        self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
         for x in roots:
             self._write(x, root=True)
             self._insert(self._straight(x), NO_EDGES, NO_EDGES)
@@ -177,6 +178,11 @@ class HomologyTree:
             return i, ASK
         around, numbers = self.checker.around, self._compiled.numbers
         return self._grow_kernel(self._places, self._vertices, draws, i, around, numbers, self.rules)
+
+    def aim(self, x: Array) -> None:
+        """From now on draw what is of use to a robot at x (n,), where that makes a difference (`Steering.draw`)."""
+        self.origin = np.array(x, dtype=float)
+        self.__dict__.pop("_offers", None)
 
     def reserve(self, vertices: int) -> None:
         """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
@@ -257,7 +263,7 @@ class HomologyTree:
 
     @cached_property
     def _offers(self) -> Offers:
-        return Offers(self.steering.offers(self.passages, self.space))
+        return Offers(self.steering.offers(self.passages, self.space, self.origin))
 
     def _draw(self, number: int) -> Array:
         """The state of a draw: in a passage that has no vertex yet, or random."""
@@ -265,7 +271,7 @@ class HomologyTree:
         return self._sample() if offered is None else offered
 
     def _sample(self) -> Array:
-        x = self.steering.draw(self.space, self.rng)
+        x = self.steering.draw(self.space, self.rng, self.origin)
         if self.rng.random() < GOAL_SHARE:
             goal = self.space.scene.goal
             angle, radius = self.rng.uniform(-np.pi, np.pi), goal.radius * np.sqrt(self.rng.random())

@@ -427,7 +427,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             a[g, j] += 0.0 if gaining else drifts[g, i, j]
                             for k in range(m if gaining else 0):
                                 a[g, j] += D[j, k] * controls[g, i, k]
-                    if near_walls and count[g] == 0 and led[g] == 0:
+                    if near_walls and count[g] == 0 and (led[g] == 0 or gated):
                         for j in range(m):
                             a[g, j] += pushed[j]
                 if owed > 0.0:  # over a step the guide is the mean of both ends, to second order
