@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arena import Arena
@@ -21,7 +22,8 @@ from pirrht.topology.obstacles import Component, components
 class FreeSpace:
     """A scene together with its collision checker, clearance field and topological obstacles.
 
-    Only `scene` and `homology` depend on its task; all else follows from its world and footprint.
+    Only `scene` and `homology` depend on its task; all else follows from its world and footprint. `FreeSpace.of(scene)`
+    makes one, which takes a second or so; `with_task` is quick.
     """
 
     scene: Scene
@@ -29,6 +31,9 @@ class FreeSpace:
     field: Field
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
     homology: Homology
+
+    def __repr__(self) -> str:
+        return f"FreeSpace({shown.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
 
     @classmethod
     def of(cls, scene: Scene) -> FreeSpace:
