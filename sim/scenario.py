@@ -14,8 +14,9 @@ from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
 from pirrht.control.optimal import Optimal
 from pirrht.control.policy import Policy
+from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
-from pirrht.exact.desirability import Desirability
+from pirrht.exact.desirability import Desirability, solver_for
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.steering.steering import Steering
@@ -37,6 +38,16 @@ Driver = Controller | Mppi | Optimal
 class Scenario:
     """A scene with a robot, a problem and settings; everything random comes from `settings.seed`.
 
+    Example:
+        >>> from sim.scenario import prepare
+        >>> scenario = prepare("slit", given={"vertices": 50, "samples": 50, "max_time": 0.05})
+        >>> scenario
+        Scenario(puck in 'slit', pi-rrht, noise 0.1, seed 0)
+        >>> tree = scenario.grown_tree()
+        >>> frames = list(scenario.drive(scenario.plant(), scenario.driver(tree)))
+        >>> frames[-1].outcome
+        Outcome.TIMEOUT
+
     Raises:
         OptionError: plans under these settings would fit into no memory, or never end.
     """
@@ -49,6 +60,12 @@ class Scenario:
 
     def __post_init__(self) -> None:
         memory.check(self.settings, self._size())
+
+    def __repr__(self) -> str:
+        what = (
+            f"{self.loaded.robot} in {self.loaded.scene.name!r}, {self.settings.method}, noise {self.settings.noise:g}"
+        )
+        return f"Scenario({what}, seed {self.settings.seed})"
 
     @property
     def start(self) -> Array:
@@ -107,11 +124,29 @@ class Scenario:
             OptionError: no grid solves this problem.
         """
         dt = self.settings.dt if self.settings.exit == "endpoint" else None
+        self._refuse_unsolved(dt)
         return Desirability.of(self.problem, self.space, dt=dt)
 
     def optimal(self, truth: Desirability | None = None) -> Optimal:
         """The grid's feedback law, in continuous time; `truth` if it has been solved for before."""
+        self._refuse_unsolved(None)
         return Optimal(truth or Desirability.of(self.problem, self.space), self.sampling)
+
+    def _refuse_unsolved(self, dt: float | None) -> None:
+        """Refuse by its public name a robot that no grid serves.
+
+        Raises:
+            OptionError: says which robots there are grids for.
+        """
+        try:
+            solver_for(self.problem, self.space, dt)
+        except OptionError:
+            moving = bool(self.space.scene.movers)
+            where, who = (" among moving bodies", "puck") if moving else ("", "puck or unicycle")
+            raise OptionError(
+                f"no grid solves the problem of a {self.system.called}{where}, so its exact value and optimal control "
+                f"are not known: leave out --truth, choose another --method than optimal, or --robot {who}"
+            ) from None
 
     def mppi(self) -> Mppi:
         """MPPI, with at least as many samples as "pi-rrht" draws from the start."""
@@ -226,12 +261,14 @@ def prepare(
     goal: Sequence[float] | None = None,
     preset: str | None = None,
     given: Mapping[str, Any] | None = None,
+    known: Callable[[System, Problem], object] | None = None,
 ) -> Scenario:
     """Load a scene and settle everything a run needs.
 
     Args:
         system: what moves, in place of what the robot's file names: MODULE:NAME, or one that is registered.
         given: settings by name, None where not said.
+        known: told of system and problem as soon as they are known, before anything is compiled for them.
 
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
@@ -244,6 +281,8 @@ def prepare(
     refuse(kind, said)
     settings = settle(kind.settings, kind.heard(loaded.scene.defaults, loaded.meant), overlay, said)
     problem = kind.problem(loaded.scene, settings)
+    if known is not None:
+        known(kind, problem)
     space = FreeSpace.of(loaded.scene)
     scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)
     scenario.plant()

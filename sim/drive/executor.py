@@ -32,6 +32,7 @@ from sim.mjcf.coordinates import stance_of
 from sim.mjcf.forces import check_motion
 from sim.mjcf.mocap import Mocap
 from sim.mjcf.sweep import Sweep
+from sim.systems import named
 
 __all__ = ["Advance", "Analytic", "Control", "Executor", "Plant", "commanded_rate"]
 
@@ -70,13 +71,14 @@ class Executor:
 
     def __init__(self, loaded: Loaded, problem: Problem, *, period: float) -> None:
         self._model = loaded.model
+        called = named(loaded.dynamics_name).called
         if problem.dynamics.n != len(loaded.states):
             raise OptionError(
-                f'robot "{loaded.robot}" moves as a {loaded.dynamics_name} with '
+                f'robot "{loaded.robot}" moves as a {called} with '
                 f"{len(loaded.states)} states; "
                 f"{type(problem.dynamics).__name__} has {problem.dynamics.n}"
             )
-        check_motion(self._model, loaded.dynamics_name, problem.dynamics, loaded.command)
+        check_motion(self._model, called, problem.dynamics, loaded.command)
         self._loop = Loop(problem, period, float(self._model.opt.timestep))
         self._data = mujoco.MjData(self._model)
         self._ctrl, self._stance = self._data.ctrl, stance_of(self._model, loaded.states)

@@ -34,6 +34,10 @@ class Advance:
     controls: Array  # (k, m)
     noise: Array  # (k, m) Brownian increments [sqrt(s)]
 
+    def __repr__(self) -> str:
+        end = "" if self.outcome is None else f", {self.outcome.name.lower()}"
+        return f"Advance({len(self.states)} steps in {self.time:.4g} s, cost {self.cost:.4g}{end})"
+
 
 class Loop:
     """The physics steps of a period, and the one place where a drive is judged and paid for."""

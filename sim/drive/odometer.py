@@ -37,6 +37,10 @@ class Frame:
     vertices: int = 0  # of the tree that the plan was made with
     timing: Timing | None = None  # of real-time drives only
 
+    def __repr__(self) -> str:
+        end = "" if self.outcome is None else f", {self.outcome.name.lower()}"
+        return f"Frame(step {self.step}, {self.time:.4g} to {self.end_time:.4g} s, cost {self.cost:.4g}{end})"
+
     @property
     def end_time(self) -> float:
         """Simulated time at the end of the period [s]."""

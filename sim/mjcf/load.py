@@ -50,6 +50,7 @@ from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace
 from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options.table import NUMERICS
 from sim.systems import System
+from sim.text import counted
 
 __all__ = ["Loaded", "load", "models_folder", "robot_names", "scene_names"]
 
@@ -77,6 +78,9 @@ class Loaded:
     robot: str  # name of the robot
     meant: str  # name of the system that the scene's numbers are meant for
     path: Path  # the scene's file
+
+    def __repr__(self) -> str:
+        return f"Loaded({self.scene!r}, robot {self.robot!r}, {self.path})"
 
 
 def load(
@@ -203,7 +207,7 @@ def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
 def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Goal:
     if given is not None:
         if len(given) != 3:
-            raise SceneError(f"{path}: the goal has {len(given)} numbers; give three: x, y and radius")
+            raise SceneError(f"{path}: the goal has {counted(len(given), 'number')}; give three: x, y and radius")
         return _disc(np.array(given[:2], dtype=float), float(given[2]), "the goal", path)
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "goal")
     remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
@@ -224,7 +228,7 @@ def _disc(center: Array, radius: float, what: str, path: Path) -> Goal:
 
 def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Array:
     if given is not None and len(given) not in (2, 3):
-        raise SceneError(f"{path}: the start has {len(given)} numbers; give x, y and optionally a heading")
+        raise SceneError(f"{path}: the start has {counted(len(given), 'number')}; give x, y and optionally a heading")
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "start")
     if given is None and site < 0:
         raise SceneError(f'{path}: no site "start"; add <site name="start" pos="x y 0"/> or give --start X Y')

@@ -63,8 +63,8 @@ PLAN = (
 
 ESTIMATE = (
     Option(
-        name="at", text="state, what is not said is 0", kind=float, count="+", metavar="X", commands=("estimate",),
-        required=True, of_robots="coordinates",
+        name="at", text="state, X Y or more of it, and what is not said is 0", kind=float, count="+", metavar="X",
+        commands=("estimate",), required=True, of_robots="coordinates",
     ),
     Option(
         name="repeat", text="repeats with independent samples", kind=int, metavar="N", commands=("estimate",),
