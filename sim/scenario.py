@@ -262,6 +262,7 @@ def prepare(
     preset: str | None = None,
     given: Mapping[str, Any] | None = None,
     known: Callable[[System, Problem], object] | None = None,
+    loose: bool = False,
 ) -> Scenario:
     """Load a scene and settle everything a run needs.
 
@@ -269,12 +270,13 @@ def prepare(
         system: what moves, in place of what the robot's file names: MODULE:NAME, or one that is registered.
         given: settings by name, None where not said.
         known: told of system and problem as soon as they are known, before anything is compiled for them.
+        loose: whether what stands can be moved (`sim.mjcf.load`).
 
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
     moves = None if system is None else chosen(system)
-    loaded = load(scene, robot=robot, radius=radius, start=start, goal=goal, system=moves)
+    loaded = load(scene, robot=robot, radius=radius, start=start, goal=goal, system=moves, loose=loose)
     kind = named(loaded.dynamics_name)
     said = given or {}
     overlay = kind.preset(preset)

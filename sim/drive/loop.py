@@ -43,12 +43,15 @@ class Loop:
     """The physics steps of a period, and the one place where a drive is judged and paid for."""
 
     def __init__(self, problem: Problem, period: float, step: float) -> None:
-        self.problem = problem
         self.step = step
         self.start(0.0)
         self.count = _whole_multiple(period, step)
         self.deviation = sqrt(step)
-        scene = problem.scene
+        self.enter(problem)
+
+    def enter(self, problem: Problem) -> None:
+        """Judge and pay by this problem from now on."""
+        self.problem, scene = problem, problem.scene
         self.bounds = (*scene.lower.tolist(), *scene.upper.tolist())
         self.goal = (*scene.goal.center.tolist(), scene.goal.radius)
 

@@ -44,6 +44,7 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import Goal, Scene
 from sim.mjcf.coordinates import stance_of, standing
 from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
+from sim.mjcf.loose import loosen
 from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers
 from sim.mjcf.numbers import MOTION, option_defaults
 from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace
@@ -91,6 +92,7 @@ def load(
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
     system: System | None = None,
+    loose: bool = False,
 ) -> Loaded:
     """A scene with a robot in it.
 
@@ -101,6 +103,7 @@ def load(
         start: x, y [m] and optionally heading [rad], in place of the site `start`.
         goal: x, y, radius [m], in place of the site `goal`.
         system: what moves, in place of the one that the robot names.
+        loose: whether what stands is made of mocap bodies, which can be moved, and a body shows the goal.
 
     Raises:
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
@@ -108,6 +111,8 @@ def load(
     path = find("scene", scene)
     spec = parse(path)
     defaults, motions = option_defaults(spec, path), read_motions(spec, path)
+    if loose:
+        loosen(spec)
     meant = _meant_robot(spec, path)
     machine = read_robot(robot or meant, _radius(radius, defaults, path), system)
     model = _join(spec, machine, path)
