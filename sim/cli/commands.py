@@ -223,10 +223,27 @@ def export(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def play(arguments: argparse.Namespace) -> int:
+    """Drive while somebody interferes."""
+    from sim.cli import play_command
+
+    scenario = play_command.checked(arguments, lambda: _scenario(arguments, loose=True))
+    compiling = warm.start(scenario.loaded.dynamics_name)
+    with _bar("plan", scenario.settings.vertices, " vertices") as bar:
+        built = play_command.first(scenario, lambda size: bar.update(size - bar.n))
+    warm.notice().done("plan")
+    _wait(compiling)
+    rehearse(scenario, driving=True)
+    status = play_command.play(arguments, scenario, built)
+    warm.notice().done("sample")
+    return status
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "scenes": scenes,
     "plan": plan,
     "run": run,
+    "play": play,
     "estimate": estimate,
     "sweep": sweep_commands.sweep,
     "report": sweep_commands.report,
@@ -240,14 +257,16 @@ def given(arguments: argparse.Namespace) -> dict[str, Any]:
     return options.settings(arguments.command, vars(arguments))
 
 
-def _scenario(arguments: argparse.Namespace) -> Scenario:
+def _scenario(arguments: argparse.Namespace, *, loose: bool = False) -> Scenario:
     if arguments.start is not None and len(arguments.start) not in (2, 3):
         raise OptionError(
             f"--start has {counted(len(arguments.start), 'number')}; it must be X Y, and TH if the robot has a heading"
         )
     warm.notice().sampling = arguments.command != "plan"
     said = vars(arguments)
-    scenario = prepare(arguments.scene, **options.task(said), given=given(arguments), known=warm.notice().known)
+    scenario = prepare(
+        arguments.scene, **options.task(said), given=given(arguments), known=warm.notice().known, loose=loose
+    )
     if arguments.start is not None and len(arguments.start) == 3 and not scenario.problem.dynamics.angles:
         raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
     said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))

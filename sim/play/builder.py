@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from math import inf
 
 from pirrht.control.methods import TREELESS
 from pirrht.errors import PirrhtError
@@ -69,12 +70,15 @@ class Builder:
         return self._wanted is not None
 
     def ready(self, now: float) -> Built | PirrhtError | None:
-        """What was asked for, once, or why it cannot be had; None if there is nothing yet at this time [s]."""
+        """What was asked for, once, or why it cannot be had; None if there is nothing yet at this time [s].
+
+        At infinity it is waited for.
+        """
         wanted = self._wanted
         if wanted is None:
             return None
-        due = wanted.future.done() if self._latency is None else now >= wanted.at + self._latency - 1e-9
-        if not due:
+        late = now >= (inf if self._latency is None else wanted.at + self._latency - 1e-9)
+        if not late and not (self._latency is None and wanted.future.done()):
             return None
         self._wanted = None
         try:

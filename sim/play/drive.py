@@ -43,7 +43,7 @@ class Play:
         self.live = Live(built, self.builder, tell)
         executor = Executor(scenario.loaded, scenario.problem, period=scenario.settings.period)
         self.plant = Disturbed(executor, built.world, self.live, tell)
-        self.plant.inbox.extend(script)
+        self.plant.script.extend(script)
         self._rng = scenario.plant_rng()
 
     def drive(self, start: Array | None = None) -> Generator[Frame]:
@@ -63,6 +63,21 @@ class Play:
             ledger = _Ledger(self.live, start, s.max_time)
             for frame in frames:
                 yield ledger.entered(frame)
+
+    def again(self, *, home: bool) -> Array:
+        """Where the next drive starts, once what has been moved since the last one is planned for.
+
+        Args:
+            home: at the start; else where the robot is.
+
+        Raises:
+            SceneError, OptionError: nothing can be planned there.
+        """
+        start = self.scenario.start if home else self.plant.state
+        self.plant.reset(start, self.plant.time)
+        self.plant.take_note()
+        self.live.catch_up()
+        return start
 
     def close(self) -> None:
         """Let go of what plans in the background."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 from typing import Any
 
 from pirrht.arrays import Array
@@ -77,6 +78,17 @@ class Live(Policy):
             self.built = ready
             return plan
         return self.built.driver.plan(x, left)
+
+    def catch_up(self) -> None:
+        """Wait for what is being built, and take it.
+
+        Raises:
+            SceneError, OptionError: nothing can be planned there.
+        """
+        ready = self.builder.ready(inf)
+        if isinstance(ready, PirrhtError):
+            raise ready
+        self.built = ready or self.built
 
     def _first(self, ready: Built, x: Array, left: Callable[[], float] | None) -> Plan | None:
         """The first plan in a new world; None if it has no way to the goal from here."""

@@ -43,7 +43,8 @@ class Disturbed:
 
     def __init__(self, executor: Executor, world: World, live: Live, tell: Callable[[str], object]) -> None:
         self.executor, self.world, self._live, self._tell = executor, world, live, tell
-        self.inbox: deque[Event] = deque()  # what has been done and not taken note of, in the order of times
+        self.script: deque[Event] = deque()  # what will be done, in the order of times
+        self.asked: deque[Event] = deque()  # what somebody does now, from another thread
         model = self._model = world.scenario.loaded.model
         self._robot, self._mass = int(model.body(ROBOT).id), float(model.body_subtreemass[model.body(ROBOT).id])
         self._rows = {name: int(model.body_mocapid[body]) for name, body in loose_bodies(model).items()}
@@ -79,9 +80,9 @@ class Disturbed:
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period, or to the goal or a collision; see `Plant.advance`."""
-        while self.inbox and self.inbox[0].at <= self.time + 1e-9:
-            self._take(self.inbox.popleft())
         begun = self.time
+        if begun > 0.0:  # before, a drive in real time only tries everything once
+            self.take_note()
 
         def disturbed(x: Array, s: float) -> Array:
             u = control_at(x, s)
@@ -95,11 +96,22 @@ class Disturbed:
         self.snapshot = self._seen()
         return advance
 
+    def take_note(self) -> None:
+        """Let whatever is due take place."""
+        while self.script and self.script[0].at <= self.time + 1e-9:
+            self._take(self.script.popleft())
+        while self.asked:
+            self._take(self.asked.popleft())
+
     def _take(self, event: Event) -> None:
         """Let an event take place, or say why it cannot."""
+        event = replace(event, at=max(event.at, round(self.time, 9)))
         try:
             if isinstance(event, Push):
-                self._push = replace(event, at=max(event.at, self.time))
+                goes_on = self._push is not None  # a hand that holds on is told of once
+                self._push = event
+                if goes_on:
+                    return
             else:
                 self._change(event)
         except OptionError as error:
