@@ -7,25 +7,53 @@ whatever is loose is put down where the button is released.
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.geometry.scene import Scene
 from sim.mjcf.loose import PREFIX
 from sim.play.events import GOAL, Event, Move, Noise, Push
 from sim.play.plant import ROBOT, Disturbed, Snapshot
 from sim.play.world import loose_bodies
 
 REFRESH = 1.0 / 60.0  # [s]
+PATIENCE = 3.0  # with a window that is to close [s]
 PULL, PULLED = 4.0, 3.0  # speed per distance from the cursor [1/s], at most [m/s]
 LASTS = 0.1  # of a pull, after which it is told anew [s]
 LESS, MORE, HOME = ord("8"), ord("9"), 268  # keys of the viewer: 8, 9 and Home
+AWAY = 1.35  # times the size of the workspace the camera is away
 FACTOR = 1.25  # of noise per stroke
 KEYS = "8 less noise, 9 more; Home: back to the start"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Held:
+    """A body that is dragged."""
+
+    body: int
+    place: Array  # (2,) where it was taken [m]
+    cursor: Array  # (3,) and the cursor then [m]
+
+    def dragged_to(self, cursor: Array, azimuth: float) -> Array:
+        """Where the cursor takes it, (2,) [m]: up in the picture is away from the camera, on the ground."""
+        way, ahead = cursor - self.cursor, np.radians(azimuth)
+        there: Array = self.place + way[:2] + way[2] * np.array([np.cos(ahead), np.sin(ahead)])
+        return there
+
+
+def _pull(way: Array) -> Push:
+    """A push towards a place that is `way` (2,) [m] ahead."""
+    speed = PULL * way
+    speed *= min(1.0, PULLED / max(float(np.hypot(*speed)), 1e-9))
+    return Push(at=0.0, speed=(float(speed[0]), float(speed[1])), lasts=LASTS)
 
 
 class Mouse:
@@ -35,30 +63,42 @@ class Mouse:
         self._robot = int(model.body(ROBOT).id)
         self._names = {body: name for name, body in loose_bodies(model).items()}
         self._names[int(model.body(PREFIX + GOAL).id)] = GOAL
-        self._dragged: int | None = None
+        self._held: _Held | None = None
+        self._there = np.zeros(2)  # and where it is dragged to [m]
 
-    def events(self, data: mujoco.MjData, perturb: Any) -> list[Event]:
-        """What it does now; a loose body that is dragged is shown where the cursor is."""
+    def events(self, data: mujoco.MjData, perturb: Any, azimuth: float) -> list[Event]:
+        """What it does now; a loose body that is dragged is shown where it is held.
+
+        Args:
+            data: what is shown.
+            perturb: the viewer's.
+            azimuth: where its camera looks to [degrees].
+        """
         body = int(perturb.select) if perturb.active else None
-        to = np.array(perturb.refpos[:2], dtype=float)
         done: list[Event] = []
-        if self._dragged is not None and body != self._dragged:
-            row = data.model.body_mocapid[self._dragged]
-            x, y = (float(v) for v in data.mocap_pos[row, :2])
-            done.append(Move(at=0.0, what=self._names[self._dragged], to=(x, y)))
-            self._dragged = None
-        if body == self._robot:
-            pull = PULL * (to - data.xpos[body, :2])
-            pull *= min(1.0, PULLED / max(float(np.hypot(*pull)), 1e-9))
-            done.append(Push(at=0.0, speed=(float(pull[0]), float(pull[1])), lasts=LASTS))
-        elif body in self._names:
-            self._dragged = body
-            data.mocap_pos[data.model.body_mocapid[body], :2] = to
+        if self._held is not None and body != self._held.body:
+            done += self._released(self._held)
+            self._held = None
+        if body == self._robot or body in self._names:
+            place = np.array(data.xpos[body, :2], dtype=float)
+            if self._held is None:
+                self._held = _Held(body=body, place=place, cursor=np.array(perturb.refpos, dtype=float))
+            there = self._there = self._held.dragged_to(np.array(perturb.refpos, dtype=float), azimuth)
+            if body == self._robot:
+                done.append(_pull(there - place))
+            else:
+                data.mocap_pos[data.model.body_mocapid[body], :2] = there
         return done
+
+    def _released(self, held: _Held) -> list[Event]:
+        if held.body not in self._names:
+            return []
+        x, y = (float(v) for v in self._there)  # not what is shown: the viewer has moved that after its own ways
+        return [Move(at=0.0, what=self._names[held.body], to=(x, y))] if (x, y) != tuple(held.place) else []
 
     def holds(self, row: int, model: mujoco.MjModel) -> bool:
         """Whether a row of the mocap poses is what is being dragged."""
-        return self._dragged is not None and int(model.body_mocapid[self._dragged]) == row
+        return self._held is not None and int(model.body_mocapid[self._held.body]) == row
 
 
 class Window:
@@ -78,6 +118,7 @@ class Window:
         self._ended = threading.Event()
         self._put(plant.snapshot)
         self.handle = (launch or launcher())(self.model, self.data, key_callback=self.keys.append)
+        self._look(plant.world.scene)
         self._thread = threading.Thread(target=self._watch, name="window", daemon=True)
 
     def start(self) -> Window:
@@ -96,6 +137,18 @@ class Window:
         if self._thread.is_alive():
             self._thread.join()
         self.handle.close()
+        until = time.monotonic() + PATIENCE
+        while self.handle.m is not None and time.monotonic() < until:  # X minds if it draws while the process ends
+            time.sleep(REFRESH)
+
+    def _look(self, scene: Scene) -> None:
+        """Look at the workspace from above, and a little from the south."""
+        size, middle = scene.upper - scene.lower, 0.5 * (scene.upper + scene.lower)
+        with self.handle.lock():
+            camera = self.handle.cam
+            camera.lookat[:] = *middle, 0.0
+            camera.distance = AWAY * max(float(size[1]), float(size[0]) / 1.6)
+            camera.azimuth, camera.elevation = 90.0, -70.0
 
     def _watch(self) -> None:
         while self.open and not self._ended.wait(REFRESH):
@@ -105,7 +158,10 @@ class Window:
         """Show where everything is, and pass on what was done since."""
         with self.handle.lock():
             self._put(self._plant.snapshot)
-            events = [*self._mouse.events(self.data, self.handle.perturb), *self._typed()]
+            events = [
+                *self._mouse.events(self.data, self.handle.perturb, float(self.handle.cam.azimuth)),
+                *self._typed(),
+            ]
             mujoco.mj_forward(self.model, self.data)
         self.handle.sync()
         self._plant.asked.extend(events)
