@@ -117,6 +117,7 @@ class Window:
         self.home = False  # whether the key Home was struck
         self._ended = threading.Event()
         self._put(plant.snapshot)
+        mujoco.mj_forward(self.model, self.data)
         self.handle = (launch or launcher())(self.model, self.data, key_callback=self.keys.append)
         self._look(plant.world.scene)
         self._thread = threading.Thread(target=self._watch, name="window", daemon=True)
