@@ -2,12 +2,20 @@
 
 A package per idea, each of which says what it is for; imports run downward only, so read from the bottom up:
 
-    errors outcome files arrays | compiled < geometry < topology < freespace | systems < problem
+    errors outcome files shown arrays | compiled < geometry < topology < freespace < plotting | systems < problem
     steering < shortening < tree | rollouts < guidance < estimation | exact
     control
 
 The tree knows nothing of noise, the path integral nothing of topology; `control` is where they meet (Algorithm 4).
-Names are imported when they are first used, so that importing the package is quick.
+Names are imported when they are first used, so that importing the package is quick. At the prompt objects show
+themselves in a line, trees and plans as pictures: `tree.plot(x)`, `plan.plot()` (extra `pirrht[figures]`).
+
+Example:
+    >>> import pirrht
+    >>> pirrht.Sampling(samples=500)
+    Sampling(samples=500)
+    >>> pirrht.Outcome.GOAL
+    Outcome.GOAL
 """
 
 from __future__ import annotations

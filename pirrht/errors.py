@@ -29,7 +29,8 @@ class NotLinearlySolvable(PirrhtError):
 class NoReference(PirrhtError):
     """No allowed homology class reaches the goal from a state (n,); keeps what was asked (paper, section IV-C).
 
-    `limit` is that of |1 - H_i| [turns], `blocked` the nearest blocked signature (M,) [turns], if one was given.
+    `limit` is that of |1 - H_i| [turns], `blocked` the nearest blocked signature (M,) [turns], if one was given;
+    `hasty` whether a class does from the same place at rest, so that the speed is the reason.
     """
 
     def __init__(
@@ -39,15 +40,23 @@ class NoReference(PirrhtError):
         vertices: int,
         limit: float,
         blocked: Sequence[float] | None = None,
+        hasty: bool = False,
     ) -> None:
         self.state = tuple(float(s) for s in state)
         self.vertices = vertices
         self.limit = limit
+        self.hasty = hasty
         self.blocked = None if blocked is None else tuple(float(h) for h in blocked)
         where = ", ".join(f"{s:.3g}" for s in self.state)
         text = f"no allowed class reaches the goal from ({where}): {vertices} vertices, |1 - H_i| <= {limit:g}"
         if self.blocked is not None:
             text += f"; the nearest blocked signature is ({', '.join(f'{h:.3g}' for h in self.blocked)})"
+        if hasty:
+            super().__init__(
+                f"no class reaches the goal from ({where}), and from the same place at rest some do: at this speed it "
+                "cannot brake or turn before a wall. Start slower, or further from what is ahead."
+            )
+            return
         super().__init__(text + ". Try more --vertices, a larger --limit or a smaller --radius.")
 
 

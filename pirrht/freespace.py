@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arena import Arena
@@ -27,7 +28,8 @@ from pirrht.topology.obstacles import Component, components
 class FreeSpace:
     """A scene together with its collision checker, clearance field and topological obstacles.
 
-    Only `scene` and `homology` depend on its task; all else follows from its world and footprint.
+    Only `scene` and `homology` depend on its task; all else follows from its world and footprint. `FreeSpace.of(scene)`
+    makes one, which takes a second or so; `with_task` is quick.
     """
 
     scene: Scene
@@ -38,6 +40,9 @@ class FreeSpace:
     traffic: Traffic  # what moves, none of which the others know of
     moving: MovingHomology  # its markers, with bases at 1 m/s
     crowd: Crowd  # the same as FCL knows it
+
+    def __repr__(self) -> str:
+        return f"FreeSpace({shown.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
 
     @classmethod
     def of(cls, scene: Scene) -> FreeSpace:

@@ -11,3 +11,6 @@ class Outcome(IntEnum):
     TIMEOUT = 0
     GOAL = 1
     COLLISION = 2
+
+    def __repr__(self) -> str:
+        return f"Outcome.{self.name}"

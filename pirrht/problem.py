@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
 from pirrht.errors import NotLinearlySolvable, OptionError
@@ -24,18 +25,42 @@ def unit_rate(x, p):  # type: ignore[no-untyped-def]
 class Problem:
     """Minimise `E[phi(x(t_f)) + integral of q + u'Ru/2]` until the state leaves the free space or enters the goal.
 
+    Attributes:
+        dynamics: what moves, of n states and m controls.
+        scene: where it moves, from where and to where.
+        R: control cost (m, m), u'Ru in [cost/s]; a function of the state (n,) where G or B is one.
+        q: state cost rate [cost/s]; or a function q(x, p) of x (n,) and the parameters (k,) that numba compiles.
+        q_min: a lower bound of q over the workspace [cost/s]; needed when q is a function.
+        phi: final cost off the goal [cost]; it is 0 at the goal.
+        temperature: follows from the rest: the scalar lambda of lambda G R^-1 G' = B B', in input form of
+            lambda R^-1 = s s' [cost].
+
     Raises:
         OptionError: the system, R, q or phi cannot work here; says what would.
         NotLinearlySolvable: no scalar lambda fits G, R and B, or in input form R and s.
+
+    Example:
+        >>> import numpy as np
+        >>> from pirrht import Goal, Problem, Scene, SingleIntegrator
+        >>> goal = Goal(center=np.array([3.4, 1.5]), radius=0.3)
+        >>> scene = Scene(
+        ...     name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(), goal=goal,
+        ...     start=np.array([0.6, 1.5, 0.0]), robot_radius=0.2,
+        ... )
+        >>> problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
+        >>> problem
+        Problem(SingleIntegrator in 'room': lambda 0.02, q 1, phi inf)
+        >>> round(problem.temperature, 4)
+        0.02
     """
 
     dynamics: Dynamics
     scene: Scene
-    R: Array | Callable[[Array], Array]  # (m, m) control cost, u'Ru in [cost/s]; a function of x where G or B is one
-    q: float | Callable[..., float] = 1.0  # state cost rate [cost/s]; or a function q(x, p) that numba compiles
-    q_min: float | None = None  # a lower bound of q over the workspace; needed when q is a function
-    phi: float = np.inf  # final cost off the goal [cost]; it is 0 at the goal
-    temperature: float = field(init=False)  # the scalar lambda of lambda G R^-1 G' = B B', or lambda R^-1 = s s' [cost]
+    R: Array | Callable[[Array], Array]
+    q: float | Callable[..., float] = 1.0
+    q_min: float | None = None
+    phi: float = np.inf
+    temperature: float = field(init=False)
 
     def __post_init__(self) -> None:
         self.dynamics.check()
@@ -54,6 +79,11 @@ class Problem:
         if np.isnan(self.phi) or self.phi < 0:
             raise OptionError(f"the final cost phi is {self.phi:g}; it must be 0 or more (infinity is allowed)")
         object.__setattr__(self, "temperature", self._temperature())
+
+    def __repr__(self) -> str:
+        rate = "q(x)" if callable(self.q) else f"q {self.q:g}"
+        what = f"{type(self.dynamics).__name__} in {shown.name(self.scene.name)}"
+        return f"Problem({what}: lambda {self.temperature:.3g}, {rate}, phi {self.phi:g})"
 
     @property
     def least_rate(self) -> float:

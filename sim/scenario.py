@@ -18,7 +18,7 @@ from pirrht.control.policy import Policy
 from pirrht.control.prediction import ByVelocity, Prediction
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
-from pirrht.exact.desirability import Desirability
+from pirrht.exact.desirability import Desirability, solver_for
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
@@ -45,6 +45,16 @@ QUICK = 400  # vertices at most of a tree that is grown within a control period
 class Scenario:
     """A scene with a robot, a problem and settings; everything random comes from `settings.seed`.
 
+    Example:
+        >>> from sim.scenario import prepare
+        >>> scenario = prepare("slit", given={"vertices": 50, "samples": 50, "max_time": 0.05})
+        >>> scenario
+        Scenario(puck in 'slit', pi-rrht, noise 0.1, seed 0)
+        >>> tree = scenario.grown_tree()
+        >>> frames = list(scenario.drive(scenario.plant(), scenario.driver(tree)))
+        >>> frames[-1].outcome
+        Outcome.TIMEOUT
+
     Raises:
         OptionError: plans under these settings would fit into no memory, or never end.
     """
@@ -57,6 +67,12 @@ class Scenario:
 
     def __post_init__(self) -> None:
         memory.check(self.settings, self._size())
+
+    def __repr__(self) -> str:
+        what = (
+            f"{self.loaded.robot} in {self.loaded.scene.name!r}, {self.settings.method}, noise {self.settings.noise:g}"
+        )
+        return f"Scenario({what}, seed {self.settings.seed})"
 
     @property
     def start(self) -> Array:
@@ -153,6 +169,7 @@ class Scenario:
             OptionError: no grid solves this problem.
         """
         dt = self.settings.dt if self.settings.exit == "endpoint" else None
+        self._refuse_unsolved(dt)
         return Desirability.of(self.problem, self.space, dt=dt)
 
     def optimal(self, truth: Desirability | None = None) -> Optimal:
@@ -163,7 +180,24 @@ class Scenario:
         """
         if self.moving and self.settings.predict != "known":
             raise OptionError(f"--predict {self.settings.predict}: the optimal law knows how bodies move; leave it out")
+        self._refuse_unsolved(None)
         return Optimal(truth or Desirability.of(self.problem, self.space), self.sampling)
+
+    def _refuse_unsolved(self, dt: float | None) -> None:
+        """Refuse by its public name a robot that no grid serves.
+
+        Raises:
+            OptionError: says which robots there are grids for.
+        """
+        try:
+            solver_for(self.problem, self.space, dt)
+        except OptionError:
+            moving = bool(self.space.scene.movers)
+            where, who = (" among moving bodies", "puck") if moving else ("", "puck or unicycle")
+            raise OptionError(
+                f"no grid solves the problem of a {self.system.called}{where}, so its exact value and optimal control "
+                f"are not known: leave out --truth, choose another --method than optimal, or --robot {who}"
+            ) from None
 
     def mppi(self) -> Mppi:
         """MPPI, with at least as many samples as "pi-rrht" draws from the start."""
@@ -285,18 +319,22 @@ def prepare(
     goal: Sequence[float] | None = None,
     preset: str | None = None,
     given: Mapping[str, Any] | None = None,
+    known: Callable[[System, Problem], object] | None = None,
+    loose: bool = False,
 ) -> Scenario:
     """Load a scene and settle everything a run needs.
 
     Args:
         system: what moves, in place of what the robot's file names: MODULE:NAME, or one that is registered.
         given: settings by name, None where not said.
+        known: told of system and problem as soon as they are known, before anything is compiled for them.
+        loose: whether what stands can be moved (`sim.mjcf.load`).
 
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
     moves = None if system is None else chosen(system)
-    loaded = load(scene, robot=robot, radius=radius, start=start, goal=goal, system=moves)
+    loaded = load(scene, robot=robot, radius=radius, start=start, goal=goal, system=moves, loose=loose)
     kind = named(loaded.dynamics_name)
     said = given or {}
     overlay = kind.preset(preset)
@@ -304,6 +342,8 @@ def prepare(
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
     settings = settle(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, said)
     problem = kind.problem(loaded.scene, settings)
+    if known is not None:
+        known(kind, problem)
     space = FreeSpace.of(loaded.scene)
     scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)
     scenario.plant()

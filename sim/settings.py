@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,10 @@ class Settings:
     threads: int | None = None
     tree: str | None = None  # file of a saved tree that is used instead of growing one
     plan_seed: int | None = None  # seed of the tree alone; None: derived from `seed`
+
+    def __repr__(self) -> str:
+        other = [f"{f.name}={getattr(self, f.name)!r}" for f in fields(self) if getattr(self, f.name) != f.default]
+        return f"Settings({', '.join(other) or 'defaults'})"
 
     def __post_init__(self) -> None:
         for name, option in BY_SETTING.items():

@@ -6,6 +6,7 @@ import importlib
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ def chosen(which: str | System) -> System:
         raise OptionError(
             f"--system is {which!r}; write MODULE:NAME, as in my_module:BOAT, or one of {', '.join(names())}"
         )
+    if module_name.endswith(".py") or "/" in module_name or os.sep in module_name:
+        raise OptionError(f"--system {which}: {_path_told(module_name, name)}")
     found = getattr(_module(module_name, which), name, None)
     if found is None:
         raise OptionError(f"--system {which}: the module {module_name} has no {name}; {_offers(module_name)}")
@@ -66,6 +69,19 @@ def blamed(error: BaseException) -> str | None:
             place = f"{code.co_filename}, line {trace.tb_lineno}, in {code.co_name}"
         trace = trace.tb_next
     return None if place is None else f"{place}: {told(error)}; mend it"
+
+
+def _path_told(typed: str, name: str) -> str:
+    """What would have worked in place of the path of a file."""
+    path, folder = Path(typed).with_suffix(""), Path.cwd()
+    with suppress(ValueError):
+        path = path.relative_to(folder)
+    if path.is_absolute() or ".." in path.parts:
+        return (
+            f"{typed} is a file, and a module is wanted; in its folder, or with PYTHONPATH={path.parent}, write "
+            f"--system {path.name}:{name}"
+        )
+    return f"{typed} is a file, and a module is wanted: write --system {'.'.join(path.parts)}:{name}"
 
 
 def _module(name: str, which: str) -> Any:

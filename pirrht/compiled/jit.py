@@ -10,6 +10,7 @@ import hashlib
 import os
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -30,6 +31,7 @@ DISABLED = bool(numba.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels are pl
 if DISABLED:
     np.seterr(over="ignore", divide="ignore", invalid="ignore")  # as compiled: keys wrap, division is IEEE's
 
+NOTES = "known"  # folder beside the kernels
 _inlined: set[str] = set()
 _HERE = Path(__file__).resolve().parent.parent  # the package
 
@@ -73,6 +75,18 @@ def cached(module: str) -> bool:
 def kept() -> bool:
     """Whether what is compiled can be kept on disk for the next process."""
     return not DISABLED and may_be_written(_FOLDER)
+
+
+def noted(name: str) -> bool:
+    """Whether somebody has noted, beside what lies compiled on disk, that a name's kernels are there."""
+    return (_FOLDER / NOTES / name).exists()
+
+
+def note(name: str) -> None:
+    """Note beside what lies compiled on disk that a name's kernels are there; nothing where it cannot be written."""
+    with suppress(OSError):
+        (_FOLDER / NOTES).mkdir(parents=True, exist_ok=True)
+        (_FOLDER / NOTES / name).touch()
 
 
 def _compiled(function: F, **options: Any) -> F:

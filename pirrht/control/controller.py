@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
@@ -54,6 +55,25 @@ class Controller(Policy):
         homology: tells classes apart where bodies move; None: that of the tree, or of the problem.
         predict: what is taken to come of bodies that move; None: as they do.
 
+    Example:
+        >>> import numpy as np
+        >>> from pirrht import Controller, FreeSpace, Goal, HomologyTree, Problem, Sampling, Scene, SingleIntegrator
+        >>> from pirrht import StraightLine
+        >>> scene = Scene(
+        ...     name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(),
+        ...     goal=Goal(center=np.array([3.4, 1.5]), radius=0.3), start=np.array([0.6, 1.5, 0.0]), robot_radius=0.2,
+        ... )
+        >>> problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
+        >>> space = FreeSpace.of(scene)
+        >>> tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
+        >>> tree.grow(50)
+        >>> controller = Controller(problem, space, tree, Sampling(samples=100), rng=np.random.default_rng(1))
+        >>> controller
+        Controller(pi-rrht for a SingleIntegrator in 'room': 100 samples, a tree of 50 vertices)
+        >>> plan = controller.plan(scene.start[:2])
+        >>> bool(plan.control[0] > 0.5)  # towards the goal
+        True
+
     Raises:
         OptionError: method or feedback is unknown, or the tree is missing or of another system.
     """
@@ -77,7 +97,7 @@ class Controller(Policy):
             raise OptionError(f"unknown feedback {between!r} between plans; known are {', '.join(BETWEEN)}")
         if method not in SAMPLING:
             raise OptionError(f"unknown method {method!r}; known here are {', '.join(SAMPLING)}")
-        self.method = SAMPLING[method]
+        self.method, self.name = SAMPLING[method], method
         if tree is None and self.method.most != 0:
             raise OptionError(f"the method {method!r} needs a tree")
         known = 3 if problem.scene.movers else problem.dynamics.n  # of a place and a time, or of a state
@@ -153,6 +173,7 @@ class Controller(Policy):
             references = self._references(x)
         except NoReference:
             if self._previous is None:
+                self._blame_speed(x)
                 raise
             references = self._kept(x, set())
             if not references:
@@ -173,6 +194,20 @@ class Controller(Policy):
         if self._way is None:
             return None
         return np.vstack([[*x[:2], self.drive.time], self._way[self._way[:, 2] > self.drive.time]])
+
+    def _blame_speed(self, x: Array) -> None:
+        """Where a state (n,) without references would have some at rest, say so.
+
+        Raises:
+            NoReference: the speed is the reason.
+        """
+        if self.tree is not None and self.tree.too_fast(x):
+            raise NoReference(x.tolist(), vertices=self.tree.size, limit=self.tree.limit, hasty=True) from None
+
+    def __repr__(self) -> str:
+        scene, of = shown.name(self.space.scene.name), type(self.problem.dynamics).__name__
+        tree = "no tree" if self.tree is None else f"a tree of {self.tree.size} vertices"
+        return f"Controller({self.name} for a {of} in {scene}: {self.path_integral.sampling.samples} samples, {tree})"
 
     def _around(self, x: Array, references: list[Reference], left: Callable[[], float] | None) -> Plan:
         """The plan at x (n,) that samples around references make."""
@@ -199,6 +234,7 @@ class Controller(Policy):
             span=self.path_integral.sampling.dt,
             shares=None if law is None else law.weights(x, 0.0),
             followed=self._followed,
+            space=self.space,
         )
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:

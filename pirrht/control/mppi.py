@@ -21,6 +21,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan, shifted
 from pirrht.control.policy import Policy
@@ -81,6 +82,11 @@ class Mppi(Policy):
         self.times = self.path_integral.steps(horizon)
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
+    def __repr__(self) -> str:
+        scene, of = shown.name(self.space.scene.name), type(self.problem.dynamics).__name__
+        samples, horizon = self.path_integral.sampling.samples, float(self.times[-1])
+        return f"Mppi(for a {of} in {scene}: {samples} samples, horizon {horizon:.3g} s)"
+
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the drive so far; a new one starts at x (n,) at a time [s], from a tape of zeros (T, m)."""
         super().begin(x, time)
@@ -116,6 +122,7 @@ class Mppi(Policy):
             fallback="no survivor" if estimate is None else None,
             instead=tape if estimate is None else None,
             time=self.drive.time,
+            space=self.space,
         )
         self._tape, self.drive.since_plan = plan.tape, 0.0
         return plan

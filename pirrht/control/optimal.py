@@ -41,6 +41,9 @@ class Optimal(Policy):
         desirability.control(start)  # compiles, so that the first plan takes no longer than the others
         self.begin(start)
 
+    def __repr__(self) -> str:
+        return f"Optimal({self.desirability!r})"
+
     @cached_property
     def path_integral(self) -> PathIntegral:
         """What a recording reads problem and temperature from."""
@@ -65,4 +68,5 @@ class Optimal(Policy):
             law=law,
             time=now,
             exact=float(value),
+            space=self.space,
         )

@@ -5,35 +5,87 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control import plan_view
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
+from pirrht.freespace import FreeSpace
 from pirrht.tree.homology_tree import Reference
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """What was decided at one state."""
+    """What was decided at one state; `Controller.plan` and its kin make it.
 
-    state: Array  # (n,)
-    times: Array  # (T+1,) ends of those steps, from 0 [s]
-    references: tuple[Reference, ...]  # cheapest first; empty for methods that have none
-    ids: tuple[str, ...]  # class of each reference, relative to the start of the drive
-    estimate: Estimate | None  # None in a fallback
-    fallback: str | None  # why the estimate is missing: "no reference", "no survivor"
-    replay: Replay | None = None  # what makes the tape of an estimate
-    instead: Array | None = None  # (T, m) the tape that is followed in a fallback
-    law: Callable[[Array, float], Array] | None = None  # control (m,) at state (n,), s after the plan [s]
-    push: Callable[[Array], Array] | None = None  # what the nearest walls add to a control that is held, (m,)
-    span: float = np.inf  # how long the law is followed [s]; then the tape
-    shares: dict[str, float] | None = None  # weight of every class under the law
-    followed: str | None = None  # the class that the control is of, where it is of one alone
-    classes: Mapping[int, str] = field(default_factory=dict)  # names of the references' classes by additive key
-    time: float = 0.0  # of the drive when it was made, or for which [s]
-    exact: float | None = None  # v at the state [cost], where it is known without samples
+    Attributes:
+        state: where it was made, (n,).
+        times: ends of the tape's steps, from 0, (T+1,) [s].
+        references: best known path of every class, cheapest first; empty for methods that have none.
+        ids: class of each reference, relative to the start of the drive.
+        estimate: what the samples say; None in a fallback, and for methods without samples.
+        fallback: why the estimate is missing: "no reference" or "no survivor"; None if it is not.
+        replay: what makes the tape of an estimate, and paths that are shown.
+        instead: the tape that is followed in a fallback, (T, m) [control].
+        law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the tape is held.
+        push: what the nearest walls add to a control that is held, (m,) [control] at a state (n,).
+        span: how long the law is followed [s]; then the tape.
+        shares: weight of every class under the law, from 0 to 1.
+        followed: the class that the control is of, where it is of one alone.
+        classes: names of the references' classes by additive key.
+        time: of the drive when it was made, or for which [s].
+        exact: v at the state [cost], where it is known without samples.
+        space: the free space in which it was made, for pictures.
+
+    Example:
+        A plan says what to do now, `plan.control` (m,), and a little later, `plan.at(x, s)`:
+
+        >>> plan = controller.plan(x)  # doctest: +SKIP
+        >>> plan  # doctest: +SKIP
+        Plan(at (0.5, 2.5): control (0.94, -0.0617), v 10.93 +- 0.015, 3 classes, most weight 0,0 (66 %))
+    """
+
+    state: Array
+    times: Array
+    references: tuple[Reference, ...]
+    ids: tuple[str, ...]
+    estimate: Estimate | None
+    fallback: str | None
+    replay: Replay | None = None
+    instead: Array | None = None
+    law: Callable[[Array, float], Array] | None = None
+    push: Callable[[Array], Array] | None = None
+    span: float = np.inf
+    shares: dict[str, float] | None = None
+    followed: str | None = None
+    classes: Mapping[int, str] = field(default_factory=dict)
+    time: float = 0.0
+    exact: float | None = None
+    space: FreeSpace | None = None
+
+    def __repr__(self) -> str:
+        return plan_view.line(self)
+
+    def _repr_html_(self) -> str:
+        return plan_view.table(self)
+
+    def plot(self, *, samples: int = 60, axes: Any = None) -> Any:
+        """Draw the state, the reference of every class, samples and the control on a map of the scene.
+
+        Args:
+            samples: how many that arrived are drawn, the heaviest, and how many that died, in a lighter grey.
+            axes: of matplotlib, to draw on; without them a new figure is made.
+
+        Returns:
+            the axes.
+
+        Raises:
+            OptionError: matplotlib is not installed, or the plan does not know its scene.
+        """
+        return plan_view.draw(self, samples, axes)
 
     @property
     def tape(self) -> Array:
@@ -77,7 +129,10 @@ class Plan:
         left = slice(min(passed, len(self.tape) - 1), None)
         times = np.maximum(self.times[left] - s, 0.0)
         tape = self.tape[left] if passed < len(self.tape) else np.zeros_like(self.tape[-1:])
-        return Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback="no reference", instead=tape)
+        return Plan(
+            state=x, times=times, references=(), ids=(), estimate=None, fallback="no reference", instead=tape,
+            space=self.space,
+        )  # fmt: skip
 
     @property
     def favourite(self) -> str | None:

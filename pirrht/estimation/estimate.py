@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.sums import centred, grouped, scatter
@@ -19,6 +20,7 @@ from pirrht.problem import Problem
 from pirrht.rollouts.records import Leads, MovingSetup, Origin, Paths, Setup
 
 OTHER = "other"
+SHOWN, LEAST = 4, 0.005  # so many classes are told in a line, and none of less weight
 FEW = 10.0  # effective samples that are too few for standard errors to mean much
 
 
@@ -42,26 +44,73 @@ class Rollouts:
         """Number S of samples."""
         return len(self.log_weight)
 
+    def __repr__(self) -> str:
+        return f"Rollouts({self.size} samples from {shown.vector(self.x0)})"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
-    """What the samples say about one state."""
+    """What the samples say about one state; `plan.estimate` of a `Plan`.
 
-    control: Array  # (m,) u* now
-    log_psi: float  # [nats]
-    value: float  # v = -lambda log psi [cost]
-    value_error: float  # standard error of v [cost]; its largest term counts several times (`sums.scatter`)
-    control_error: Array  # (m,) standard error of the control, with what its mean over leading steps may miss at walls
-    ess: float  # effective sample size (sum w)^2 / sum w^2 of all samples
-    weight: Array  # (S,) normalised, of the samples in `rollouts`; with others in `parts` they sum to less than 1
-    class_weights: dict[str, float]  # weight by the class of each sample's own path, "other" for the rest
-    class_ess: dict[str, float]  # effective sample size within each class
-    class_controls: dict[str, Array]  # (m,) u* now within each class, without what the nearest wall adds
-    proposal_weights: list[float]  # (H,) weight by the reference a sample was drawn around
-    survivors: int  # samples that reached the goal
-    rollouts: Rollouts  # the last samples that have any weight
-    parts: tuple[Rollouts, ...]  # all samples, in the rounds in which they were drawn
-    push: Array  # (m,) the part of `control` that the nearest walls account for
+    Attributes:
+        control: u* now, (m,) [control].
+        log_psi: logarithm of the desirability [nats].
+        value: v = -lambda log psi [cost].
+        value_error: standard error of v [cost]; its largest term counts several times (`sums.scatter`).
+        control_error: standard error of the control, (m,) [control], with what its mean over leading steps may miss at
+            walls.
+        ess: effective sample size (sum w)^2 / sum w^2 of all samples.
+        weight: normalised, (S,), of the samples in `rollouts`; with others in `parts` they sum to less than 1.
+        class_weights: weight, from 0 to 1, by the class of each sample's own path, "other" for the rest.
+        class_ess: effective sample size within each class.
+        class_controls: u* now within each class, (m,) [control], without what the nearest wall adds.
+        proposal_weights: weight by the reference a sample was drawn around, (H,).
+        survivors: number of samples that reached the goal.
+        rollouts: the last samples that have any weight.
+        parts: all samples, in the rounds in which they were drawn.
+        push: the part of `control` that the nearest walls account for, (m,) [control].
+
+    Example:
+        >>> estimate = controller.plan(x).estimate  # doctest: +SKIP
+        >>> estimate  # doctest: +SKIP
+        Estimate(v 10.93 +- 0.015, control (0.94, -0.0617) +- (0.025, 0.02), ESS 404 of 600; 0,0 66 %, 0,1 34 %)
+    """
+
+    control: Array
+    log_psi: float
+    value: float
+    value_error: float
+    control_error: Array
+    ess: float
+    weight: Array
+    class_weights: dict[str, float]
+    class_ess: dict[str, float]
+    class_controls: dict[str, Array]
+    proposal_weights: list[float]
+    survivors: int
+    rollouts: Rollouts
+    parts: tuple[Rollouts, ...]
+    push: Array
+
+    def __repr__(self) -> str:
+        leading = sorted(self.class_weights.items(), key=lambda one: -one[1])[:SHOWN]
+        classes = ", ".join(f"{shown.turns(name)} {shown.share(w)}" for name, w in leading if w >= LEAST)
+        return f"Estimate({self._figures()}{f'; {classes}' if classes else ''})"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            [shown.turns(name), shown.share(weight), f"{self.class_ess[name]:.1f}", shown.vector(self._led_by(name))]
+            for name, weight in sorted(self.class_weights.items(), key=lambda one: -one[1])
+        ]
+        return shown.table(self._figures(), ["class", "weight", "ESS", "control"], rows)
+
+    def _figures(self) -> str:
+        drawn = sum(part.size for part in self.parts)
+        control = f"control {shown.vector(self.control)} +- {shown.vector(self.control_error)}"
+        return f"v {self.value:.4g} +- {self.value_error:.2g}, {control}, ESS {self.ess:.0f} of {drawn}"
+
+    def _led_by(self, name: str) -> Array:
+        return self.class_controls[name] + self.push
 
     @property
     def doubtful(self) -> bool:

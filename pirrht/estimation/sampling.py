@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -20,28 +20,53 @@ STEPS = ("fitted", "uniform")
 class Sampling:
     """How paths are drawn and weighed.
 
+    Attributes:
+        dt: rollout step [s].
+        steps: with exit along the step, steps of dt are "fitted" to the place, split near walls and goal (where no
+            noise acts on the position they are whole ones, within which that moves as in continuous time), or
+            "uniform" (paper).
+        first: with exit along the step, the first dt is cut into steps of this length [s].
+        samples: N, around each reference.
+        exit: first exit judged along the step ("bridge") or at its end ("endpoint", the paper's).
+        weights: "balance" heuristic, plain "average" (the paper's), or "biased": no likelihood ratio, as in
+            Biased-MPPI.
+        guide: samples of a point climb psi of their class from where they are, those of other systems follow a guide's
+            "feedback"; or they hold the tape of their reference "open-loop" (paper).
+        window: under feedback the control now is averaged over so long [s] where walls and goal are far.
+        draws: "antithetic" pairs of samples with opposite noise, or "independent" ones (the paper's).
+        target: sample on until the control's standard error is no larger [control]: consistent, not unbiased.
+        budget: with a target, samples around each reference at most; None: 16 N.
+        allocation: of a point's samples: by "contribution" of references in earlier plans, or "equal" (paper).
+        threads: None for all cores this process may use; results do not depend on it.
+
     Raises:
         OptionError: a number is out of range, or a choice is unknown.
+
+    Example:
+        >>> from pirrht import Sampling
+        >>> Sampling()
+        Sampling(defaults)
+        >>> Sampling(samples=1000, dt=0.05)
+        Sampling(dt=0.05, samples=1000)
     """
 
-    dt: float = 0.1  # rollout step [s]
-    # With exit along the step, steps of dt are "fitted" to the place, split near walls and goal (where no noise acts on
-    # the position they are whole ones, within which that moves as in continuous time), or "uniform" (paper).
+    dt: float = 0.1
     steps: str = "fitted"
-    first: float | None = None  # with exit along the step, the first dt is cut into steps of this length [s]
-    samples: int = 200  # N, around each reference
-    exit: str = "bridge"  # first exit judged along the step ("bridge") or at its end ("endpoint", the paper's)
-    # "balance" heuristic, plain "average" (the paper's), or "biased": no likelihood ratio, as in Biased-MPPI.
+    first: float | None = None
+    samples: int = 200
+    exit: str = "bridge"
     weights: str = "balance"
-    # Samples of a point climb psi of their class from where they are, those of other systems follow a guide's feedback;
-    # or they hold the tape of their reference "open-loop" (paper).
     guide: str = "feedback"
-    window: float = 0.4  # under feedback the control now is averaged over so long [s] where walls and goal are far
-    draws: str = "antithetic"  # pairs of samples with opposite noise, or "independent" ones (the paper's)
-    target: float | None = None  # sample on until u's standard error is no larger: consistent, not unbiased
-    budget: int | None = None  # with a target, samples around each reference at most; None: 16 N
-    allocation: str = "contribution"  # of a point's samples: by what references "contribution"ed, or "equal" (paper)
-    threads: int | None = None  # None: all cores this process may use; results do not depend on it
+    window: float = 0.4
+    draws: str = "antithetic"
+    target: float | None = None
+    budget: int | None = None
+    allocation: str = "contribution"
+    threads: int | None = None
+
+    def __repr__(self) -> str:
+        other = [f"{f.name}={getattr(self, f.name)!r}" for f in fields(self) if getattr(self, f.name) != f.default]
+        return f"Sampling({', '.join(other) or 'defaults'})"
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.dt) and self.dt > 0):

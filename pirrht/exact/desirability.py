@@ -17,6 +17,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from pirrht import shown
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
 from pirrht.exact import discrete_time, heading_grid, moving, planar
@@ -119,6 +120,11 @@ class Desirability:
         if dt is not None and not (math.isfinite(dt) and dt > 0):
             raise OptionError(f"dt is {dt:g}; it must be a positive number of seconds")
         return solver.spacing_for(problem, space, spacing, dt)
+
+    def __repr__(self) -> str:
+        time = "continuous time" if self.dt is None else f"steps of {self.dt:g} s"
+        of, scene = type(self.problem.dynamics).__name__, shown.name(self.space.scene.name)
+        return f"Desirability(of a {of} in {scene}, {time}, grid of {self.spacing:.3g} m)"
 
     @property
     def moves(self) -> bool:

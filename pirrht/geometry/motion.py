@@ -65,6 +65,10 @@ class Motion:
         step = self.rows[i] - self.rows[i - 1]
         return np.asarray(step[1:] / step[0])
 
+    def __repr__(self) -> str:
+        again = ", over and over" if self.repeat else ""
+        return f"Motion({len(self.rows)} rows over {self.rows[-1, 0]:g} s{again})"
+
     def after(self, time: float) -> Motion:
         """The same motion as told by a clock that starts at a time [s] of this one's."""
         return replace(self, lead=self.lead + time)
@@ -77,6 +81,9 @@ class Mover:
     name: str
     solids: tuple[Obstacle, ...]  # in the body's own frame, x and y from its origin, heights above the ground [m]
     motion: Motion
+
+    def __repr__(self) -> str:
+        return f"Mover({self.name!r}, {self.motion!r})"
 
     def at(self, time: float) -> tuple[Obstacle, ...]:
         """Its solids in the world at a time [s]."""

@@ -9,6 +9,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from pirrht import shown
 from pirrht.arrays import Array
 
 
@@ -31,12 +32,25 @@ def about_vertical(yaw: float) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Obstacle:
-    """One convex solid, fixed in the world."""
+    """One convex solid, fixed in the world.
+
+    Attributes:
+        name: what messages call it.
+        kind: its shape.
+        size: MuJoCo's sizes of the kind, (3,) [m]; unused for a mesh.
+        position: its centre, (3,) [m].
+        rotation: its axes in world coordinates, as columns, (3, 3).
+        vertices: corners of a mesh's convex hull in its own frame, (k, 3) [m].
+        faces: triangles of that hull, (l, 3) indices of corners.
+    """
 
     name: str
     kind: Kind
-    size: Array  # (3,) MuJoCo's sizes of the kind [m]; unused for a mesh
-    position: Array  # (3,) centre [m]
-    rotation: Array  # (3, 3) body axes in world coordinates, as columns
-    vertices: Array | None = None  # (k, 3) corners of a mesh's convex hull in its own frame [m]
-    faces: NDArray[np.int64] | None = None  # (l, 3) triangles of that hull, indices of corners
+    size: Array
+    position: Array
+    rotation: Array
+    vertices: Array | None = None
+    faces: NDArray[np.int64] | None = None
+
+    def __repr__(self) -> str:
+        return f"Obstacle({self.name!r}, {self.kind.value} at {shown.vector(self.position)})"

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.motion import Mover
@@ -18,10 +19,27 @@ __all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "World"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Goal:
-    """The disc the robot's centre has to reach."""
+    """The disc the robot's centre has to reach.
 
-    center: Array  # (2,) [m]; the paper's goal representative point
-    radius: float  # [m]
+    Attributes:
+        center: x, y, (2,) [m]; the paper's goal representative point.
+        radius: of the disc [m].
+
+    Example:
+        >>> import numpy as np
+        >>> from pirrht import Goal
+        >>> goal = Goal(center=np.array([5.5, 2.5]), radius=0.25)
+        >>> goal
+        Goal((5.5, 2.5), radius 0.25 m)
+        >>> bool(goal.contains(np.array([5.4, 2.6])))
+        True
+    """
+
+    center: Array
+    radius: float
+
+    def __repr__(self) -> str:
+        return f"Goal({shown.vector(self.center)}, radius {self.radius:g} m)"
 
     def contains(self, position: Array) -> NDArray[np.bool_]:
         """Whether positions (..., 2) [m] lie in the closed disc, (...,)."""
@@ -52,20 +70,54 @@ class Footprint(NamedTuple):
 class Scene:
     """A planar workspace with solid obstacles, the footprint of a robot in it, and its task: a start and a goal.
 
+    Attributes:
+        name: what messages and pictures call it.
+        lower: least corner of the box that holds the robot's centre, (2,) [m].
+        upper: its greatest corner, (2,) [m].
+        obstacles: convex solids that stand.
+        goal: the disc to be reached.
+        start: x, y [m] and heading [rad], (3,).
+        robot_radius: of the sphere as which the robot plans [m].
+        robot_height: of that sphere's centre above the ground [m].
+        defaults: option name -> value that the scene asks for, in the option's unit.
+        movers: bodies that move; `obstacles` holds only what stands.
+
     Raises:
         SceneError: start or goal lie outside the workspace, or something is empty; names the scene.
+
+    Example:
+        >>> import numpy as np
+        >>> from pirrht import Goal, Kind, Obstacle, Scene
+        >>> table = Obstacle(
+        ...     name="table", kind=Kind.BOX, size=np.array([0.4, 0.4, 0.3]),
+        ...     position=np.array([2.0, 1.5, 0.3]), rotation=np.eye(3),
+        ... )
+        >>> Scene(
+        ...     name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(table,),
+        ...     goal=Goal(center=np.array([3.4, 1.5]), radius=0.3), start=np.array([0.6, 1.5, 0.0]), robot_radius=0.2,
+        ... )
+        Scene('room', 4 x 3 m, 1 obstacle, 0 that move, from (0.6, 1.5) to (3.4, 1.5), robot of 0.2 m)
     """
 
     name: str
-    lower: Array  # (2,) least corner of the box that holds the robot's centre [m]
-    upper: Array  # (2,) greatest corner [m]
+    lower: Array
+    upper: Array
     obstacles: tuple[Obstacle, ...]
     goal: Goal
-    start: Array  # (3,) x, y [m], heading [rad]
-    robot_radius: float  # [m]
-    robot_height: float = 0.1  # height of the sphere's centre above the ground [m]
-    defaults: dict[str, float] = field(default_factory=dict)  # option name -> value the scene asks for
-    movers: tuple[Mover, ...] = ()  # what moves; `obstacles` holds only what stands
+    start: Array
+    robot_radius: float
+    robot_height: float = 0.1
+    defaults: dict[str, float] = field(default_factory=dict)
+    movers: tuple[Mover, ...] = ()
+
+    def __repr__(self) -> str:
+        across, up = self.upper - self.lower
+        stand = f"{len(self.obstacles)} obstacle{'s' if len(self.obstacles) != 1 else ''}"
+        way = f"from {shown.vector(self.start[:2])} to {shown.vector(self.goal.center)}"
+        return (
+            f"Scene({shown.name(self.name)}, {across:g} x {up:g} m, {stand}, {len(self.movers)} that move, {way}, "
+            f"robot of {self.robot_radius:g} m)"
+        )
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.robot_radius) and self.robot_radius > 0):

@@ -141,6 +141,10 @@ class MassSteering(Steering):
         angle, speed = rng.uniform(-np.pi, np.pi), self.top * rng.random()
         return np.array([x, y, speed * np.cos(angle), speed * np.sin(angle)])
 
+    def at_rest(self, x: Array) -> Array:
+        """The same place (4,) with no velocity."""
+        return np.array([x[0], x[1], 0.0, 0.0])
+
     def states_along(self, way: Array, scene: Scene) -> Array:
         """Every point (k, 3) driven through both ways, slower and faster, (4 k, 4)."""
         turned = np.column_stack([np.cos(way[:, 2]), np.sin(way[:, 2])])

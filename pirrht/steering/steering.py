@@ -67,6 +67,10 @@ class Steering(ABC):
         """What a vertex of the tree has of a state (..., n) of the system; here all of it."""
         return x
 
+    def at_rest(self, x: Array) -> Array:
+        """A vertex' state (n,) at the same place without its speed; here the same, since a vertex has none."""
+        return x
+
     def states_along(self, way: Array, scene: Scene) -> Array:
         """States (l, n) that lead both ways along a way whose points and headings are given, (k, 3) [m], [m], [rad].
 

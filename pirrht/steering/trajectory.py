@@ -26,6 +26,10 @@ class Trajectory:
     length: float  # [m]
     slack: float | None = None  # where controls are not known but only the path: time to get under way at most [s]
 
+    def __repr__(self) -> str:
+        seconds = float(self.durations.sum())
+        return f"Trajectory({self.length:.3g} m, {seconds:.3g} s, cost {self.cost:.4g})"
+
     @cached_property
     def points(self) -> Array:
         """The path as a polyline (k, 2), for pictures [m]; points on arcs are SPACING apart."""

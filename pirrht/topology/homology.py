@@ -13,6 +13,7 @@ from functools import cache, lru_cache
 
 import numpy as np
 
+from pirrht import shown
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import turns_of_chord
@@ -29,6 +30,9 @@ class Homology:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cuts", Cuts.of(self.markers, self.goal, self.hash_weights))
+
+    def __repr__(self) -> str:
+        return f"Homology({self.M} markers, goal {shown.vector(self.goal)})"
 
     @property
     def M(self) -> int:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
@@ -22,6 +23,7 @@ from pirrht.steering.steering import Steering
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.homology import class_id, integers
 from pirrht.tree import graph as g
+from pirrht.tree import plot as tree_plot
 from pirrht.tree.extend import Vertices, grow_with, insert, near_count
 from pirrht.tree.nodes import SearchRules
 from pirrht.tree.offers import Offers
@@ -62,6 +64,9 @@ class Reference:
         """Public name of the class, relative to the state it was asked for."""
         return class_id(self.winding)
 
+    def __repr__(self) -> str:
+        return f"Reference(class {shown.turns(self.id)}: cost {self.cost:.4g}, {self.length:.3g} m)"
+
 
 class HomologyTree:
     """RRG on the state space with at most one node per allowed class at each vertex.
@@ -74,6 +79,27 @@ class HomologyTree:
         limit: H_limit [turns] of the allowed set |1 - H_i| <= H_limit, asked at every vertex.
         classes: keep at most so many cheapest classes per vertex; 0 keeps all.
         rng: source of the random states.
+
+    Example:
+        >>> import numpy as np
+        >>> from pirrht import FreeSpace, Goal, HomologyTree, Kind, Obstacle, Problem, Scene, SingleIntegrator
+        >>> from pirrht import StraightLine
+        >>> table = Obstacle(
+        ...     name="table", kind=Kind.BOX, size=np.array([0.4, 0.4, 0.3]),
+        ...     position=np.array([2.0, 1.5, 0.3]), rotation=np.eye(3),
+        ... )
+        >>> scene = Scene(
+        ...     name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(table,),
+        ...     goal=Goal(center=np.array([3.4, 1.5]), radius=0.3), start=np.array([0.6, 1.4, 0.0]), robot_radius=0.2,
+        ... )
+        >>> problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
+        >>> space = FreeSpace.of(scene)
+        >>> tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
+        >>> tree.grow(100)
+        >>> tree.size
+        100
+        >>> [reference.id for reference in tree.references(scene.start[:2])]  # below the table, and above it
+        ['0', '-1']
 
     Raises:
         OptionError: the limit is not positive, classes is negative, or the steering is of no states in the plane.
@@ -241,6 +267,12 @@ class HomologyTree:
         except NoReference:
             return {}
 
+    def too_fast(self, x: Array) -> bool:
+        """Whether a state (n,) of the system that has no reference would have one at rest."""
+        x = self.steering.vertex_of(x)
+        rest = self.steering.at_rest(x)
+        return not np.array_equal(rest, x) and bool(self.lengths(rest))
+
     def path_of(self, vertex: int, slot: int) -> list[int]:
         """Vertices from a node to its root, first to last (Algorithm 5, ReconstructPath)."""
         gr = self.graph
@@ -253,6 +285,29 @@ class HomologyTree:
             slot = g.find(self._places, vertex, key)
             path.append(vertex)
         return path
+
+    def __repr__(self) -> str:
+        scene, rules = shown.name(self.space.scene.name), self.rules
+        counts = f"{self.size} vertices, {self.node_count} nodes"
+        return (
+            f"HomologyTree({counts} in {scene}, |1 - H| <= {rules.limit:g}, {rules.classes or 'all'} classes a vertex)"
+        )
+
+    def plot(self, x: Array | None = None, *, axes: Any = None) -> Any:
+        """Draw the best edge of every vertex on a map of the scene.
+
+        Args:
+            x: a state (n,) from which the reference of every class is drawn too.
+            axes: of matplotlib, to draw on; without them a new figure is made.
+
+        Returns:
+            the axes.
+
+        Raises:
+            OptionError: matplotlib is not installed.
+            NoReference: no allowed class reaches the goal from x.
+        """
+        return tree_plot.draw(self, x, axes)
 
     @cached_property
     def passages(self) -> Passages:

@@ -30,8 +30,8 @@ from sim.options import table as options
 from sim.rehearsal import rehearse
 from sim.result import estimate_json, passages_json, plan_json, run_json, settings_json
 from sim.scenario import Scenario, prepare
-from sim.systems import POSE, typed
-from sim.text import say, table, width
+from sim.systems import POSE, SPEED, VELOCITIES, typed
+from sim.text import counted, say, table, width
 
 
 def scenes(_: argparse.Namespace) -> int:
@@ -107,8 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
     tree, references = (None, []) if settings.method in TREELESS else _planned(scenario)
     if references:
         print(tables.class_table(references, width()))
-    if compiling is not None:
-        compiling.wait()
+    _wait(compiling)
     driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None)
     rehearse(scenario, driving=True)
     tally = episode.Tally(settings.period)
@@ -126,6 +125,7 @@ def run(arguments: argparse.Namespace) -> int:
                 bar.write(news)
             bar.update(round(frame.end_time - bar.n, 6))
             bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
+    warm.notice().done("sample")
     drive = tally.drive()
     result = {**drive.json(), **({} if witness is None else {"truth": witness.result()})}
     tables.summary(drive, result.get("truth"))
@@ -156,8 +156,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     compiling = warm.start(scenario.loaded.dynamics_name)
     truth = _truth(scenario, x, arguments.time) if arguments.truth else None
     tree, _ = (None, []) if scenario.settings.method in TREELESS else _planned(scenario)
-    if compiling is not None:
-        compiling.wait()
+    _wait(compiling)
     controller = scenario.driver(tree)
     controller.begin(x, arguments.time)
     estimates: list[Estimate | None] = []
@@ -166,10 +165,12 @@ def estimate(arguments: argparse.Namespace) -> int:
         decision = controller.plan(x)
         references = decision.references
         estimates.append(decision.estimate)
+    warm.notice().done("sample")
     print(tables.estimate_table(estimates, [r.id for r in references], truth, width()))
     if any(e is None for e in estimates):
         dead = sum(e is None for e in estimates)
-        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples")
+        remedy = "start slower" if _too_fast(scenario, controller, x) else "try more --samples"
+        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; {remedy}")
     for line in tables.doubts(estimates, [r.id for r in references], scenario.settings.target_error):
         say(line)
     if scenario.settings.weights == "biased":
@@ -222,10 +223,27 @@ def export(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def play(arguments: argparse.Namespace) -> int:
+    """Drive while somebody interferes."""
+    from sim.cli import play_command
+
+    scenario = play_command.checked(arguments, lambda: _scenario(arguments, loose=True))
+    compiling = warm.start(scenario.loaded.dynamics_name)
+    with _bar("plan", scenario.settings.vertices, " vertices") as bar:
+        built = play_command.first(scenario, lambda size: bar.update(size - bar.n))
+    warm.notice().done("plan")
+    _wait(compiling)
+    rehearse(scenario, driving=True)
+    status = play_command.play(arguments, scenario, built)
+    warm.notice().done("sample")
+    return status
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "scenes": scenes,
     "plan": plan,
     "run": run,
+    "play": play,
     "estimate": estimate,
     "sweep": sweep_commands.sweep,
     "report": sweep_commands.report,
@@ -239,14 +257,16 @@ def given(arguments: argparse.Namespace) -> dict[str, Any]:
     return options.settings(arguments.command, vars(arguments))
 
 
-def _scenario(arguments: argparse.Namespace) -> Scenario:
+def _scenario(arguments: argparse.Namespace, *, loose: bool = False) -> Scenario:
     if arguments.start is not None and len(arguments.start) not in (2, 3):
         raise OptionError(
-            f"--start has {len(arguments.start)} numbers; it must be X Y, and TH if the robot has a heading"
+            f"--start has {counted(len(arguments.start), 'number')}; it must be X Y, and TH if the robot has a heading"
         )
     warm.notice().sampling = arguments.command != "plan"
     said = vars(arguments)
-    scenario = prepare(arguments.scene, **options.task(said), given=given(arguments))
+    scenario = prepare(
+        arguments.scene, **options.task(said), given=given(arguments), known=warm.notice().known, loose=loose
+    )
     if arguments.start is not None and len(arguments.start) == 3 and not scenario.problem.dynamics.angles:
         raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
     said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
@@ -257,7 +277,15 @@ def _planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
     """The grown tree and the references at the start."""
     with _bar("plan", scenario.settings.vertices, " vertices") as bar:
         tree = scenario.grown_tree(lambda size: bar.update(size - bar.n))
-    return tree, scenario.references(tree)
+    references = scenario.references(tree)
+    warm.notice().done("plan")
+    return tree, references
+
+
+def _wait(compiling: Any) -> None:
+    """Until what is compiled elsewhere is there."""
+    if compiling is not None and compiling.wait() == 0:
+        warm.notice().done("sample")
 
 
 def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
@@ -285,17 +313,29 @@ def _state(at: list[float], scenario: Scenario) -> Array:
     system = scenario.system
     bare = set(system.states) <= set(POSE)  # then a heading is taken, and left where there is none
     whole, place = (POSE, POSE) if bare else (system.states, system.joints)
-    if len(at) not in (2, len(place), len(whole)) or not np.all(np.isfinite(at)):
-        rest = typed(whole[2:])
-        found = f"has {len(at)} numbers" if np.all(np.isfinite(at)) else f"is {' '.join(f'{v:g}' for v in at)}"
-        raise OptionError(f"--at {found}; it must be X Y or X Y {rest}, all finite")
-    x = scenario.problem.dynamics.state_of(np.array([*at, 0.0])) if len(at) <= len(place) else np.array(at)
+    if not 2 <= len(at) <= len(whole) or not np.all(np.isfinite(at)):
+        found = (
+            f"has {counted(len(at), 'number')}" if np.all(np.isfinite(at)) else f"is {' '.join(f'{v:g}' for v in at)}"
+        )
+        raise OptionError(f"--at {found}; it must be X Y or the first few of {typed(whole)}, all finite")
+    rest = [0.0] * (len(whole) - len(at))
+    x = scenario.problem.dynamics.state_of(np.array([*at, 0.0])) if len(at) <= len(place) else np.array([*at, *rest])
     where = f"--at {' '.join(f'{v:g}' for v in at)}"
     if scenario.space.clearance(x) <= 0.0:
         raise SceneError(f"{where}: this state is in collision or outside the workspace; choose another")
     if scenario.loaded.scene.goal.contains(x[:2]):
         raise SceneError(f"{where}: this state is already in the goal; choose another")
     return x
+
+
+def _too_fast(scenario: Scenario, controller: Any, x: Array) -> bool:
+    """Whether samples reach the goal from the same place at rest, but not from x (n,) with its speed."""
+    rest = x.copy()
+    rest[[i for i, name in enumerate(scenario.system.states) if name in (*VELOCITIES, *SPEED)]] = 0.0
+    if np.array_equal(rest, x):
+        return False
+    controller.begin(rest)
+    return controller.plan(rest).estimate is not None
 
 
 def _sinks(arguments: argparse.Namespace) -> Any:

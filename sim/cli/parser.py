@@ -28,6 +28,12 @@ ORDER = (
         if system.own
     )
 )
+PLAYED = (
+    "in the window: double-click the robot, an obstacle or the goal, and drag it with Ctrl and the right button;\n"
+    "  8 and 9: less noise, more; Home: back to the start once a drive has ended\n"
+    'a script: [{"at": 0.5, "push": [VX, VY], "for": 0.3}, {"at": 1, "move": "goal", "to": [X, Y]},\n'
+    '  {"at": 1, "move": "NAME OF AN OBSTACLE", "by": [DX, DY]}, {"at": 2, "noise": 0.3}]'
+)
 TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):"
 
 COMMANDS: dict[str, tuple[str, str]] = {  # what the help says of each, and at its end
@@ -36,6 +42,10 @@ COMMANDS: dict[str, tuple[str, str]] = {  # what the help says of each, and at i
     "run": (
         "plan, then drive; exit status 0 goal, 1 collision or time-out, 2 bad input",
         f"{ORDER}\n\n{EXPLAINED}\n\nfigures of a drive, as its summary and --json tell them:\n{figures()}",
+    ),
+    "play": (
+        "drive in a window of MuJoCo's: push the robot, move goal and obstacles, change the noise; exit status as run",
+        f"{ORDER}\n\n{PLAYED}\n\n{EXPLAINED}",
     ),
     "estimate": ("what the controller would do at one state", f"{ORDER}\n\n{EXPLAINED}"),
     "sweep": ("many seeds, methods and noise levels: a table, a dataset", f"{ORDER}\n\n{EXPLAINED}"),

@@ -112,7 +112,7 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
     say(
         f"class {executed}, {counted(drive.class_switches, 'class switch', 'class switches')}, "
         f"{counted(drive.fallbacks, 'fallback')} (plans without reference or surviving sample), "
-        f"least clearance {drive.min_clearance:.3f} m (free distance around the robot)"
+        f"least clearance {drive.min_clearance:.3f} m (free distance around the footprint)"
     )
     if drive.doubtful_plans:
         say(

@@ -20,7 +20,9 @@ from numba.core import event
 from tqdm import tqdm
 
 from pirrht.compiled import jit
-from sim.systems import BUILT_IN, named
+from pirrht.problem import Problem
+from sim.cli.compile_work import Work
+from sim.systems import BUILT_IN, System, named
 
 # Modules of kernels that take long, by which one knows whether they have been compiled.
 PLANNER, POINT, OTHERS = "extend", "block", "loops"
@@ -33,6 +35,7 @@ class Notice(event.Listener):  # type: ignore[misc]
     def __init__(self) -> None:
         self.told = False
         self.sampling = False  # whether this process will sample
+        self.work: Work | None = None  # of the system, once it is known
         self.seconds = 0.0  # that it spent compiling
         self._depth, self._began = 0, 0.0
 
@@ -43,9 +46,21 @@ class Notice(event.Listener):  # type: ignore[misc]
         self.told = True
         left = PLANNING * (not jit.cached(PLANNER))
         left += SAMPLING * (self.sampling and not any(map(jit.cached, (POINT, OTHERS))))
-        often = "once" if jit.kept() else "every time"
-        tqdm.write(f"compiling kernels, {often}: about {left or LITTLE} s", sys.stderr)
+        own = 0 if self.work is None else self.work.seconds(self.sampling)
+        kept = jit.kept() and (self.work is None or self.work.key is not None)
+        whose = f", most of them for {self.work.called}" if self.work is not None and own > left else ""
+        often = "once" if kept else "every time"
+        tqdm.write(f"compiling kernels, {often}: about {left + own or LITTLE} s{whose}", sys.stderr)
         sys.stderr.flush()
+
+    def known(self, system: System, problem: Problem) -> None:
+        """Take note of what moves."""
+        self.work = Work.of(system, problem)
+
+    def done(self, *what: str) -> None:
+        """Remember that kernels for "plan" or "sample" of what moves have been compiled."""
+        if self.work is not None:
+            self.work.done(*what)
 
     def clock(self) -> float:
         """A time [s] that stands still while kernels are compiled."""

@@ -40,7 +40,7 @@ def run(
     """
     plant.reset(start)
     controller.begin(plant.state)
-    odometer = Odometer(controller.problem, controller.space, plant.state, max_time, controller.homology)
+    odometer = Odometer(controller.problem, controller.space, plant.state, max_time, homology=controller.homology)
     outcome: Outcome | None = None
     while outcome is None:
         began = time.perf_counter()

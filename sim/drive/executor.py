@@ -32,6 +32,7 @@ from sim.mjcf.coordinates import stance_of
 from sim.mjcf.forces import check_motion
 from sim.mjcf.mocap import Mocap
 from sim.mjcf.sweep import Sweep
+from sim.systems import named
 
 __all__ = ["Advance", "Analytic", "Control", "Executor", "Plant", "commanded_rate"]
 
@@ -70,23 +71,20 @@ class Executor:
 
     def __init__(self, loaded: Loaded, problem: Problem, *, period: float) -> None:
         self._model = loaded.model
+        called = named(loaded.dynamics_name).called
         if problem.dynamics.n != len(loaded.states):
             raise OptionError(
-                f'robot "{loaded.robot}" moves as a {loaded.dynamics_name} with '
+                f'robot "{loaded.robot}" moves as a {called} with '
                 f"{len(loaded.states)} states; "
                 f"{type(problem.dynamics).__name__} has {problem.dynamics.n}"
             )
-        check_motion(self._model, loaded.dynamics_name, problem.dynamics, loaded.command)
+        check_motion(self._model, called, problem.dynamics, loaded.command)
         self._loop = Loop(problem, period, float(self._model.opt.timestep))
         self._data = mujoco.MjData(self._model)
         self._ctrl, self._stance = self._data.ctrl, stance_of(self._model, loaded.states)
-        self._dynamics = problem.dynamics
-        self._command, self._twist = loaded.command, problem.dynamics.twist
-        self._rate = commanded_rate(problem.dynamics, self._loop.step)
-        self._obstacles = loaded.obstacle_geoms
-        # FCL moves its objects when it is asked, and in real time the planner asks its own meanwhile.
+        self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
         scene = loaded.scene
-        self._room = self._loop.room(Collision(scene.world, scene.footprint).clearance)
+        self.enter(problem)
         self._mocap = Mocap(self._model, scene.movers) if scene.movers else None
         self._radius, self._joints = scene.robot_radius, np.empty(self._model.nq)
         # Where the footprint is what collides, white noise may carry it through a wall within a step; others are slow.
@@ -96,6 +94,17 @@ class Executor:
             bodies = loaded.moving_geoms & loaded.obstacle_geoms
             self._sweep = Sweep(self._model, loaded.robot_geoms, bodies, self._mocap)
         self.reset(problem.dynamics.state_of(problem.scene.start))
+
+    def enter(self, problem: Problem) -> None:
+        """Go on in this problem, of the same robot: among its obstacles, to its goal, under its noise.
+
+        What stands in MuJoCo is up to who moved it there.
+        """
+        self._loop.enter(problem)
+        self._dynamics, self._twist = problem.dynamics, problem.dynamics.twist
+        self._rate = commanded_rate(problem.dynamics, self._loop.step)
+        # FCL moves its objects when it is asked, and in real time the planner asks its own meanwhile.
+        self._room = self._loop.room(Collision(problem.scene.world, problem.scene.footprint).clearance)
 
     @property
     def physics_step(self) -> float:

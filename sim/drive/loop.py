@@ -34,17 +34,24 @@ class Advance:
     controls: Array  # (k, m)
     noise: Array  # (k, m) Brownian increments [sqrt(s)]
 
+    def __repr__(self) -> str:
+        end = "" if self.outcome is None else f", {self.outcome.name.lower()}"
+        return f"Advance({len(self.states)} steps in {self.time:.4g} s, cost {self.cost:.4g}{end})"
+
 
 class Loop:
     """The physics steps of a period, and the one place where a drive is judged and paid for."""
 
     def __init__(self, problem: Problem, period: float, step: float) -> None:
-        self.problem = problem
         self.step = step
         self.start(0.0)
         self.count = _whole_multiple(period, step)
         self.deviation = sqrt(step)
-        scene = problem.scene
+        self.enter(problem)
+
+    def enter(self, problem: Problem) -> None:
+        """Judge and pay by this problem from now on."""
+        self.problem, scene = problem, problem.scene
         self.bounds = (*scene.lower.tolist(), *scene.upper.tolist())
         self.goal = (*scene.goal.center.tolist(), scene.goal.radius)
 

@@ -11,6 +11,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.crowd import Crowd
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
+from pirrht.steering.in_time import homology_of
 from pirrht.topology.driven import driven
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
@@ -39,6 +40,10 @@ class Frame:
     vertices: int = 0  # of the tree that the plan was made with
     timing: Timing | None = None  # of real-time drives only
 
+    def __repr__(self) -> str:
+        end = "" if self.outcome is None else f", {self.outcome.name.lower()}"
+        return f"Frame(step {self.step}, {self.time:.4g} to {self.end_time:.4g} s, cost {self.cost:.4g}{end})"
+
     @property
     def end_time(self) -> float:
         """Simulated time at the end of the period [s]."""
@@ -56,6 +61,8 @@ class Odometer:
     Args:
         max_time: of the drive [s].
         clearance: free distance among what stands at a state (n,) [m]; None: that of the space.
+        homology: tells classes of drives apart; None: that of the problem.
+        time: when it starts, on the clock of bodies that move [s].
     """
 
     def __init__(
@@ -64,12 +71,15 @@ class Odometer:
         space: FreeSpace,
         x: Array,
         max_time: float,
-        homology: Homology | TimedHomology,
         clearance: Callable[[Array], float] | None = None,
+        *,
+        homology: Homology | TimedHomology | None = None,
+        time: float = 0.0,
     ) -> None:
-        self.step, self.time, self.cost = 0, 0.0, 0.0
+        self.step, self.time, self.cost = 0, time, 0.0
+        homology = homology_of(problem, space) if homology is None else homology
         self.length = Length(problem, x)
-        self._driven, self._max_time = driven(homology, x, 0.0), max_time
+        self._driven, self._max_time = driven(homology, x, time), max_time
         self._clearance = clearance or space.clearance
         scene = space.scene
         self._crowd = Crowd(scene.movers, scene.footprint) if scene.movers else None

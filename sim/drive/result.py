@@ -27,7 +27,9 @@ class DriveResult:
     steps: int = _told("1", "control steps")
     vertices: int = _told("1", "of the tree")
     min_clearance: float = _told(
-        "m", "clearance: free distance around the robot, least after any physics step, 0 after a collision"
+        "m",
+        "clearance: free distance around the footprint, the disc as which the robot plans, least after any physics "
+        "step, 0 after a collision; below 0 where a body that is slimmer passed without touching",
     )
     value_estimate: float | None = _told(
         "cost", "v at the start: estimated, of the method optimal exact; infinite if no sample survived"
@@ -41,6 +43,10 @@ class DriveResult:
     step_ms: Mapping[str, float]  # median, p95 and max of the wall time of a plan [ms]
     deadline_misses: int  # plans that took longer than the period
     real_time: Mapping[str, Any] | None = None  # how a real-time drive kept its times (`realtime_timing.figures`)
+
+    def __repr__(self) -> str:
+        way = f"cost {self.cost:.4g}, {self.path_length:.3g} m, least clearance {self.min_clearance:.3g} m"
+        return f"DriveResult({self.outcome} after {self.time:.4g} s: {way}, {self.steps} steps)"
 
     def json(self) -> dict[str, Any]:
         """The figures under the names of the public JSON."""

@@ -11,7 +11,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import replaced
-from pirrht.geometry.scene import Obstacle
+from pirrht.plotting.ground import outline as outline
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.drawing.colors import ClassColors, title
@@ -122,41 +122,6 @@ def tree_lines(tree: HomologyTree) -> list[Array]:
             heads.append(int(graph.head[e]))
     curves = tree.steering.connect(tree.states[tails], tree.states[heads])
     return curves.points(0.15)
-
-
-def outline(obstacle: Obstacle) -> Array:
-    """Corners (k, 2) of an obstacle's convex outline seen from above [m]."""
-    from scipy.spatial import ConvexHull
-
-    from pirrht.geometry.scene import Kind
-
-    if obstacle.kind is Kind.MESH:
-        assert obstacle.vertices is not None
-        body = obstacle.vertices
-    else:
-        body = _surface(obstacle.kind.value, obstacle.size)
-    world = body @ obstacle.rotation.T + obstacle.position
-    hull = ConvexHull(world[:, :2])
-    corners: Array = world[hull.vertices, :2]
-    return corners
-
-
-def _surface(kind: str, size: Array) -> Array:
-    """Points whose convex hull is close to a primitive, in its own frame, (k, 3)."""
-    if kind == "box":
-        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-        return np.asarray(signs * size)
-    turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-    ring = np.column_stack([np.cos(turn), np.sin(turn)])
-    if kind == "cylinder":
-        ends = [np.column_stack([size[0] * ring, np.full(64, z)]) for z in (-size[1], size[1])]
-        return np.vstack(ends)
-    latitude = np.linspace(-np.pi / 2, np.pi / 2, 33)
-    ball = np.vstack([np.column_stack([np.cos(a) * ring, np.full(64, np.sin(a))]) for a in latitude])
-    if kind == "capsule":
-        shift = np.array([0.0, 0.0, size[1]])
-        return np.vstack([size[0] * ball + shift, size[0] * ball - shift])
-    return np.asarray(ball * (size if kind == "ellipsoid" else size[0]))
 
 
 def _save(plt: Any, figure: Any, path: Path, option: str) -> None:

@@ -36,6 +36,7 @@ from sim.importing.target import (
 )
 
 SUFFIXES = (".json",)
+OTHERS = (".world", ".sdf", ".yaml", ".yml")  # names of what else can be imported
 FORM = '{"0": {"obstacles": [{"name": "a", "radius": 0.5, "keys": [[0, x, y], [t, x, y]]}]}}'
 PLACE, DISC, ARENA = (11.0, 0.0, np.pi), (-9.0, 0.0, 1.0), (-10.0, 12.0, -10.0, 10.0)
 HALF_HEIGHT = 0.5  # of cylinders and walls [m]
@@ -122,6 +123,10 @@ def _worlds(source: Path) -> dict[str, Any]:
     try:
         worlds = json.loads(data)
     except (ValueError, RecursionError) as error:  # ValueError: no JSON, or no UTF-8
+        if data.lstrip()[:1] == b"<" or source.suffix.lower() in OTHERS:
+            raise SceneError(
+                f"{source}: this is no file of motions, which is JSON; if it is a world or a map, leave out --motion"
+            ) from None
         reason = " ".join(str(error).split())
         raise SceneError(f"{source}: this is no JSON ({reason}); give a file like {FORM}") from None
     if not isinstance(worlds, dict) or not worlds:

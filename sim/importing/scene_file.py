@@ -18,6 +18,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.files import why_unreadable
 from sim.importing import dynabarn, ros_map
+from sim.importing.limits import content_of
 from sim.importing.sdf import Solid, World, read_sdf
 from sim.importing.target import (
     BORDER,
@@ -106,6 +107,7 @@ def import_world(
     elif unknown is not None:
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
     else:
+        _refuse_motions(source)
         world = read_sdf(source, progress)
     place, goal_disc = _task(source, "map" if mapped else "world", start, goal)
     if workspace is None and mapped and world.ground is None:
@@ -116,6 +118,12 @@ def import_world(
         obstacles = len(loaded(new, source).scene.obstacles)
         new.replace(target)
     return Imported(path=target, geoms=len(world.solids), obstacles=obstacles)
+
+
+def _refuse_motions(source: Path) -> None:
+    """Refuse what is no XML but opens as JSON does."""
+    if content_of(source, "an SDF world file or the YAML file of a map").lstrip()[:1] == b"{":
+        raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
 
 
 def _task(source: Path, kind: str, start: Sequence[float] | None, goal: Sequence[float] | None) -> tuple[Array, Array]:

@@ -95,7 +95,8 @@ def _world(path: Path) -> ET.Element:
         raise SceneError(f"{path}: not XML: {error}; mend it there") from None
     worlds = root.findall("world") if root.tag == "sdf" else []
     if len(worlds) != 1:
-        raise SceneError(f"{path}: {len(worlds)} elements <world> in <{root.tag}>; write one <sdf><world>")
+        scene = "this is a scene already: give it to pirrht run" if root.tag == "mujoco" else "write one <sdf><world>"
+        raise SceneError(f"{path}: {len(worlds)} elements <world> in <{root.tag}>; {scene}")
     world: ET.Element = worlds[0]
     return world
 

@@ -44,12 +44,14 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import Goal, Scene
 from sim.mjcf.coordinates import stance_of, standing
 from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
+from sim.mjcf.loose import loosen
 from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers
 from sim.mjcf.numbers import MOTION, option_defaults
 from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace
 from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options.table import NUMERICS
 from sim.systems import System
+from sim.text import counted
 
 __all__ = ["Loaded", "load", "models_folder", "robot_names", "scene_names"]
 
@@ -78,6 +80,9 @@ class Loaded:
     meant: str  # name of the system that the scene's numbers are meant for
     path: Path  # the scene's file
 
+    def __repr__(self) -> str:
+        return f"Loaded({self.scene!r}, robot {self.robot!r}, {self.path})"
+
 
 def load(
     scene: str | Path,
@@ -87,6 +92,7 @@ def load(
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
     system: System | None = None,
+    loose: bool = False,
 ) -> Loaded:
     """A scene with a robot in it.
 
@@ -97,6 +103,7 @@ def load(
         start: x, y [m] and optionally heading [rad], in place of the site `start`.
         goal: x, y, radius [m], in place of the site `goal`.
         system: what moves, in place of the one that the robot names.
+        loose: whether what stands is made of mocap bodies, which can be moved, and a body shows the goal.
 
     Raises:
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
@@ -104,6 +111,8 @@ def load(
     path = find("scene", scene)
     spec = parse(path)
     defaults, motions = option_defaults(spec, path), read_motions(spec, path)
+    if loose:
+        loosen(spec)
     meant = _meant_robot(spec, path)
     machine = read_robot(robot or meant, _radius(radius, defaults, path), system)
     model = _join(spec, machine, path)
@@ -203,7 +212,7 @@ def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
 def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Goal:
     if given is not None:
         if len(given) != 3:
-            raise SceneError(f"{path}: the goal has {len(given)} numbers; give three: x, y and radius")
+            raise SceneError(f"{path}: the goal has {counted(len(given), 'number')}; give three: x, y and radius")
         return _disc(np.array(given[:2], dtype=float), float(given[2]), "the goal", path)
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "goal")
     remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
@@ -224,7 +233,7 @@ def _disc(center: Array, radius: float, what: str, path: Path) -> Goal:
 
 def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Array:
     if given is not None and len(given) not in (2, 3):
-        raise SceneError(f"{path}: the start has {len(given)} numbers; give x, y and optionally a heading")
+        raise SceneError(f"{path}: the start has {counted(len(given), 'number')}; give x, y and optionally a heading")
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "start")
     if given is None and site < 0:
         raise SceneError(f'{path}: no site "start"; add <site name="start" pos="x y 0"/> or give --start X Y')

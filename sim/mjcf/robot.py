@@ -15,6 +15,7 @@ from sim.mjcf.coordinates import GROUND, rolls, settled
 from sim.mjcf.forces import check_actuators
 from sim.mjcf.library import compile_spec, find, parse
 from sim.systems import System, named, names
+from sim.text import counted
 
 _GEOM = mujoco.mjtGeom
 _SINKAGE = 0.002  # of a robot at rest: height [m], and 1 - cosine of half the tilt
@@ -142,7 +143,7 @@ def _command(spec: mujoco.MjSpec, nu: int, twists: int | None, path: Path) -> Ar
     if twists is None:
         twists = max(2, data.size // nu) if data is not None and nu else 2
     if data is None or nu == 0 or data.size != twists * nu:
-        found = "missing" if data is None else f"of {data.size} numbers"
+        found = "missing" if data is None else f"of {counted(data.size, 'number')}"
         raise SceneError(
             f'{path}: custom numeric "pirrht_command" is {found}; write {twists * nu} numbers, row by row the '
             f"({nu}, {twists}) matrix M of ctrl = M @ (twist of the dynamics) for the robot's {nu} actuators"

@@ -63,8 +63,8 @@ PLAN = (
 
 ESTIMATE = (
     Option(
-        name="at", text="state, what is not said is 0", kind=float, count="+", metavar="X", commands=("estimate",),
-        required=True, of_robots="coordinates",
+        name="at", text="state, X Y or more of it, and what is not said is 0", kind=float, count="+", metavar="X",
+        commands=("estimate",), required=True, of_robots="coordinates",
     ),
     Option(
         name="time", text="time of the drive, by which bodies move", kind=float, metavar="S", commands=("estimate",),
@@ -102,16 +102,25 @@ RUN = (
     _file("video", "film the drive in MuJoCo (extra `video`)", "FILE.mp4", "run", group=RECORDING),
     _file("png", "its last picture (extra `video`)", "FILE.png", "run", group=RECORDING),
     Option(
-        name="view", text="open the Rerun viewer", kind=bool, default=False, commands=("run",), group=RECORDING,
+        name="view", text="open the Rerun viewer", kind=bool, default=False, commands=("run", "play"),
+        group=RECORDING,
     ),
     Option(
         name="serve", text="serve viewer and data to browsers of this machine; from a terminal until Ctrl-C",
-        kind=bool, default=False, commands=("run",), group=RECORDING,
+        kind=bool, default=False, commands=("run", "play"), group=RECORDING,
     ),
     Option(
         name="connect", text="stream to a running viewer, rerun+http://127.0.0.1:9876/proxy", metavar="URL",
-        commands=("run",), group=RECORDING,
+        commands=("run", "play"), group=RECORDING,
     ),
+)  # fmt: skip
+
+PLAY = (
+    Option(
+        name="headless", text="no window: step by step, as fast as it goes, and the same every time", kind=bool,
+        default=False, commands=("play",), group=DRIVE,
+    ),
+    _file("script", "pushes, moves and noise by the time of the drive, as JSON", "FILE.json", "play", group=DRIVE),
 )  # fmt: skip
 
 SWEEP = (
@@ -177,4 +186,4 @@ OTHERS = (
     ),
 )  # fmt: skip
 
-COMMANDS = (*PLAN, *ESTIMATE, *RUN, *SWEEP, *OTHERS)
+COMMANDS = (*PLAN, *ESTIMATE, *RUN, *PLAY, *SWEEP, *OTHERS)

@@ -11,8 +11,8 @@ PREDICTIONS = ("known", "velocity")
 BETWEEN = ("classes", "hold")  # `pirrht.control.controller.BETWEEN`, which is slow to import
 SEED = 2**63 - 1
 
-DRIVES = ("plan", "run", "estimate", "sweep")  # commands that take a scene
-SINGLE = ("plan", "run", "estimate")  # those that take one method, noise and seed
+DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
+SINGLE = ("plan", "run", "play", "estimate")  # those that take one method, noise and seed
 PROBLEM, PLANNER, DRIVE = "problem", "planner and sampler", "drive"
 
 
@@ -164,7 +164,7 @@ DRIVE_OPTIONS = (
     ),
     _number(
         "grow", "vertices that the tree gains between two plans; with --real-time at most, in the time that is left",
-        "N", 0, 10_000, "growing more takes longer than the drive", commands=("run",), group=DRIVE, unset="0",
+        "N", 0, 10_000, "growing more takes longer than the drive", commands=("run", "play"), group=DRIVE, unset="0",
     ),
 )  # fmt: skip
 

@@ -96,7 +96,7 @@ COLUMNS = (
         "driven up to the end of the step, without the path's noise (path_length)",
         lambda r: [r.length],
     ),
-    Column("clearance", "m", "room around the robot at the start of the step", lambda r: [r.clearance]),
+    Column("clearance", "m", "room around the footprint at the start of the step", lambda r: [r.clearance]),
     Column("value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", lambda r: [r.value]),
     Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", lambda r: [r.value_error]),
     Column(

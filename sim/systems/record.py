@@ -59,10 +59,18 @@ class System:
             raise OptionError(f'system {self.name}: its states are {self.states}; the first two must be "x" and "y"')
         _ = self.settings
 
+    def __repr__(self) -> str:
+        return f"System({self.name!r}, states {' '.join(self.states)})"
+
     @property
     def settings(self) -> Settings:
         """Those of a run that nobody says anything about."""
         return Settings(**self.defaults)
+
+    @property
+    def called(self) -> str:
+        """What messages call it: the robot that the help names, or its own name."""
+        return self.robots or self.name
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -34,6 +34,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "executor": {"drive"},
     "scenario": WORDS | {"mjcf", "drive"},
     "rehearsal": WORDS | {"mjcf", "drive", "scenario"},
+    "play": WORDS | {"mjcf", "drive", "scenario"},
     "result": CORE - {"result", "rehearsal"},
     "recording": CORE,
     "film": CORE,
@@ -42,11 +43,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "sweeps": CORE,
     "report": CORE | {"sweeps", "figures"},
     "gym": CORE | {"sweeps"},
-    "cli": CORE | {"recording", "film", "figures", "importing", "sweeps", "report"},
+    "cli": CORE | {"play", "recording", "film", "figures", "importing", "sweeps", "report"},
 }
 DOORS: dict[str, set[str]] = {  # library -> rooms and modules that may name it
     "rerun": {"recording"},
-    "mujoco": {"mjcf", "drive.executor", "film", "recording.geoms", "importing.scene_file"},
+    "mujoco": {"mjcf", "drive.executor", "film", "recording.geoms", "importing.scene_file", "play"},
     "matplotlib": {"figures", "report.plots"},
     "mpl_toolkits": {"figures"},
     "pyarrow": {"sweeps", "recording.export"},
@@ -128,7 +129,7 @@ def test_a_foreign_library_has_its_doors(library):
     assert not [module for module in named if not {module, room_of(module)} & DOORS[library]]
 
 
-@pytest.mark.parametrize("command", ["", "plan", "run", "estimate", "sweep", "report", "export", "import"])
+@pytest.mark.parametrize("command", ["", "plan", "run", "play", "estimate", "sweep", "report", "export", "import"])
 def test_help_loads_nothing_that_is_slow(command):
     words = [*command.split(), "--help"]
     assert not loaded_by(f"from sim.cli import main; main({words!r})") & SLOW

@@ -197,7 +197,7 @@ def test_a_built_in_name_is_taken_and_another_one_may_be_given_anew(folder):
 
 @pytest.mark.parametrize(("option", "who"), [("speed", "unicycle"), ("rho", "unicycle")])
 def test_numbers_that_a_system_has_none_of_are_refused(option, who):
-    with pytest.raises(OptionError, match=f"--{option} is for {who}.*single_integrator"):
+    with pytest.raises(OptionError, match=f"--{option} is for {who}.*puck"):
         prepare("slit", given={option: 2.0})
     assert prepare("slit", robot="unicycle", given={option: 2.0}).settings != named("unicycle").settings
 

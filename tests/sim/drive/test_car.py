@@ -148,7 +148,7 @@ def test_a_robot_whose_speed_does_not_follow_is_refused_in_one_line(tmp_path, ol
 
 
 def test_speed_is_no_state_of_what_is_commanded_velocities():
-    with pytest.raises(OptionError, match="no actuator is a motor, and the speed is a state of second_order_car"):
+    with pytest.raises(OptionError, match="no actuator is a motor, and the speed is a state of car"):
         prepare("slit", robot="unicycle", system="second_order_car")
     given = {"plant": "sde"}
     assert len(prepare("slit", robot="unicycle", system="second_order_car", given=given).plant().state) == 4

@@ -68,7 +68,7 @@ def test_a_system_that_is_handed_over_may_have_velocities_where_the_plant_is_its
         ([('data="1 0  0 1"', 'data="-1 0  0 1"')], "the robot accelerates by (-1, 0) m/s^2"),
         ([('<joint name="x" ', '<joint name="x" damping="0.1" ')], "at 1 m/s, commanded to accelerate by (0, 0)"),
         ([('<joint name="y" ', '<joint name="y" armature="1" ')], "the robot accelerates by (0, 0.5) m/s^2"),
-        ([('integrator="Euler"', 'integrator="Euler" gravity="1 0 0"')], "by (0, 0) m/s^2 as a double_integrator"),
+        ([('integrator="Euler"', 'integrator="Euler" gravity="1 0 0"')], "by (0, 0) m/s^2 as a hover"),
         ([('<motor name="x" ', '<motor name="x" gear="3" ')], "the robot accelerates by (3, 0) m/s^2"),
         ([('<motor name="x" ', '<motor name="x" ctrlrange="-0.5 0.5" ctrllimited="true" ')], "by (0.5, 0) m/s^2"),
     ],

@@ -1,0 +1,22 @@
+"""Where to draw: axes that the caller has, or those of a new figure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pirrht.errors import OptionError
+
+
+def on(axes: Any | None, what: str) -> Any:
+    """The axes to draw on; without any those of a new figure of `matplotlib.pyplot`.
+
+    Raises:
+        OptionError: matplotlib is not installed; says what is to be installed.
+    """
+    if axes is not None:
+        return axes
+    try:
+        from matplotlib import pyplot
+    except ImportError:
+        raise OptionError(f"{what} needs matplotlib; install it with: pip install 'pirrht[figures]'") from None
+    return pyplot.subplots(figsize=(7.0, 5.0), layout="constrained")[1]

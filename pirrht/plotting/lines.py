@@ -1,0 +1,49 @@
+"""Trees, references and samples as lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pirrht.arrays import Array
+
+# Six hues that stay apart for colour-blind eyes; a class has that of its place among all, cheapest first.
+PALETTE = ("#33bbee", "#ee3377", "#009988", "#ee7733", "#0077bb", "#cc3311")
+TREE, SAMPLE = "#55aacc", "#70747a"
+
+
+def color(place: int) -> str:
+    """That of the class which comes at a place, from 0."""
+    return PALETTE[place % len(PALETTE)]
+
+
+def many(axes: Any, lines: Sequence[Array], colors: Any, *, width: float, opacity: Any, zorder: float) -> None:
+    """Polylines (k, 2) [m]; colours and opacities are of all or one each."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(list(lines), colors=colors, lw=width, alpha=opacity, zorder=zorder))
+
+
+def classes(axes: Any, lines: Sequence[Array], labels: Sequence[str], title: str) -> None:
+    """One polyline (k, 2) [m] per class with a label each in a legend, the first on top."""
+    rows = list(enumerate(zip(lines, labels, strict=True)))
+    for place, (line, label) in reversed(rows):
+        axes.plot(line[:, 0], line[:, 1], color=color(place), lw=2.2, label=label, zorder=4)
+    handles, texts = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(
+            handles[::-1], texts[::-1], title=title, fontsize=8, title_fontsize=8, frameon=False, loc="upper left",
+            bbox_to_anchor=(1.01, 1.0),
+        )  # fmt: skip
+
+
+def arrow(axes: Any, tail: Array, head: Array) -> None:
+    """An arrow from one point (2,) to another [m]."""
+    axes.annotate(
+        "", tuple(head), tuple(tail), arrowprops={"arrowstyle": "-|>", "lw": 1.4, "color": "#222222"}, zorder=6
+    )
+
+
+def dot(axes: Any, place: Array) -> None:
+    """A dot at a point (2,) [m]."""
+    axes.plot(place[0], place[1], "o", ms=5, color="#222222", zorder=6)

@@ -1,0 +1,42 @@
+"""How objects show themselves at the prompt: one line each, and small tables in notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+WIDEST = 24  # characters of a name that is shown
+
+
+def name(text: str) -> str:
+    """A name in quotes, cut where it is long."""
+    return repr(text if len(text) <= WIDEST else text[: WIDEST - 3] + "...")
+
+
+def vector(numbers: Iterable[float]) -> str:
+    """Numbers as (1.2, 3.4), with three digits."""
+    return "(" + ", ".join(f"{float(v) + 0.0:.3g}" for v in numbers) + ")"
+
+
+def share(weight: float) -> str:
+    """A share in per cent."""
+    return f"{100.0 * weight:.0f} %"
+
+
+def turns(id: str) -> str:
+    """A class's public name for people: where there are many obstacles only those with turns, as in "+5 -12"."""
+    each = id.split(",")
+    if len(each) <= 4:
+        return id
+    parts = [f"{'+' if int(k) > 0 else '-'}{i}" * abs(int(k)) for i, k in enumerate(each, 1) if int(k)]
+    return " ".join(parts) or "straight"
+
+
+def table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """An HTML table; texts are escaped here."""
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return (
+        f'<table><caption style="text-align:left">{escape(caption)}</caption>'
+        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    )

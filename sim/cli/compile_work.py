@@ -1,0 +1,75 @@
+"""What has to be compiled for a system, and about how long that takes: notes beside the kernels say what is there."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from pirrht.compiled import jit
+from pirrht.compiled.identity import identity, name_of
+from pirrht.problem import Problem
+from pirrht.rollouts.point.block import is_point
+from sim.systems import System
+
+# How long it takes where nothing else runs [s]: motions of a system's own, and its guides and samples.
+MOTIONS, GUIDES = 10, 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """What the kernels of one system are: a point's are those that every command needs."""
+
+    called: str  # the robot's public name
+    key: str | None  # of all numeric functions that kernels close over; None: they cannot be kept
+    point: bool
+    moves: bool  # whether its references are motions of its own
+
+    @classmethod
+    def of(cls, system: System, problem: Problem) -> Work:
+        """That of a system in a problem."""
+        point = is_point(problem.dynamics)
+        return cls(
+            called=system.called,
+            key=_key(system, problem),
+            point=point,
+            moves=not point and system.steering is not None,
+        )
+
+    def seconds(self, sampling: bool) -> int:
+        """What is left to do, beside what a point needs [s]."""
+        plans = MOTIONS * (self.moves and not self._noted("plan"))
+        return plans + GUIDES * (sampling and not self.point and not self._noted("sample"))
+
+    def done(self, *what: str) -> None:
+        """Note that kernels for "plan" or "sample" have been compiled."""
+        for one in what if self.key is not None else ():
+            jit.note(f"{one}-{self.key}")
+
+    def _noted(self, what: str) -> bool:
+        return self.key is not None and jit.noted(f"{what}-{self.key}")
+
+
+def _key(system: System, problem: Problem) -> str | None:
+    d, names = (
+        problem.dynamics,
+        [system.name if system.robots else "", str(problem.dynamics.n), str(problem.dynamics.m)],
+    )
+    for function in _functions(problem):
+        plain = getattr(function, "py_func", function)
+        name = identity(plain)
+        if name is None:
+            return None
+        names += [name_of(plain) if name_of(plain).startswith("pirrht.") else "", name]
+    names.append(str(d.stratonovich))
+    return hashlib.sha256("\n".join(names).encode()).hexdigest()[:24]
+
+
+def _functions(problem: Problem) -> Iterator[Callable[..., Any]]:
+    """What somebody's system is made of, as far as kernels close over it."""
+    d = problem.dynamics
+    blocks = [None, None] if d.input_form else [d.control_block, d.diffusion_block]
+    for one in (d.drift, *blocks, d.input_matrix, d.homing, problem.q):
+        if callable(one):
+            yield one

@@ -1,0 +1,123 @@
+"""What somebody does to a drive, and scripts that say when, as JSON.
+
+A script is a list of steps, each at a time of the drive:
+
+    [{"at": 0.5, "push": [0, 0.4], "for": 0.3},
+     {"at": 1.0, "move": "upper wall", "by": [0, 0.3]},
+     {"at": 1.5, "move": "goal", "to": [5.0, 3.5]},
+     {"at": 2.0, "noise": 0.3}]
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pirrht.errors import OptionError
+from pirrht.files import why_unreadable
+
+GOAL = "goal"  # the name under which the goal's disc is moved
+FASTEST, FARTHEST, LATEST = 20.0, 1e4, 1e5  # of a push [m/s], a place [m], a time [s]
+LARGEST = 1 << 20  # bytes of a script
+FORM = '[{"at": 0.5, "push": [0, 0.4], "for": 0.3}, {"at": 1, "move": "goal", "to": [5, 3]}, {"at": 2, "noise": 0.3}]'
+_KEYS = {"push": {"at", "push", "for"}, "move": {"at", "move", "to", "by"}, "noise": {"at", "noise"}}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Push:
+    """A push on the robot's body: one with velocity servos is carried along meanwhile, others gain that speed."""
+
+    at: float  # time of the drive [s]
+    speed: tuple[float, float]  # [m/s]
+    lasts: float = 0.2  # [s]
+
+    def __str__(self) -> str:
+        return f"pushed by ({self.speed[0]:.2g}, {self.speed[1]:.2g}) m/s for {self.lasts:.2g} s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Move:
+    """Something that stands, or the goal, is put elsewhere."""
+
+    at: float  # time of the drive [s]
+    what: str
+    to: tuple[float, float]  # where its centre goes [m], or how far
+    relative: bool = False  # `to` is how far
+
+    def __str__(self) -> str:
+        return f"{self.what} moved {'by' if self.relative else 'to'} ({self.to[0]:.3g}, {self.to[1]:.3g})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """The noise becomes another."""
+
+    at: float  # time of the drive [s]
+    noise: float  # b, as --noise
+
+    def __str__(self) -> str:
+        return f"noise {self.noise:.3g}"
+
+
+Event = Push | Move | Noise
+
+
+def read(path: Path) -> tuple[Event, ...]:
+    """The steps of a script in the order of their times.
+
+    Raises:
+        OptionError: it cannot be read, or a step is none; names it and says what a script looks like.
+    """
+    why = why_unreadable(path)
+    if why is not None:
+        raise OptionError(f"--script {path}: it {why}; give a JSON file like {FORM}")
+    try:
+        with path.open("rb") as stream:
+            steps = json.loads(stream.read(LARGEST))
+    except (ValueError, RecursionError, OSError) as error:
+        reason = " ".join(str(error).split())
+        raise OptionError(f"--script {path}: this is no JSON ({reason}); write a list like {FORM}") from None
+    if not isinstance(steps, list):
+        raise OptionError(f"--script {path}: it holds no list of steps; write one like {FORM}")
+    return tuple(sorted((_event(path, i, step) for i, step in enumerate(steps, 1)), key=lambda event: event.at))
+
+
+def _event(path: Path, number: int, step: Any) -> Event:
+    where = f"--script {path}: step {number}"
+    kinds = [kind for kind in _KEYS if isinstance(step, Mapping) and kind in step]
+    if len(kinds) != 1:
+        raise OptionError(f"{where} is not one of push, move and noise; write it as in {FORM}")
+    strange = sorted(set(step) - _KEYS[kinds[0]])
+    if strange:
+        raise OptionError(f'{where} has "{strange[0]}"; a {kinds[0]} has {", ".join(sorted(_KEYS[kinds[0]]))}')
+    at = _number(where, "at", step.get("at"), 0.0, LATEST)
+    if kinds[0] == "push":
+        lasts = _number(where, "for", step.get("for", 0.2), 1e-3, LATEST)
+        return Push(at=at, speed=_pair(where, "push", step["push"], FASTEST), lasts=lasts)
+    if kinds[0] == "noise":
+        return Noise(at=at, noise=_number(where, "noise", step["noise"], 1e-6, 1e3))
+    given = [key for key in ("to", "by") if key in step]
+    if len(given) != 1 or not isinstance(step["move"], str):
+        raise OptionError(f'{where}: a move names what is moved, and has either "to": [x, y] or "by": [x, y]')
+    to = _pair(where, given[0], step[given[0]], FARTHEST)
+    return Move(at=at, what=step["move"], to=to, relative=given[0] == "by")
+
+
+def _number(where: str, name: str, value: Any, low: float, high: float) -> float:
+    known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not (known and low <= value <= high):
+        raise OptionError(
+            f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be a number from {low:g} to {high:g}'
+        )
+    return float(value)
+
+
+def _pair(where: str, name: str, value: Any, most: float) -> tuple[float, float]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise OptionError(f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be two numbers [x, y]')
+    x, y = (_number(where, name, one, -most, most) for one in value)
+    return x, y
