@@ -153,8 +153,8 @@ class _Book:
             space,
             start,
             max_time,
-            controller.homology,
             lambda x: float(collision.clearance(x[None, :2])[0]),
+            homology=controller.homology,
         )
 
     def frame(self, moved: Moved) -> Frame:

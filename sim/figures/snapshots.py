@@ -109,9 +109,7 @@ def _samples(axes: Any, one: Drive, frame: Frame, colors: ClassColors) -> None:
 
     if frame.plan.estimate is None:
         return
-    key = one.scenario.space.homology.key
-    names = {key(r.winding): name for r, name in zip(frame.plan.references, frame.plan.ids, strict=True)}
-    found = strokes.fans(one.path_integral, frame.plan.estimate, names, points=POINTS, everything=False)
+    found = strokes.fans(one.path_integral, frame.plan.estimate, frame.plan.classes, points=POINTS, everything=False)
     for name, fan in found.items():
         dead = name == strokes.DEAD
         shade = np.ones((len(fan.strips), 4))

@@ -118,12 +118,13 @@ class _Ledger:
         scene = space.scene
         collision = Collision(scene.world, scene.footprint)  # the planner's own is busy
         odometer = Odometer(
-            self._live.problem, space, x, self._max_time, lambda y: float(collision.clearance(y[None, :2])[0])
-        )
+            self._live.problem, space, x, self._max_time, lambda y: float(collision.clearance(y[None, :2])[0]),
+            homology=self._live.homology, time=0.0 if before is None else before.odometer.time,
+        )  # fmt: skip
         if before is None:
             return _Stage(space=space, odometer=odometer, length=0.0, noisy=0.0)
         last = before.odometer
-        odometer.step, odometer.time, odometer.cost = last.step, last.time, last.cost
+        odometer.step, odometer.cost = last.step, last.cost
         return _Stage(
             space=space, odometer=odometer, length=before.length + last.length.total,
             noisy=before.noisy + last.length.noisy,

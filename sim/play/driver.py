@@ -12,6 +12,8 @@ from pirrht.control.policy import Drive, Policy
 from pirrht.errors import NoReference, PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
+from pirrht.topology.homology import Homology
+from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 from sim.play.builder import Builder, Built
 
@@ -53,13 +55,18 @@ class Live(Policy):
         """Theirs."""
         return self.built.driver.path_integral
 
-    def begin(self, x: Array) -> None:
-        """Forget the drive so far; a new one starts at x (n,)."""
-        self.built.driver.begin(x)
+    @property
+    def homology(self) -> Homology | TimedHomology:  # type: ignore[override]
+        """Theirs."""
+        return self.built.driver.homology
 
-    def observe(self, states: Array, duration: float) -> None:
-        """Take note of the states (k, n) just driven through and the time it took [s]."""
-        self.built.driver.observe(states, duration)
+    def begin(self, x: Array, time: float = 0.0) -> None:
+        """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
+        self.built.driver.begin(x, time)
+
+    def observe(self, states: Array, duration: float, until: float | None = None) -> None:
+        """Take note of the states (k, n) just driven through and the time it took [s]; see `Policy.observe`."""
+        self.built.driver.observe(states, duration, until)
 
     def expect(self, states: Array, duration: float) -> None:
         """Suppose that the robot will drive through the states (k, n) next; see `Policy.expect`."""
@@ -93,8 +100,7 @@ class Live(Policy):
     def _first(self, ready: Built, x: Array, left: Callable[[], float] | None) -> Plan | None:
         """The first plan in a new world; None if it has no way to the goal from here."""
         now = self.drive.time
-        ready.driver.begin(x)
-        ready.driver.drive.time = now  # moving bodies go by it
+        ready.driver.begin(x, now)
         try:
             return ready.driver.plan(x, left)
         except NoReference as error:

@@ -40,11 +40,10 @@ class Pictures:
         self._log("/world/tape", rr.LineStrips3D(lift(tape, 0.07)[None]))
         found: dict[str, strokes.Fan] = {}
         if plan.estimate is not None and self._subject.look.samples != "none":
-            homology = self._subject.space.homology
             found = strokes.fans(
                 self._subject.path_integral,
                 plan.estimate,
-                {homology.key(r.winding): name for r, name in zip(plan.references, plan.ids, strict=True)},
+                plan.classes,
                 points=self._room(plan),
                 everything=self._subject.look.samples == "all",
             )

@@ -181,10 +181,11 @@ def branches(subject: Subject, ends: Array, middle: Array) -> rr.LineStrips3D:
 
 def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
     """Obstacles, from 0, by which the shortest classes from x (n,) differ, before all others."""
-    lengths = tree.lengths(x)
+    lengths = tree.lengths(x if len(x) >= tree.steering.n else np.append(x[:2], 0.0))
     windings = sorted(lengths, key=lambda winding: lengths[winding])
-    apart = [k for w in windings[1:] for k in np.flatnonzero(np.not_equal(w, windings[0])).tolist()]
-    return tuple(dict.fromkeys([*apart, *range(tree.space.homology.M)]))[:most]
+    standing = tree.space.homology.M
+    apart = [k for w in windings[1:] for k in np.flatnonzero(np.not_equal(w, windings[0])).tolist() if k < standing]
+    return tuple(dict.fromkeys([*apart, *range(standing)]))[:most]
 
 
 def _legend(subject: Subject) -> str:
