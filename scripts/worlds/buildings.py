@@ -53,7 +53,7 @@ def office() -> Page:
         size=(10.0, 7.0),
         start=(0.7, 0.8),
         goal=(9.5, 6.5, 0.3),
-        settings={"vertices": 2000, "period": 0.05, "limit": 0.8},
+        settings={"vertices": 2000, "limit": 0.8},
         assets=assets,
         elements=[*walls, *furniture, seen("ellipsoid", "6.35 3.55 0.5", "0.22 0.22 0.2", "moss")],
     )

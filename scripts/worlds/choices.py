@@ -14,7 +14,7 @@ def double_slit() -> Page:
         size=(6.0, 5.0),
         start=(0.8, 2.5),
         goal=(5.4, 2.52, 0.3),
-        settings={"noise": 0.2, "period": 0.02, "limit": 0.9},
+        settings={"noise": 0.2, "limit": 0.9},
         elements=[
             box("lower wall", (3.15, 3.35), (0.55, 1.55)),
             box("middle wall", (3.15, 3.35), (2.05, 2.95)),
@@ -36,7 +36,7 @@ def drunken_bridge() -> Page:
         size=(6.6, 5.0),
         start=(1.0, 2.5),
         goal=(5.7, 2.5, 0.3),
-        settings={"period": 0.02, "limit": 0.9},
+        settings={"limit": 0.9},
         elements=[
             box("north lake", (2.3, 4.3), (2.7, 3.6), 0.06, "water"),
             box("south lake", (2.3, 4.3), (1.3, 2.3), 0.06, "water"),
@@ -54,7 +54,7 @@ def u_trap() -> Page:
         size=(6.0, 5.0),
         start=(0.9, 2.3),
         goal=(5.2, 2.3, 0.3),
-        settings={"period": 0.02, "limit": 0.9},
+        settings={"limit": 0.9},
         elements=[
             box("upper arm", (2.2, 3.8), (3.3, 3.42)),
             box("back", (3.68, 3.8), (1.42, 3.3)),

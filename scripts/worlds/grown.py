@@ -37,7 +37,7 @@ def forest(seed: int = 22, trees: int = 42) -> Page:
         size=(10.0, 7.0),
         start=(0.6, 3.5),
         goal=(9.4, 3.5, 0.35),
-        settings={"noise": 0.15, "vertices": 2000, "limit": 0.8},
+        settings={"noise": 0.1, "vertices": 2000, "limit": 0.8},
         elements=parts,
     )
 
@@ -58,7 +58,7 @@ def barn(seed: int = 9, side: float = 0.15, fill: float = 0.15) -> Page:
         size=(8.4, 4.5),
         start=(0.5, 2.25),
         goal=(7.9, 2.25, 0.35),
-        settings={"noise": 0.1, "vertices": 2000, "limit": 0.8},
+        settings={"noise": 0.08, "vertices": 2000, "limit": 0.8},
         elements=parts,
     )
 

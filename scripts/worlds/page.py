@@ -23,7 +23,7 @@ MATERIALS = {
 }
 PUCK = {
     "noise": 0.1,
-    "period": 0.05,
+    "period": 0.02,
     "dt": 0.1,
     "samples": 200,
     "limit": 0.6,

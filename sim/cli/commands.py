@@ -25,13 +25,13 @@ from sim.drawing.colors import title
 from sim.drive import episode
 from sim.drive.truth import Truth, Witness
 from sim.files import check_writable, write_json
-from sim.mjcf import load, scene_names
+from sim.mjcf import load, models_folder, scene_names
 from sim.options import table as options
 from sim.rehearsal import rehearse
 from sim.result import estimate_json, passages_json, plan_json, run_json, settings_json
 from sim.scenario import Scenario, prepare
-from sim.systems import POSE, typed
-from sim.text import say, table, width
+from sim.systems import POSE, named, typed
+from sim.text import say, width
 
 
 def scenes(_: argparse.Namespace) -> int:
@@ -39,18 +39,10 @@ def scenes(_: argparse.Namespace) -> int:
     rows = []
     for name in scene_names():
         loaded = load(name)
-        size = loaded.scene.upper - loaded.scene.lower
-        rows.append(
-            [
-                name,
-                f"{size[0]:g} x {size[1]:g} m",
-                str(len(loaded.scene.obstacles)),
-                str(len(loaded.scene.movers)),
-                loaded.robot,
-                str(loaded.path),
-            ]
-        )
-    print(table(["scene", "size", "solids", "moving", "robot", "file"], rows, width()))
+        noise = loaded.scene.defaults.get("noise", named(loaded.dynamics_name).settings.noise)
+        rows.append((name, loaded.robot, noise, len(loaded.scene.movers), loaded.about))
+    print(tables.scene_table(rows, width()))
+    print(f"\nfiles: {models_folder() / 'scenes'}; pictures of all: docs/gallery.md")
     return 0
 
 
