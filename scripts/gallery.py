@@ -19,7 +19,7 @@ from pirrht.errors import PirrhtError
 from pirrht.files import replaced
 from sim.cli.parser import Parser
 from sim.film.film import Film
-from sim.mjcf import scene_names
+from sim.mjcf import load, scene_names
 from sim.scenario import Scenario, prepare
 
 STILL, LOOP = (960, 540), (400, 225)  # width and height of the pictures
@@ -27,8 +27,16 @@ SHOTS, PAUSE = 32, 900  # pictures of a loop, and how long its last one stays [m
 SECONDS = 4.0  # of a loop
 NOISES = (0.1, 0.3)  # of the opening
 MOMENT = 0.45  # of the still, as a share of the drive
-OPENING = "opening"
+OPENING, VALUE = "opening", "value"
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "gallery"
+HEAD = """# Gallery
+
+<!-- Made by scripts/gallery.py of the scenes themselves; a test holds the two against each other. -->
+
+Every built-in scene, driven once with seed 0 at its own noise. On the left the robot after 45 % of the drive, with the
+references of all classes, thicker the more probable they are; on the right the whole drive in four seconds. Robots
+among bodies that move follow the exact law (`--method optimal`).
+"""
 
 
 def drive(name: str, given: dict[str, Any]) -> tuple[Film, float]:
@@ -64,6 +72,31 @@ def opening(file: Path, given: dict[str, Any], shots: int) -> None:
     write_loop(made, file, size=(width, height), quality=45)
 
 
+def value_map(file: Path) -> None:
+    """The exact value of `slit` at both noise levels."""
+    from sim.figures import value_map
+    from sim.figures.draw import pyplot
+
+    plt = pyplot("this script")
+    figure = value_map.draw(plt, [prepare("slit", given={"noise": noise}) for noise in NOISES])
+    figure.canvas.draw()
+    write_still(np.array(figure.canvas.buffer_rgba())[..., :3], file)
+    plt.close(figure)
+
+
+def page() -> str:
+    """docs/gallery.md: every scene with its sentence, its picture and its drive."""
+    parts = [HEAD]
+    for name in scene_names():
+        known = load(name)
+        parts.append(
+            f"\n## {name}\n\n{known.about}\n\n"
+            f"![{name}, under way](gallery/{name}.webp) ![{name}, the drive](gallery/{name}-drive.webp)\n\n"
+            f"```\npirrht run {name} --record {name}.rrd\n```\n"
+        )
+    return "".join(parts)
+
+
 def write_still(picture: np.ndarray, file: Path) -> None:
     """A still as WebP, whole or not at all."""
     from PIL import Image
@@ -90,7 +123,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Make the pictures; the exit status is 2 for bad input."""
     parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "scenes", nargs="*", metavar="SCENE", help=f"built-in scenes, or {OPENING}: that of the README (all)"
+        "scenes", nargs="*", metavar="SCENE", help=f"built-in scenes, {OPENING} or {VALUE} (all, and the page)"
     )
     parser.add_argument("-o", "--output", type=Path, default=FOLDER, metavar="DIR", help="folder (docs/gallery)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of trees, samples and drives (0)")
@@ -100,9 +133,12 @@ def main(words: Sequence[str] | None = None) -> int:
         options = parser.parse_args(words)
         options.output.mkdir(parents=True, exist_ok=True)
         given = {"seed": options.seed, "max_time": options.max_time}
-        for name in tqdm(options.scenes or (OPENING, *scene_names()), desc="gallery", leave=False, disable=None):
+        for name in tqdm(options.scenes or (OPENING, VALUE, *scene_names()), desc="gallery", leave=False, disable=None):
             if name == OPENING:
                 opening(options.output / f"{OPENING}.webp", given, max(2, options.shots))
+                continue
+            if name == VALUE:
+                value_map(options.output / f"{VALUE}.webp")
                 continue
             film, time = drive(name, given)
             write_still(film.shots([MOMENT * time])[0], options.output / f"{name}.webp")
@@ -110,6 +146,9 @@ def main(words: Sequence[str] | None = None) -> int:
             write_loop(film.shots(moments), options.output / f"{name}-drive.webp")
             film.close()
             print(f"{name}: {time:.1f} s", flush=True)
+        if not options.scenes:
+            with replaced(options.output.parent / "gallery.md", "-o") as stream:
+                stream.write(page().encode())
     except PirrhtError as error:
         print(f"gallery.py: {error}", file=sys.stderr)
         return 2

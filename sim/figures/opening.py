@@ -26,7 +26,8 @@ def pictures(
         labels: what each drive is called, above it.
     """
     scene = drives[0].scenario.loaded.scene
-    low, high = scene.lower + (0.0, MARGIN), scene.upper - (0.0, MARGIN)
+    margin = np.array([0.0, MARGIN])
+    low, high = scene.lower + margin, scene.upper - margin
     height = WIDTH / len(drives) * float((high - low)[1] / (high - low)[0])
     colors = ClassColors()
     colors.meet(name for one in drives for name in one.frames[0].plan.ids)
