@@ -70,7 +70,7 @@ def warehouse() -> Page:
                 for k in range(3)
                 if (i + j + k) % 4
             ]
-    parts += [box("pallet", (7.62, 8.02), (3.35, 3.75), 0.25, "carton"), drum("pillar", 4.85, 3.6, 0.15, 1.0, "wall")]
+    parts += [box("pallet", (6.5, 6.9), (3.3, 3.65), 0.25, "carton"), drum("pillar", 4.85, 3.6, 0.15, 1.0, "wall")]
     return Page(
         name="warehouse",
         about="Racks, and a pillar and a forgotten pallet in the aisle: which side of each, or between the racks?",

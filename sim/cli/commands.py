@@ -214,7 +214,16 @@ def export(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def demo(_: argparse.Namespace) -> int:
+    """Both noise levels of the first example, and what to make of them."""
+    from sim.cli import parser
+    from sim.cli.demo import demo
+
+    return demo(lambda words: run(parser.read(words)), lambda line: say(line) if line else print())
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "demo": demo,
     "scenes": scenes,
     "plan": plan,
     "run": run,

@@ -28,8 +28,8 @@ def scene_table(rows: Sequence[tuple[str, str, float, int, str]], room: int | No
     told = [lines[0] + "  about", lines[1] + "-" * 7]
     for line, (*_, about) in zip(lines[2:], rows, strict=True):
         text = line.ljust(len(indent)) + about
-        fits = room is None or room < len(indent) + LEAST
-        told.append(text.rstrip() if fits else textwrap.fill(text, room, subsequent_indent=indent))
+        broken = room is not None and room >= len(indent) + LEAST
+        told.append(textwrap.fill(text, room or 0, subsequent_indent=indent) if broken else text.rstrip())
     return "\n".join(told)
 
 
