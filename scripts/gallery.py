@@ -105,11 +105,13 @@ def write_still(picture: np.ndarray, file: Path) -> None:
         Image.fromarray(picture).save(stream, "webp", quality=72, method=6)
 
 
-def write_loop(pictures: Sequence[np.ndarray], file: Path, *, size: tuple[int, int] = LOOP, quality: int = 40) -> None:
+def write_loop(
+    pictures: Sequence[np.ndarray], file: Path, *, size: tuple[int, int] | None = None, quality: int = 40
+) -> None:
     """An animated WebP that starts over, whole or not at all."""
     from PIL import Image
 
-    images = [Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS) for picture in pictures]
+    images = [Image.fromarray(picture).resize(size or LOOP, Image.Resampling.LANCZOS) for picture in pictures]
     durations = [round(1000 * SECONDS / len(images))] * (len(images) - 1) + [PAUSE]
     buffer = io.BytesIO()  # the library seeks in what it writes
     images[0].save(

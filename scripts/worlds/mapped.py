@@ -39,7 +39,7 @@ def house() -> Page:
     elements = []
     for solid in solids:
         size, place = (" ".join(f"{v:.6g}" for v in values) for values in (solid.size, solid.pose[:3, 3]))
-        material = "wall" if min(solid.size[:2]) < 0.06 else "wood"
+        material = "wood" if _furniture(*solid.pose[:2, 3].tolist()) else "wall"
         elements.append(f'<geom name="{solid.name}" type="box" pos="{place}" size="{size}" material="{material}"/>')
     return Page(
         name="house",
@@ -51,6 +51,11 @@ def house() -> Page:
         settings={"vertices": 2000, "limit": 0.8},
         elements=elements,
     )
+
+
+def _furniture(x: float, y: float) -> bool:
+    """Whether a box with that middle is, or sticks to, a piece of furniture."""
+    return any(x0 - CELL < x < x1 + CELL and y0 - CELL < y < y1 + CELL for x0, x1, y0, y1 in FURNITURE)
 
 
 def grid() -> np.ndarray:
