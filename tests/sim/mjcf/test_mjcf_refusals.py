@@ -66,7 +66,7 @@ BAD_SCENES = {
     ),
     "unknown text": (
         mjcf(SITES, head='<custom><text name="pirrht_a" data="b"/></custom>'),
-        '"pirrht_a" is no option; those are pirrht_robot and pirrht_about',
+        "and pirrht_about",
     ),
     "unknown robot": (mjcf(SITES, head='<custom><text name="pirrht_robot" data="bike"/></custom>'), "bike"),
     "zero radius": (mjcf(SITES, head='<custom><numeric name="pirrht_radius" data="0"/></custom>'), "radius"),
