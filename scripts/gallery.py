@@ -33,8 +33,8 @@ HEAD = """# Gallery
 
 <!-- Made by scripts/gallery.py of the scenes themselves; a test holds the two against each other. -->
 
-Every built-in scene, driven once with seed 0 at its own noise. The first picture shows the robot after 45 % of the drive,
-with the references of all classes, thicker the more probable they are; the second is the whole drive in four
+Every built-in scene, driven once with seed 0 at its own noise. The first picture shows the robot after 45 % of the
+drive, with the references of all classes, thicker the more probable they are; the second is the whole drive in four
 seconds. Robots among bodies that move follow the exact law (`--method optimal`).
 """
 
