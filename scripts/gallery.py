@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
 from pirrht.files import replaced
+from sim.cli.demo import WAYS
 from sim.cli.parser import Parser
 from sim.film.film import Film
 from sim.mjcf import load, scene_names
@@ -67,7 +68,8 @@ def opening(file: Path, given: dict[str, Any], shots: int) -> None:
     drives = [snapshots.drive(prepare("slit", given={**given, "noise": noise}), (0.0,)) for noise in NOISES]
     last = max(one.frames[-1].end_time for one in drives)
     labels = [f"{much} noise" for much in ("little", "much")]
-    made = list(opening.pictures(pyplot("this script"), drives, labels=labels, times=np.linspace(0.0, last, shots)))
+    times = np.linspace(0.0, last, shots).tolist()
+    made = list(opening.pictures(pyplot("this script"), drives, labels=labels, times=times, ways=WAYS))
     height, width, _ = made[0].shape
     write_loop(made, file, size=(width, height), quality=45)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,18 @@ NOTE = "thin: sampled futures in the colour of their way; grey: those that end i
 
 
 def pictures(
-    plt: Any, drives: Sequence[Drive], *, labels: Sequence[str], times: Sequence[float]
+    plt: Any,
+    drives: Sequence[Drive],
+    *,
+    labels: Sequence[str],
+    times: Sequence[float],
+    ways: Mapping[str, str],
 ) -> Iterator[NDArray[np.uint8]]:
     """Pictures (height, width, 3) of all drives at each time [s]; a drive that is over shows its end.
 
     Args:
         labels: what each drive is called, above it.
+        ways: what classes are called, by id; others by their titles.
     """
     scene = drives[0].scenario.loaded.scene
     margin = np.array([0.0, MARGIN])
@@ -38,7 +44,7 @@ def pictures(
         )
         for axes, one, label in zip(panels[0], drives, labels, strict=True):
             _one(axes, one, time, colors, height)
-            axes.set_title(f"{label}: {_shares(one, time)}", fontsize=9, loc="left", pad=4)
+            axes.set_title(f"{label}, {_shares(one, time, ways)}", fontsize=9, loc="left", pad=4)
             ground.frame(axes, low, high)
             axes.set_axis_off()
         figure.text(0.01, 0.03 / height, NOTE, fontsize=8.5, color=style.INK)
@@ -65,7 +71,7 @@ def _one(axes: Any, one: Drive, time: float, colors: ClassColors, height: float)
     ground.robot(axes, scene, one.frames[-1].advance.states[-1])
 
 
-def _shares(one: Drive, time: float) -> str:
+def _shares(one: Drive, time: float, ways: Mapping[str, str]) -> str:
     """The favourite class and its share, or that the drive is over."""
     last = one.frames[-1]
     if time >= last.end_time:
@@ -76,7 +82,7 @@ def _shares(one: Drive, time: float) -> str:
     if not shares:
         return f"{frame.time:.1f} s"
     name = max(shares, key=lambda each: shares[each])
-    return f"{frame.time:.1f} s, class {title(name)} {100 * shares[name]:.0f} %"
+    return f"{frame.time:.1f} s: {ways.get(name, title(name))} {100 * shares[name]:.0f} %"
 
 
 def _pixels(figure: Any) -> NDArray[np.uint8]:
