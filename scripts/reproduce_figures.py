@@ -6,7 +6,7 @@
 4  snapshots of a drive of the car (Fig. 4)
 5  probability of each class at the start against b, sampled and by the grid
 
-Those of the README: --only 1,2,5 --format png --dpi 160 -o docs
+Those of the documents: --only 1,2,5 --format png --dpi 160 -o docs
 """
 
 from __future__ import annotations

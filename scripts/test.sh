@@ -3,7 +3,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
-prepare ".[test,figures,video]"
+prepare ".[test,figures,video,docs]"
 ruff check .
 ruff format --check .
 mypy

@@ -126,7 +126,7 @@ class Drive(gymnasium.Env[Array, Array]):
         self._tally, self._frame = Tally(self.scenario.settings.period), None
         problem, space = self.scenario.problem, self.scenario.space
         self._odometer = Odometer(
-            problem, space, self._plant.state, self.scenario.settings.max_time, homology=homology=self.scenario.homology
+            problem, space, self._plant.state, self.scenario.settings.max_time, homology=self.scenario.homology
         )
         self._asked = time.perf_counter()
         return self._plant.state, self._info()

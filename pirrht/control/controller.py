@@ -187,7 +187,9 @@ class Controller(Policy):
         """Keep the way of the plan's favourite, by which classes are known again when something else is foreseen."""
         chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
         if self._foreseen is not None and chosen is not None:
-            self._way = chosen.trajectory.path.knots[:, :3] + [0.0, 0.0, self.since]
+            way = chosen.trajectory
+            times = self.drive.time + np.concatenate([[0.0], np.cumsum(way.durations)])[: len(way.path.start)]
+            self._way = np.column_stack([way.path.start[:, :2], times])
 
     def _left(self, x: Array) -> Array | None:
         """What is left of it from x (n,) on, (k, 3) [m, m, s]."""

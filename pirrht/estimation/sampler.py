@@ -206,7 +206,8 @@ class PathIntegral:
         """
         if not (self.moving and self.pointlike and self.problem.dynamics.even):
             return None
-        return self.climbing(x, np.vstack([_bends(trajectory.path.knots[:, :2])[1:-1], self.space.scene.goal.center]))
+        line = np.vstack([trajectory.path.start[:, :2], self.space.scene.goal.center])
+        return self.climbing(x, _bends(line)[1:])
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""

@@ -25,13 +25,13 @@ from sim.drawing.colors import title
 from sim.drive import episode
 from sim.drive.truth import Truth, Witness
 from sim.files import check_writable, write_json
-from sim.mjcf import load, scene_names
+from sim.mjcf import load, models_folder, scene_names
 from sim.options import table as options
 from sim.rehearsal import rehearse
 from sim.result import estimate_json, passages_json, plan_json, run_json, settings_json
 from sim.scenario import Scenario, prepare
-from sim.systems import POSE, SPEED, VELOCITIES, typed
-from sim.text import counted, say, table, width
+from sim.systems import POSE, SPEED, VELOCITIES, named, typed
+from sim.text import counted, say, width
 
 
 def scenes(_: argparse.Namespace) -> int:
@@ -39,18 +39,10 @@ def scenes(_: argparse.Namespace) -> int:
     rows = []
     for name in scene_names():
         loaded = load(name)
-        size = loaded.scene.upper - loaded.scene.lower
-        rows.append(
-            [
-                name,
-                f"{size[0]:g} x {size[1]:g} m",
-                str(len(loaded.scene.obstacles)),
-                str(len(loaded.scene.movers)),
-                loaded.robot,
-                str(loaded.path),
-            ]
-        )
-    print(table(["scene", "size", "solids", "moving", "robot", "file"], rows, width()))
+        noise = loaded.scene.defaults.get("noise", named(loaded.dynamics_name).settings.noise)
+        rows.append((name, loaded.robot, noise, len(loaded.scene.movers), loaded.about))
+    print(tables.scene_table(rows, width()))
+    print(f"\nfiles: {models_folder() / 'scenes'}; pictures of all: docs/gallery.md")
     return 0
 
 
@@ -239,7 +231,16 @@ def play(arguments: argparse.Namespace) -> int:
     return status
 
 
+def demo(_: argparse.Namespace) -> int:
+    """Both noise levels of the first example, and what to make of them."""
+    from sim.cli import parser
+    from sim.cli.demo import demo
+
+    return demo(lambda words: run(parser.read(words)), lambda line: say(line) if line else print())
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "demo": demo,
     "scenes": scenes,
     "plan": plan,
     "run": run,

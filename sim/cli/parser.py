@@ -37,7 +37,8 @@ PLAYED = (
 TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):"
 
 COMMANDS: dict[str, tuple[str, str]] = {  # what the help says of each, and at its end
-    "scenes": ("list the built-in scenes", ""),
+    "demo": ("little and much noise in the scene slit, one after the other, and what to make of them", ""),
+    "scenes": ("list the built-in scenes: robot, noise, how many bodies move, and a sentence on each", ""),
     "plan": ("grow the tree and print one row per homology class", ORDER),
     "run": (
         "plan, then drive; exit status 0 goal, 1 collision or time-out, 2 bad input",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,11 +13,24 @@ from sim.drawing.colors import title
 from sim.drive import realtime_timing
 from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
-from sim.text import counted, say, table
+from sim.text import LEAST, counted, say, table
 
 FEW_CLASSES = 4
 LONE = 1.5  # effective samples of a class of which no more than one has any weight
 WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
+
+
+def scene_table(rows: Sequence[tuple[str, str, float, int, str]], room: int | None = None) -> str:
+    """One row per scene: its name, robot, noise, number of bodies that move, and a sentence on it."""
+    known = [[name, robot, f"{noise:g}", str(moving)] for name, robot, noise, moving, _ in rows]
+    lines = table(["scene", "robot", "noise", "moving"], known).splitlines()
+    indent = " " * (max(map(len, lines)) + 2)
+    told = [lines[0] + "  about", lines[1] + "-" * 7]
+    for line, (*_, about) in zip(lines[2:], rows, strict=True):
+        text = line.ljust(len(indent)) + about
+        broken = room is not None and room >= len(indent) + LEAST
+        told.append(textwrap.fill(text, room or 0, subsequent_indent=indent) if broken else text.rstrip())
+    return "\n".join(told)
 
 
 def class_table(references: Sequence[Reference], room: int | None = None) -> str:

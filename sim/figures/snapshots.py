@@ -68,11 +68,11 @@ def draw(plt: Any, drives: Sequence[Drive], *, labels: Sequence[str], width: flo
     for row, (one, label) in enumerate(zip(drives, labels, strict=True)):
         for column, step in enumerate(one.shown):
             axes, frame = panels[row][column], one.frames[step]
-            _panel(axes, one, step, colors)
+            panel(axes, one, step, colors)
             ground.frame(axes, low, high)
             style.panel(axes, row * columns + column, f"{label}$t$ = {frame.time:.1f} s")
             _ticks(axes, first_column=column == 0, last_row=row == len(drives) - 1)
-            _weights(axes, frame, colors, height)
+            weights(axes, frame, colors, height)
     figure.legend(handles=_handles(colors), loc="outside lower center", ncols=5, columnspacing=1.4, handletextpad=0.5)
     return figure
 
@@ -86,7 +86,7 @@ def _extent(drives: Sequence[Drive], whole: bool) -> tuple[Array, Array]:
     return ground.around(lines, scene, MARGIN)
 
 
-def _panel(axes: Any, one: Drive, step: int, colors: ClassColors) -> None:
+def panel(axes: Any, one: Drive, step: int, colors: ClassColors) -> None:
     """The plan at a step, and the path driven to it."""
     scene, frame = one.scenario.loaded.scene, one.frames[step]
     ground.draw(axes, scene)
@@ -130,14 +130,14 @@ def _ticks(axes: Any, *, first_column: bool, last_row: bool) -> None:
     axes.set_ylabel("$y$ [m]" if first_column else "")
 
 
-def _weights(axes: Any, frame: Frame, colors: ClassColors, height: float) -> None:
+def weights(axes: Any, frame: Frame, colors: ClassColors, height: float) -> None:
     """A bar at the bottom of a panel of that height [in]: the share of psi that each class has."""
     from matplotlib.patches import Rectangle
 
-    weights = frame.plan.estimate.class_weights if frame.plan.estimate else {}
+    known = frame.plan.estimate.class_weights if frame.plan.estimate else {}
     left = 0.0
     for name in [*frame.plan.ids, OTHER]:
-        place, share = (left, 0.0), weights.get(name, 0.0)
+        place, share = (left, 0.0), known.get(name, 0.0)
         color = style.rgb(_color(name, colors))
         axes.add_patch(Rectangle(place, share, BAR / height, transform=axes.transAxes, fc=color, ec="none", zorder=12))
         left += share

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,24 +34,33 @@ class Film:
     Args:
         video: the film's file, .mp4.
         still: the file of its last picture, .png.
+        size: of pictures that nobody writes to a file but `shots`, width and height.
 
     Raises:
         OptionError: files that cannot be made, for want of a library, of graphics or of the right ending.
     """
 
-    def __init__(self, loaded: Loaded, *, video: Path | None = None, still: Path | None = None) -> None:
+    def __init__(
+        self,
+        loaded: Loaded,
+        *,
+        video: Path | None = None,
+        still: Path | None = None,
+        size: tuple[int, int] | None = None,
+    ) -> None:
+        wide, high = size or (WIDTH, HEIGHT)
         self._video, self._still = video, still
         if video is not None:
             _check(video, "--video", ".mp4", "av")
         if still is not None:
             _check(still, "--png", ".png", "PIL")
         option = "--png" if video is None else "--video"
-        self._eye = Offscreen(loaded.model, width=WIDTH, height=HEIGHT, option=option)
+        self._eye = Offscreen(loaded.model, width=wide, height=high, option=option)
         extent, lower = loaded.scene.upper - loaded.scene.lower, loaded.scene.lower
-        size = max(float(extent[1]), float(extent[0]) * HEIGHT / WIDTH)
+        across = max(float(extent[1]), float(extent[0]) * high / wide)
         center = np.array([*(lower + (0.5, 0.46) * extent), 0.0])  # what is near takes more room
-        self._thick = max(1.0, size / 6.0)  # of lines
-        self._eye.look_at(center, distance=1.32 * size, elevation=ELEVATION)
+        self._thick = max(1.0, across / 6.0)  # of lines
+        self._eye.look_at(center, distance=1.32 * across, elevation=ELEVATION)
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
         self._stance, self._colors = stance_of(loaded.model, loaded.states), ClassColors()
         movers = loaded.scene.movers
@@ -76,6 +85,10 @@ class Film:
         """Pictures in the film."""
         return 1 + int(self._times[-1][-1] * RATE) + round(HOLD * RATE)
 
+    def shots(self, times: Sequence[float]) -> list[Picture]:
+        """Pictures (height, width, 3) at times of the drive [s], the last one for any later time."""
+        return [self._picture(time) for time in times]
+
     def save(self, progress: Callable[[int], None]) -> None:
         """Draw everything and write the files; `progress` is told each picture drawn.
 
@@ -90,6 +103,10 @@ class Film:
 
             with replaced(self._still, "--png") as stream:
                 Image.fromarray(self._picture(np.inf)).save(stream, "png")
+        self.close()
+
+    def close(self) -> None:
+        """Give the memory of the graphics back; two films cannot draw in turns."""
         self._eye.close()
 
     def _pictures(self, progress: Callable[[int], None]) -> Iterator[Picture]:

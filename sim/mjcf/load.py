@@ -8,7 +8,8 @@ A scene file declares
                     whose height range meets the robot's; the floor is none. A mocap body stands still; one with
                     a motion (`pirrht_motion_BODY`) is refused
   custom            `<numeric name="pirrht_noise" data="0.1"/>`: defaults of options (- becomes _);
-                    `<text name="pirrht_robot" data="unicycle"/>`: the robot it is meant for
+                    `<text name="pirrht_robot" data="unicycle"/>`: the robot it is meant for;
+                    `<text name="pirrht_about" data="..."/>`: a sentence, which `pirrht scenes` shows
 
 A robot file declares
   body `robot`      its root, at the origin, moved by a slide along x, a slide along y [and a hinge about z],
@@ -61,6 +62,7 @@ _FROM_ROBOT = (
 )  # options of the physics
 _GEOM = mujoco.mjtGeom
 REACH = 1e4  # of a goal at most [m]
+ABOUT = "pirrht_about"  # what a scene says of itself
 TURNED = 1e3  # heading of a start at most [rad]
 
 
@@ -79,6 +81,7 @@ class Loaded:
     robot: str  # name of the robot
     meant: str  # name of the system that the scene's numbers are meant for
     path: Path  # the scene's file
+    about: str = ""  # a sentence on the scene, by itself
 
     def __repr__(self) -> str:
         return f"Loaded({self.scene!r}, robot {self.robot!r}, {self.path})"
@@ -113,7 +116,7 @@ def load(
     defaults, motions = option_defaults(spec, path), read_motions(spec, path)
     if loose:
         loosen(spec)
-    meant = _meant_robot(spec, path)
+    meant, about = _meant_robot(spec, path), _about(spec)
     machine = read_robot(robot or meant, _radius(radius, defaults, path), system)
     model = _join(spec, machine, path)
     data = mujoco.MjData(model)
@@ -151,6 +154,7 @@ def load(
         robot=machine.name,
         meant=meant_system(meant),
         path=path,
+        about=about,
     )
 
 
@@ -204,9 +208,15 @@ def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
             if robot not in robot_names():
                 known = ", ".join(robot_names())
                 raise SceneError(f'{path}: custom text "pirrht_robot" is "{robot}"; write one of {known}')
-        elif text.name.startswith("pirrht_") and not text.name.startswith(MOTION):
-            raise SceneError(f'{path}: custom text "{text.name}" is no option; the only one is pirrht_robot')
+        elif text.name.startswith("pirrht_") and text.name != ABOUT and not text.name.startswith(MOTION):
+            raise SceneError(
+                f'{path}: custom text "{text.name}" is no option; those are pirrht_robot and {ABOUT}, and {MOTION}BODY'
+            )
     return robot
+
+
+def _about(spec: mujoco.MjSpec) -> str:
+    return next((" ".join(str(text.data).split()) for text in spec.texts if text.name == ABOUT), "")
 
 
 def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Goal:

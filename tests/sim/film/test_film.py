@@ -11,6 +11,7 @@ from pirrht.errors import OptionError
 from sim.cli import main
 from sim.film import film, offscreen
 from sim.mjcf import load
+from sim.scenario import prepare
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
 
@@ -49,6 +50,19 @@ def test_a_film_shows_the_drive_and_a_still_its_end(graphics, tmp_path, capsys, 
     assert np.abs(pictures[-1].astype(int) - last).mean() < 6.0
     assert yellow(last) > yellow(pictures[0]) + 20
     assert sorted(tmp_path.iterdir()) == [video, still]
+
+
+@pytest.mark.slow
+def test_shots_are_the_pictures_of_a_drive_at_times_in_a_size_of_their_own(graphics):
+    scenario = prepare("slit", given={"vertices": 80, "samples": 20, "max_time": 0.2})
+    one = film.Film(scenario.loaded, size=(96, 54))
+    for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+        one.add(frame)
+    first, last, later = one.shots([0.0, frame.end_time, 9.0])
+    one.close()
+    assert first.shape == (54, 96, 3)
+    np.testing.assert_array_equal(last, later)
+    assert np.any(first != last)
 
 
 @pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive", "hover", "rover", "car"])

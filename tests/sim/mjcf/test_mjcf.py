@@ -192,6 +192,12 @@ def test_a_scene_names_its_robot_and_its_defaults(write):
     assert load(loaded.path, robot="puck").robot == "puck"
 
 
+def test_a_scene_says_what_it_is_about_or_nothing(write):
+    head = '<custom><text name="pirrht_about" data="A room,&#10;   and a door."/></custom>'
+    assert load(write(mjcf(SITES, head=head))).about == "A room, and a door."
+    assert load(write(mjcf(SITES))).about == ""
+
+
 def test_obstacles_are_plain_values_of_their_own():
     first, second = load("slit"), load("slit")
     first.scene.obstacles[0].position[:] = 0

@@ -64,7 +64,10 @@ BAD_SCENES = {
         mjcf(SITES, head='<custom><numeric name="pirrht_dt" data="1 2"/></custom>'),
         '"pirrht_dt"',
     ),
-    "unknown text": (mjcf(SITES, head='<custom><text name="pirrht_a" data="b"/></custom>'), '"pirrht_a"'),
+    "unknown text": (
+        mjcf(SITES, head='<custom><text name="pirrht_a" data="b"/></custom>'),
+        "and pirrht_about",
+    ),
     "unknown robot": (mjcf(SITES, head='<custom><text name="pirrht_robot" data="bike"/></custom>'), "bike"),
     "zero radius": (mjcf(SITES, head='<custom><numeric name="pirrht_radius" data="0"/></custom>'), "radius"),
     "no time": (mjcf(SITES, head='<option timestep="0"/>'), "timestep"),

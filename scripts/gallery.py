@@ -1,0 +1,163 @@
+"""Pictures of every scene for docs/gallery: a still and a short loop, both of one drive, as MuJoCo shows it.
+
+Robots know nothing of bodies that move until plans do, so scenes with such bodies are driven by the exact law.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from pirrht.errors import PirrhtError
+from pirrht.files import replaced
+from sim.cli.demo import WAYS
+from sim.cli.parser import Parser
+from sim.film.film import Film
+from sim.mjcf import load, scene_names
+from sim.scenario import Scenario, prepare
+
+STILL, LOOP = (960, 540), (400, 225)  # width and height of the pictures
+SHOTS, PAUSE = 32, 900  # pictures of a loop, and how long its last one stays [ms]
+SECONDS = 4.0  # of a loop
+NOISES = (0.1, 0.3)  # of the opening
+MOMENT = 0.45  # of the still, as a share of the drive
+OPENING, VALUE = "opening", "value"
+FOLDER = Path(__file__).resolve().parents[1] / "docs" / "gallery"
+HEAD = """# Gallery
+
+<!-- Made by scripts/gallery.py of the scenes themselves; a test holds the two against each other. -->
+
+Every built-in scene, driven once with seed 0 at its own noise. The first picture shows the robot after 45 % of the
+drive, with the references of all classes, thicker the more probable they are; the second is the whole drive in four
+seconds. Robots among bodies that move follow the exact law (`--method optimal`).
+"""
+
+
+def drive(name: str, given: dict[str, Any]) -> tuple[Film, float]:
+    """Drive once; returns a film of it and how long it took [s]."""
+    scenario = _scenario(name, given)
+    film = Film(scenario.loaded, size=STILL)
+    exact = scenario.settings.method == "optimal"
+    driver = scenario.driver(None if exact else scenario.grown_tree())
+    time = 0.0
+    for frame in scenario.drive(scenario.plant(), driver):
+        film.add(frame)
+        time = frame.end_time
+    return film, time
+
+
+def _scenario(name: str, given: dict[str, Any]) -> Scenario:
+    scenario = prepare(name, given=given)
+    if scenario.loaded.scene.movers:
+        return prepare(name, given={**given, "method": "optimal"})
+    return scenario
+
+
+def opening(file: Path, given: dict[str, Any], shots: int) -> None:
+    """The two drives of the README, little and much noise side by side, as a loop."""
+    from sim.figures import opening, snapshots
+    from sim.figures.draw import pyplot
+
+    drives = [snapshots.drive(prepare("slit", given={**given, "noise": noise}), (0.0,)) for noise in NOISES]
+    last = max(one.frames[-1].end_time for one in drives)
+    labels = [f"{much} noise" for much in ("little", "much")]
+    times = np.linspace(0.0, last, shots).tolist()
+    made = list(opening.pictures(pyplot("this script"), drives, labels=labels, times=times, ways=WAYS))
+    height, width, _ = made[0].shape
+    write_loop(made, file, size=(width, height), quality=45)
+
+
+def value_map(file: Path) -> None:
+    """The exact value of `slit` at both noise levels."""
+    from sim.figures import value_map
+    from sim.figures.draw import pyplot
+
+    plt = pyplot("this script")
+    figure = value_map.draw(plt, [prepare("slit", given={"noise": noise}) for noise in NOISES])
+    figure.canvas.draw()
+    write_still(np.array(figure.canvas.buffer_rgba())[..., :3], file)
+    plt.close(figure)
+
+
+def page() -> str:
+    """docs/gallery.md: every scene with its sentence, its picture and its drive."""
+    parts = [HEAD]
+    for name in scene_names():
+        known = load(name)
+        parts.append(
+            f"\n## {name}\n\n{known.about}\n\n"
+            f"![{name}, under way](gallery/{name}.webp) ![{name}, the drive](gallery/{name}-drive.webp)\n\n"
+            f"```\npirrht run {name} --record {name}.rrd\n```\n"
+        )
+    return "".join(parts)
+
+
+def write_still(picture: np.ndarray, file: Path) -> None:
+    """A still as WebP, whole or not at all."""
+    from PIL import Image
+
+    with replaced(file, "-o") as stream:
+        Image.fromarray(picture).save(stream, "webp", quality=72, method=6)
+
+
+def write_loop(
+    pictures: Sequence[np.ndarray], file: Path, *, size: tuple[int, int] | None = None, quality: int = 40
+) -> None:
+    """An animated WebP that starts over, whole or not at all."""
+    from PIL import Image
+
+    images = [Image.fromarray(picture).resize(size or LOOP, Image.Resampling.LANCZOS) for picture in pictures]
+    durations = [round(1000 * SECONDS / len(images))] * (len(images) - 1) + [PAUSE]
+    buffer = io.BytesIO()  # the library seeks in what it writes
+    images[0].save(
+        buffer, "webp", save_all=True, append_images=images[1:], duration=durations, loop=0, quality=quality, method=4
+    )
+    with replaced(file, "-o") as stream:
+        stream.write(buffer.getvalue())
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Make the pictures; the exit status is 2 for bad input."""
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "scenes", nargs="*", metavar="SCENE", help=f"built-in scenes, {OPENING} or {VALUE} (all, and the page)"
+    )
+    parser.add_argument("-o", "--output", type=Path, default=FOLDER, metavar="DIR", help="folder (docs/gallery)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of trees, samples and drives (0)")
+    parser.add_argument("--shots", type=int, default=SHOTS, metavar="N", help=f"pictures of a loop ({SHOTS})")
+    parser.add_argument("--max-time", type=float, metavar="S", help="of a drive (the scene's own)")
+    try:
+        options = parser.parse_args(words)
+        options.output.mkdir(parents=True, exist_ok=True)
+        given = {"seed": options.seed, "max_time": options.max_time}
+        for name in tqdm(options.scenes or (OPENING, VALUE, *scene_names()), desc="gallery", leave=False, disable=None):
+            if name == OPENING:
+                opening(options.output / f"{OPENING}.webp", given, max(2, options.shots))
+                continue
+            if name == VALUE:
+                value_map(options.output / f"{VALUE}.webp")
+                continue
+            film, time = drive(name, given)
+            write_still(film.shots([MOMENT * time])[0], options.output / f"{name}.webp")
+            moments = np.linspace(0.0, time, max(2, options.shots)).tolist()
+            write_loop(film.shots(moments), options.output / f"{name}-drive.webp")
+            film.close()
+            print(f"{name}: {time:.1f} s", flush=True)
+        if not options.scenes:
+            with replaced(options.output.parent / "gallery.md", "-o") as stream:
+                stream.write(page().encode())
+    except PirrhtError as error:
+        print(f"gallery.py: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
