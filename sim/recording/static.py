@@ -5,35 +5,44 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drawing import strokes
-from sim.drawing.colors import DRIVEN
-from sim.drawing.strokes import lift, packed
+from sim.drawing.colors import DRIVEN, mix
+from sim.drawing.strokes import lift
 from sim.mjcf import Loaded
 from sim.recording import geoms
+from sim.recording.bodies import ROOT, Bodies
+from sim.recording.camera import ABOVE, FOLLOWING, above, opening
 from sim.recording.look import Look
 
 TREE_EDGES = 20000
+SERIES = 3  # solids whose names differ by a number only, and that keep them
+BODY = "/world/robot/body"
+FEW = 8  # obstacles that bear their names on the map, not only their numbers
+LEVELS, DASHES = (0.5, 1.0, 1.5), 16  # of H that are marked; dashes over the obstacle that a tree is lifted by
 TREES = 2  # lifted trees shown, one per obstacle
 
 FLOOR = (38, 42, 48)
 GOAL = (44, 118, 66)
 BORDER = (120, 128, 138)
 CONTROL = (250, 246, 232)
+BRANCH = (120, 170, 205)
 OPTIMUM = (150, 235, 60)
 
-Log = Callable[[str, rr.AsComponents], None]
+Log = Callable[[str, rr.AsComponents | Sequence[rr.AsComponents]], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,6 +88,30 @@ class Subject:
         return f"{self.space.scene.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
     @property
+    def bodies(self) -> Bodies:
+        """Those of the robot, where they are at the start."""
+        return Bodies(self.loaded)
+
+    @cached_property
+    def solids(self) -> tuple[str, ...]:
+        """What to call each solid that stands, in the order of the scene."""
+        loaded = self.loaded
+        given = geoms.names(loaded.model, loaded.obstacle_geoms & ~loaded.moving_geoms)
+        obstacles = enumerate(self.space.obstacles, 1)
+        number = {i: k for k, component in obstacles for i in component.members}
+        return tuple(called(given, number))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """What to call each topological obstacle: as the one of its solids that its marker lies in."""
+        places = [obstacle.position[:2] for obstacle in self.space.scene.obstacles]
+        found = []
+        for component, marker in zip(self.space.obstacles, self.space.homology.markers, strict=True):
+            off = [float(np.linalg.norm(places[i] - marker)) for i in component.members]
+            found.append(self.solids[component.members[int(np.argmin(off))]])
+        return tuple(found)
+
+    @property
     def turn(self) -> float:
         """Height of one whole turn in the lifted tree [m]."""
         scene = self.space.scene
@@ -93,6 +126,26 @@ class Subject:
         return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1} ({name})") for k, name in names.items()]
 
 
+def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:
+    """Names for solids: those given, unless they are missing, used twice, or one of a long series.
+
+    Args:
+        given: in the file, empty where there is none.
+        number: of the obstacle that a solid belongs to, as on the map, by place in `given`.
+    """
+    stems = Counter(_stem(name) for name in given)
+    found = []
+    for i, name in enumerate(given):
+        plain = name and given.count(name) == 1 and stems[_stem(name)] <= SERIES
+        spare = f"obstacle {number[i]}" if i in number else "a wall"
+        found.append(name.replace("_", " ") if plain else spare)
+    return found
+
+
+def _stem(name: str) -> str:
+    return name.rstrip("0123456789 _-")
+
+
 def stage(subject: Subject, log: Log) -> None:
     """Log everything that stays as it is, each under its entity path."""
     log("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
@@ -103,7 +156,6 @@ def stage(subject: Subject, log: Log) -> None:
     for folder, mask in (
         ("/world/scene/obstacles", obstacles & ~moving),
         ("/world/scene/others", shown & ~obstacles & ~robot & ~moving),
-        ("/world/robot/body", shown & robot),
     ):
         for name, solid in geoms.solids(model, mask).items():
             log(f"{folder}/{name}", solid)
@@ -111,8 +163,9 @@ def stage(subject: Subject, log: Log) -> None:
         mask = (shown | obstacles) & geoms.of_body(model, mover.name)
         for name, solid in geoms.solids(model, mask, body=mover.name).items():
             log(f"{mover_path(mover.name)}/{name}", solid)
-    log("/world/robot", _arrows(truth=subject.look.truth))
-    log("/world/tape", rr.LineStrips3D.from_fields(colors=[CONTROL], radii=[0.01]))
+    _robot(subject, shown & robot, log)
+    log(ABOVE, above(subject.space.scene))
+    log(FOLLOWING, [opening()])
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
     log(
         "/why/weight/switch",
@@ -120,6 +173,26 @@ def stage(subject: Subject, log: Log) -> None:
     )
     for obstacle, path, _ in subject.lifted:
         _tree(subject, obstacle, path, log)
+
+
+def _robot(subject: Subject, drawn: NDArray[np.bool_], log: Log) -> None:
+    """The geoms of each of the robot's bodies in its own frame; of what is fixed to the root also where."""
+    model = subject.loaded.model
+    log("/world/robot", _arrows(truth=subject.look.truth))
+    bodies = subject.bodies
+    for name, path in ((ROOT, BODY), *((part.name, part_path(part.name)) for part in bodies.parts)):
+        own = drawn & (model.geom_bodyid == model.body(name).id)
+        for kind, solid in geoms.solids(model, own, body=name).items():
+            log(f"{path}/{kind}", solid)
+    for part in bodies.parts:
+        if part not in bodies.wheels:
+            pose = rr.Transform3D(translation=part.place, quaternion=np.roll(part.turn, -1))
+            log(part_path(part.name), pose)
+
+
+def part_path(name: str) -> str:
+    """The entity of a body of the robot other than its root."""
+    return f"/world/robot/parts/{rr.escape_entity_path_part(name.removeprefix('robot/'))}"
 
 
 def mover_path(name: str) -> str:
@@ -145,7 +218,8 @@ def _ground(subject: Subject, log: Log) -> None:
     disc = {"lengths": [0.004], "radii": [scene.goal.radius], "centers": [(*scene.goal.center, 0.002)]}
     log("/world/scene/goal", rr.Cylinders3D(**disc, colors=[GOAL], fill_mode="solid"))
     markers = subject.space.homology.markers
-    names = [f"{k + 1}" for k in range(len(markers))]
+    few = len(markers) <= FEW
+    names = [f"{k + 1} {name}" if few else f"{k + 1}" for k, name in enumerate(subject.names)]
     places = np.vstack([scene.goal.center, markers])
     labels = rr.Points3D(lift(places, 0.02), radii=0.001, labels=["goal", *names], colors=[CONTROL], show_labels=True)
     log("/world/scene/names", labels)
@@ -153,30 +227,32 @@ def _ground(subject: Subject, log: Log) -> None:
 
 def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
     assert subject.tree is not None
-    ends, middle = strokes.tree_edges(subject.tree, obstacle, TREE_EDGES)
-    log(f"{path}/edges", branches(subject, ends, middle))
-    scene = subject.space.scene
-    x, y = np.column_stack([scene.lower, scene.upper])
-    back = np.array([(x[0], y[1]), (x[0], y[0])])
-    for level in (0.5, 1.0, 1.5):
-        log(
-            f"{path}/levels/{level:g}",
-            rr.LineStrips3D(
-                lift(back, level * subject.turn)[None],
-                radii=0.008,
-                colors=[BORDER],
-                labels=[f"H = {level:g}"],
-                show_labels=True,
-            ),
-        )
+    ends, _ = strokes.tree_edges(subject.tree, obstacle, TREE_EDGES)
+    log(f"{path}/edges", branches(subject, ends))
+    _axes(subject, obstacle, path, log)
 
 
-def branches(subject: Subject, ends: Array, middle: Array) -> rr.LineStrips3D:
-    """Edges of a lifted tree: ends (k, 2, 3) [m, m, turns] and heights of their middles (k,) [turns]."""
-    assert subject.tree is not None
-    limit = subject.tree.limit
-    colors = strokes.heights(middle, 1.0 - limit, 1.0 + limit)
-    return rr.LineStrips3D(lift(ends, ends[..., 2] * subject.turn), radii=0.005, colors=packed(colors))
+def _axes(subject: Subject, obstacle: int, path: str, log: Log) -> None:
+    """Levels of H along the far sides, its axis with numbers, and a dashed line over the obstacle that is counted."""
+    scene, turn = subject.space.scene, subject.turn
+    (x0, y0), (x1, y1) = scene.lower, scene.upper
+    far = np.array([(x0, y0), (x0, y1), (x1, y1)])
+    levels = np.stack([lift(far, level * turn) for level in LEVELS])
+    log(f"{path}/levels", rr.LineStrips3D(levels, radii=0.004, colors=[mix(BORDER, FLOOR, 0.6)]))
+    axis = np.stack([lift(far[2], level * turn) for level in LEVELS])
+    log(f"{path}/axis", rr.LineStrips3D(axis[None], radii=0.008, colors=[BORDER]))
+    told = [f"H = {level:g}" for level in LEVELS]
+    log(f"{path}/axis/names", rr.Points3D(axis, radii=0.03, labels=told, colors=[BORDER], show_labels=True))
+    marker = subject.space.homology.markers[obstacle]
+    heights = np.linspace(0.0, LEVELS[-1] * turn, 2 * DASHES)
+    dashes = np.stack([lift(np.array([marker, marker]), pair) for pair in heights.reshape(-1, 2)])
+    log(f"{path}/marker", rr.LineStrips3D(dashes, radii=0.01, colors=[CONTROL]))
+
+
+def branches(subject: Subject, ends: Array) -> rr.LineStrips3D:
+    """Edges of a lifted tree, of ends (k, 2, 3) [m, m, turns]."""
+    colors = mix(BRANCH, FLOOR, 0.35)
+    return rr.LineStrips3D(lift(ends, ends[..., 2] * subject.turn), radii=0.004, colors=[colors])
 
 
 def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
@@ -197,7 +273,12 @@ def _legend(subject: Subject) -> str:
 **Thin lines**: sampled paths in the colour of their own class; the brighter, the heavier.
 Grey ones hit an obstacle, left the workspace or ran out of time.
 
-**White arrow and line**: the control chosen now, and where its tape alone would lead.{optimum}
+**White arrow**: the control chosen now.{optimum}
+
+**White line**: the way that the samples of the heaviest class went on average; paler lines: those of other classes.
+In a fallback, what is followed instead.
+
+Plans and samples are drawn {subject.look.hz:g} times a second; the panel *Why* says of which moment they are.
 
 **Yellow line**: the path driven.
 
