@@ -219,7 +219,7 @@ def _ground(subject: Subject, log: Log) -> None:
     log("/world/scene/goal", rr.Cylinders3D(**disc, colors=[GOAL], fill_mode="solid"))
     markers = subject.space.homology.markers
     few = len(markers) <= FEW
-    names = [f"{k + 1} {name}" if few else f"{k + 1}" for k, name in enumerate(subject.names)]
+    names = [f"{k} {name}" if few and not name.endswith(f" {k}") else f"{k}" for k, name in enumerate(subject.names, 1)]
     places = np.vstack([scene.goal.center, markers])
     labels = rr.Points3D(lift(places, 0.02), radii=0.001, labels=["goal", *names], colors=[CONTROL], show_labels=True)
     log("/world/scene/names", labels)

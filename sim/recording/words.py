@@ -43,7 +43,7 @@ def sentence(reasons: Sequence[Reason], favourite: str | None) -> str:
         parts.append(f"{reason.way}: {price}{joint}{fate(reason)}")
     text = "; ".join(parts)
     driven = next((r for r in reasons if r.name == favourite), None)
-    chosen = "" if driven is None else f" Most weight: {driven.way}, {share(driven.weight)}."
+    chosen = "" if driven is None else f" Most weight: class {title(driven.name)}, {share(driven.weight)}."
     return f"{text[0].upper()}{text[1:]}.{chosen}"
 
 
@@ -76,11 +76,11 @@ def _where(reason: Reason) -> str:
 
 def _table(reasons: Sequence[Reason]) -> str:
     rows = sorted(reasons, key=lambda r: (-round(r.weight, 3), r.cost))
-    lines = ["| class | way | cost | value | weight | die | where |", "|---|---|--:|--:|--:|--:|---|"]
+    lines = ["| class | cost | value | weight | die | where | way |", "|---|--:|--:|--:|--:|---|---|"]
     for r in rows[:ROWS]:
         value = f"{r.value:.2f} ± {r.error:.2f}" if isfinite(r.value) else "none arrives"
         dying = f"{100 * r.dying:.0f} %" + (f", {100 * r.late:.0f} % late" if r.late >= 0.005 else "")
-        cells = (title(r.name), r.way, f"{r.cost:.2f}", value, share(r.weight), dying, _where(r) if r.where else "")
+        cells = (title(r.name), f"{r.cost:.2f}", value, share(r.weight), dying, _where(r) if r.where else "", r.way)
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
