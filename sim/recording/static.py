@@ -21,7 +21,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, mix
-from sim.drawing.strokes import lift
+from sim.drawing.strokes import lift, packed
 from sim.mjcf import Loaded
 from sim.recording import geoms
 from sim.recording.bodies import ROOT, Bodies
@@ -31,11 +31,13 @@ from sim.recording.look import Look
 TREE_EDGES = 20000
 SERIES = 3  # solids whose names differ by a number only, and that keep them
 BODY = "/world/robot/body"
+TILES = 24  # along the longer side of the floor at most
 FEW = 8  # obstacles that bear their names on the map, not only their numbers
 LEVELS, DASHES = (0.5, 1.0, 1.5), 16  # of H that are marked; dashes over the obstacle that a tree is lifted by
 TREES = 2  # lifted trees shown, one per obstacle
 
 FLOOR = (38, 42, 48)
+TILE = (46, 50, 57)
 GOAL = (44, 118, 66)
 BORDER = (120, 128, 138)
 CONTROL = (250, 246, 232)
@@ -211,8 +213,7 @@ def _ground(subject: Subject, log: Log) -> None:
     """Floor, border of the domain, goal, and the numbers of the obstacles that classes count turns around."""
     scene = subject.space.scene
     center, half = 0.5 * (scene.lower + scene.upper), 0.5 * (scene.upper - scene.lower)
-    floor = {"half_sizes": [(*half, 0.01)], "centers": [(*center, -0.012)], "colors": [FLOOR]}
-    log("/world/scene/floor", rr.Boxes3D(**floor, fill_mode="solid"))
+    log("/world/scene/floor", _tiles(scene.lower, scene.upper))
     corners = center + half * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)])
     log("/world/scene/border", rr.LineStrips3D(lift(corners, 0.0)[None], radii=0.01, colors=[BORDER]))
     disc = {"lengths": [0.004], "radii": [scene.goal.radius], "centers": [(*scene.goal.center, 0.002)]}
@@ -223,6 +224,21 @@ def _ground(subject: Subject, log: Log) -> None:
     places = np.vstack([scene.goal.center, markers])
     labels = rr.Points3D(lift(places, 0.02), radii=0.001, labels=["goal", *names], colors=[CONTROL], show_labels=True)
     log("/world/scene/names", labels)
+
+
+def _tiles(lower: Array, upper: Array) -> rr.Boxes3D:
+    """A floor of square tiles in two shades, by which one sees how far it is: a metre wide, in a large hall more."""
+    side = max(1.0, float(np.ceil((upper - lower).max() / TILES)))
+    edges = [np.append(np.arange(a, b - 1e-6, side), b) for a, b in zip(lower, upper, strict=True)]
+    middles = np.stack(np.meshgrid(*(0.5 * (e[1:] + e[:-1]) for e in edges), indexing="ij"), axis=-1)
+    halves = np.stack(np.meshgrid(*(0.5 * np.diff(e) for e in edges), indexing="ij"), axis=-1)
+    even = (np.indices(middles.shape[:2]).sum(axis=0) % 2).ravel()
+    sizes, centers = (
+        np.column_stack([part.reshape(-1, 2), np.full(len(even), z)]) for part, z in ((halves, 0.01), (middles, -0.012))
+    )
+    return rr.Boxes3D(
+        half_sizes=sizes, centers=centers, colors=packed(np.array([FLOOR, TILE])[even]), fill_mode="solid"
+    )
 
 
 def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
