@@ -56,10 +56,10 @@ def rounded(points: Array, most: int, turn: float = np.deg2rad(12.0)) -> Array:
         turn *= 1.3
 
 
-def drawn(reference: Reference, most: int) -> Array:
-    """The path of a reference as a polyline (k, 2) whose loops are round, k at most `most`."""
+def fine(reference: Reference) -> Array:
+    """The path of a reference as a polyline (k, 2) [m] whose loops are round."""
     lines = reference.path.points(FINE)
-    return rounded(np.vstack([lines[0], *(line[1:] for line in lines[1:])]), most)
+    return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
 
 
 def even(points: Array, count: int) -> Array:

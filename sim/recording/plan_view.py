@@ -48,8 +48,9 @@ class Pictures:
         self._now = step, time
         subject, estimate = self._subject, plan.estimate
         self._ways |= words_of(plan, subject.path_integral, subject.names)
-        lines = [strokes.drawn(r, REFERENCE_POINTS) for r in plan.references]
-        self._references(plan, lines)
+        fine = [strokes.fine(r) for r in plan.references]
+        lines = [strokes.rounded(line, REFERENCE_POINTS) for line in fine]
+        self._references(plan, fine, lines)
         self._average(plan)
         found: dict[str, strokes.Fan] = {}
         if estimate is not None and subject.look.samples != "none":
@@ -102,11 +103,11 @@ class Pictures:
         strips = [lift(line, 0.065 + 0.001 * k) for k, line in enumerate(found)]
         self._strips("/world/ways", strips, colors, np.array(radii, np.float32))
 
-    def _references(self, plan: Plan, flat: Sequence[Array]) -> None:
+    def _references(self, plan: Plan, fine: Sequence[Array], flat: Sequence[Array]) -> None:
         weights = plan.estimate.class_weights if plan.estimate else {}
         weight = np.array([weights.get(name, 0.0) for name in plan.ids])
         colors = [self._colors[name] for name in plan.ids]
-        lines = [strokes.even(r.trajectory.points, LIFTED_POINTS) for r in plan.references]
+        lines = [strokes.even(line, LIFTED_POINTS) for line in fine]
         named = strokes.apart(lines)
         radii = (0.012 + 0.02 * np.sqrt(weight)).astype(np.float32)
         self._strips("/world/references", [lift(line, 0.05) for line in flat], colors, radii)

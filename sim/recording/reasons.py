@@ -109,7 +109,7 @@ def _places(estimate: Estimate, path_integral: PathIntegral, ids: Names, names: 
     each = max(4, TRACED // max(1, len(ids)))
     for a, b in slices:
         dead = a + np.flatnonzero(rollouts.paths.outcome[a:b] == Outcome.COLLISION)
-        chosen.append(dead[np.linspace(0, len(dead) - 1, min(each, len(dead))).astype(np.int64)])
+        chosen.append(dead[:each])  # neighbours are simulated again together, and are as random as any others
     every = np.concatenate(chosen)
     if not len(every):
         return {}

@@ -28,7 +28,7 @@ from sim.recording.bodies import ROOT, Bodies
 from sim.recording.camera import ABOVE, FOLLOWING, above, opening
 from sim.recording.look import Look
 
-TREE_EDGES = 20000
+TREE_EDGES = 8000
 SERIES = 3  # solids whose names differ by a number only, and that keep them
 BODY = "/world/robot/body"
 TILES = 24  # along the longer side of the floor at most

@@ -46,7 +46,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 }
 DOORS: dict[str, set[str]] = {  # library -> rooms and modules that may name it
     "rerun": {"recording"},
-    "mujoco": {"mjcf", "drive.executor", "film", "recording.geoms", "importing.scene_file"},
+    "mujoco": {"mjcf", "drive.executor", "film", "recording.geoms", "recording.bodies", "importing.scene_file"},
     "matplotlib": {"figures", "report.plots"},
     "mpl_toolkits": {"figures"},
     "pyarrow": {"sweeps", "recording.export"},
