@@ -22,6 +22,14 @@ PALETTE: tuple[Color, ...] = (
     (0, 119, 187),  # blue
     (204, 51, 17),  # red
 )
+METHODS: tuple[Color, ...] = (  # of methods, none of which is the colour of a class
+    (68, 68, 68),  # charcoal
+    (170, 51, 119),  # plum
+    (153, 153, 51),  # olive
+    (136, 204, 170),  # mint
+    (170, 136, 85),  # sand
+    (102, 102, 204),  # slate
+)
 EARLY = 3 * len(PALETTE)  # colours that look like no other: the palette, its tints and its shades
 OTHER_COLOR: Color = (187, 187, 187)
 DEAD_COLOR: Color = (112, 116, 122)
@@ -90,6 +98,12 @@ def nth_color(index: int) -> Color:
     if round_ > 2:  # late comers must not be taken for the first classes
         return mix(color, (128, 128, 128), 0.7)
     return (color, mix(color, (255, 255, 255), 0.5), mix(color, (0, 0, 0), 0.35))[round_]
+
+
+def method_color(index: int) -> Color:
+    """The colour of method number `index`; after the last of the palette, tints of the same."""
+    color, round_ = METHODS[index % len(METHODS)], index // len(METHODS)
+    return mix(color, (255, 255, 255), min(0.8, 0.4 * round_))
 
 
 def mix(color: Color, other: Color, share: float) -> Color:

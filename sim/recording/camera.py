@@ -41,7 +41,7 @@ class Following:
 
     def __init__(self, scene: Scene) -> None:
         extent = float((scene.upper - scene.lower).max())
-        self.back = min(max(0.3 * extent, 6.0 * scene.robot_radius), 10.0 * scene.robot_radius)
+        self.back = min(max(0.3 * extent, 6.0 * scene.robot_radius), 12.0 * scene.robot_radius)
         self.up = 0.75 * self.back
         towards = scene.goal.center - scene.start[:2]
         self._course = atan2(towards[1], towards[0])

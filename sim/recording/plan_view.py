@@ -9,12 +9,14 @@ import rerun as rr
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
+from pirrht.exact.desirability import Desirability
 from sim.drawing import averages, strokes
 from sim.drawing.colors import DEAD_COLOR, ClassColors, Color, fade, mix, title
 from sim.drawing.strokes import at_most, lift, packed
 from sim.recording.reasons import reasons, words_of
 from sim.recording.static import CONTROL, FLOOR, Subject
 from sim.recording.stream import Stream
+from sim.recording.truth_view import on_floor, shares_of
 from sim.recording.words import page, share
 
 PICTURE_BYTES = 60_000  # most that a picture may take
@@ -61,7 +63,8 @@ class Pictures:
                 points=self._room(plan, sum(map(len, lines))),
                 everything=subject.look.samples == "all",
             )
-        why = reasons(plan, subject.path_integral, subject.solids, self._ways)
+        exact = None if subject.grid is None else self._truth(subject.grid, plan, time)
+        why = reasons(plan, subject.path_integral, subject.solids, self._ways, exact)
         self._log("/why/page", rr.TextDocument(page(plan, why, time), media_type=rr.MediaType.MARKDOWN))
         for name in sorted(self._fans - found.keys()):
             self._log(_fan_path(name), rr.LineStrips3D(np.zeros((0, 2, 3), np.float32)))
@@ -72,6 +75,13 @@ class Pictures:
             look = {"colors": packed(fade(color, FLOOR, opacity)), "radii": 0.006}
             self._log(_fan_path(name), rr.LineStrips3D(fan.strips, **look))
         self._fans = set(found)
+
+    def _truth(self, grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
+        """What the grid gives to each class; where bodies move also what it says of the floor now."""
+        if grid.moves:
+            for path, picture in on_floor(grid, self._subject.space, time):
+                self._log(path, picture)
+        return shares_of(grid, plan, time)
 
     def _keys(self, plan: Plan) -> dict[int, str]:
         homology = self._subject.space.homology

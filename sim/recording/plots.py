@@ -15,9 +15,10 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import OTHER
 from pirrht.problem import Problem
 from sim.drawing.colors import DRIVEN, ClassColors, title
-from sim.recording.static import CONTROL, OPTIMUM
+from sim.recording.static import CONTROL
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
+from sim.recording.truth_view import OPTIMUM
 
 LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
 BAND = "one standard error"

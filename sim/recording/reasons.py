@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, log, sqrt
 
@@ -35,6 +36,7 @@ class Reason:
     weight: float  # its share of psi
     dying: float  # share of the samples drawn around its path that hit something
     late: float  # share of them that ran out of time
+    exact: float | None = None  # its share of psi by the grid, where that is known
     where: tuple[tuple[str, float], ...] = ()  # what they hit, most often first, and the share of the dying
 
 
@@ -49,12 +51,19 @@ def arriving(estimate: Estimate, ids: Names) -> dict[str, float]:
     return {name: float(alive[h] / number[h]) for h, name in enumerate(ids) if number[h]}
 
 
-def reasons(plan: Plan, path_integral: PathIntegral, names: Names, ways: dict[str, str]) -> list[Reason]:
+def reasons(
+    plan: Plan,
+    path_integral: PathIntegral,
+    names: Names,
+    ways: dict[str, str],
+    exact: Mapping[str, float] | None = None,
+) -> list[Reason]:
     """One for each class of a plan, in the order of its references; none in a fallback.
 
     Args:
         names: what to call the solids of the scene.
         ways: the classes in words (`words_of`).
+        exact: share of psi of each class by the grid, if there is one.
     """
     estimate = plan.estimate
     if estimate is None or not plan.ids:
@@ -76,6 +85,7 @@ def reasons(plan: Plan, path_integral: PathIntegral, names: Names, ways: dict[st
                 weight=weight,
                 dying=max(0.0, 1.0 - alive.get(name, 0.0) - late.get(name, 0.0)),
                 late=late.get(name, 0.0),
+                exact=None if exact is None else exact.get(name, 0.0),
                 where=tuple((what, count / hit.total()) for what, count in hit.most_common(2)),
             )
         )

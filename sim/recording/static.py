@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drawing import strokes
@@ -27,6 +28,7 @@ from sim.recording import geoms
 from sim.recording.bodies import ROOT, Bodies
 from sim.recording.camera import ABOVE, FOLLOWING, above, opening
 from sim.recording.look import Look
+from sim.recording.truth_view import OPTIMUM, on_floor
 
 TREE_EDGES = 8000
 SERIES = 3  # solids whose names differ by a number only, and that keep them
@@ -42,7 +44,6 @@ GOAL = (44, 118, 66)
 BORDER = (120, 128, 138)
 CONTROL = (250, 246, 232)
 BRANCH = (120, 170, 205)
-OPTIMUM = (150, 235, 60)
 
 Log = Callable[[str, rr.AsComponents | Sequence[rr.AsComponents]], None]
 
@@ -56,6 +57,7 @@ class Subject:
     path_integral: PathIntegral
     look: Look
     settings: Mapping[str, object]
+    grid: Desirability | None = None  # the exact solution, where it is to be shown
 
     @property
     def space(self) -> FreeSpace:
@@ -165,6 +167,9 @@ def stage(subject: Subject, log: Log) -> None:
         mask = (shown | obstacles) & geoms.of_body(model, mover.name)
         for name, solid in geoms.solids(model, mask, body=mover.name).items():
             log(f"{mover_path(mover.name)}/{name}", solid)
+    if subject.grid is not None and not subject.grid.moves:
+        for path, picture in on_floor(subject.grid, subject.space, 0.0):
+            log(path, picture)
     _robot(subject, shown & robot, log)
     log(ABOVE, above(subject.space.scene))
     log(FOLLOWING, [opening()])
@@ -279,9 +284,16 @@ def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
     return tuple(dict.fromkeys([*apart, *range(tree.space.homology.M)]))[:most]
 
 
+OPTIMAL = """
+
+**Green arrow**: the optimal control, solved for on a grid. **Floor**: the exact value, from pale at the goal to dark
+where the way is dear, in bands of equal cost; **small arrows** on it: the optimal control there, of a robot with a
+heading the best heading. In the table *exact* is each class' share of psi, by paths drawn under the optimal control."""
+
+
 def _legend(subject: Subject) -> str:
     """What the colours and lines of the drive mean, and the settings, in Markdown."""
-    optimum = "\n\n**Green arrow**: the optimal control, solved for on a grid." if subject.look.truth else ""
+    optimum = OPTIMAL if subject.look.truth else ""
     rows = "\n".join(f"| {name} | {_text(value)} |" for name, value in properties(subject.settings).items())
     return f"""\
 **Thick lines**: the best path of each homology class, with its share of the weight.

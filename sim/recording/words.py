@@ -76,11 +76,26 @@ def _where(reason: Reason) -> str:
 
 def _table(reasons: Sequence[Reason]) -> str:
     rows = sorted(reasons, key=lambda r: (-round(r.weight, 3), r.cost))
-    lines = ["| class | cost | value | weight | die | where | way |", "|---|--:|--:|--:|--:|---|---|"]
+    known = any(r.exact is not None for r in rows)
+    exact = (" exact |", "--:|") if known else ("", "")
+    lines = [
+        f"| class | cost | value | weight |{exact[0]} die | where | way |",
+        f"|---|--:|--:|--:|{exact[1]}--:|---|---|",
+    ]
     for r in rows[:ROWS]:
         value = f"{r.value:.2f} ± {r.error:.2f}" if isfinite(r.value) else "none arrives"
         dying = f"{100 * r.dying:.0f} %" + (f", {100 * r.late:.0f} % late" if r.late >= 0.005 else "")
-        cells = (title(r.name), f"{r.cost:.2f}", value, share(r.weight), dying, _where(r) if r.where else "", r.way)
+        told = [share(r.exact or 0.0)] if known else []
+        cells = (
+            title(r.name),
+            f"{r.cost:.2f}",
+            value,
+            share(r.weight),
+            *told,
+            dying,
+            _where(r) if r.where else "",
+            r.way,
+        )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
