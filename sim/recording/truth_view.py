@@ -99,12 +99,16 @@ def warm_up(grid: Desirability) -> None:
 
 
 def shares_of(grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
-    """Share of psi of each class of a plan, by paths drawn under the optimal control from its state."""
-    found = grid.shares(plan.state, samples=DRAWN, t=time)
-    return {
-        name: found.get(class_id(reference.winding), 0.0)
-        for reference, name in zip(plan.references, plan.ids, strict=True)
-    }
+    """Share of psi of each class of a plan, by paths drawn under the optimal control from its state.
+
+    Where the grid tells classes apart by bodies that move and the plan does not, those of one class are added up.
+    """
+    found = [(name.split(","), share) for name, share in grid.shares(plan.state, samples=DRAWN, t=time).items()]
+    shares = {}
+    for reference, name in zip(plan.references, plan.ids, strict=True):
+        turns = class_id(reference.winding).split(",") if reference.winding else []
+        shares[name] = sum(share for whole, share in found if whole[: len(turns)] == turns)
+    return shares
 
 
 def _states(grid: Desirability, points: Array) -> list[Array]:

@@ -10,7 +10,7 @@ from drives import Drive
 
 from pirrht.outcome import Outcome
 from sim.drawing import averages, strokes
-from sim.drawing.colors import EARLY, ClassColors, place_of
+from sim.drawing.colors import EARLY, ClassColors, method_color, nth_color, place_of
 from sim.drawing.ways import worded
 
 WALLS = ("upper wall", "lower wall")
@@ -125,3 +125,8 @@ def test_loops_are_round_and_corners_stay():
     bent = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
     np.testing.assert_array_equal(strokes.rounded(bent, 64), bent)
     assert len(strokes.rounded(line, 12)) <= 12
+
+
+def test_methods_have_colours_that_no_early_class_has():
+    classes = {nth_color(k) for k in range(EARLY)}
+    assert len({method_color(k) for k in range(9)} - classes) == 9
