@@ -71,7 +71,7 @@ def painted(grid: Desirability, space: FreeSpace, time: float, pixels: int) -> P
     if len(value):
         top = float(np.quantile(value, 0.98))
         bands = np.ceil(np.minimum(value, top) / max(top, 1e-9) * BANDS)
-        shade = np.where(bands % 2, 0.75, 0.66)[:, None]  # by which one sees where one band ends
+        shade = np.where(bands % 2, 0.75, 0.71)[:, None]  # by which one sees where one band ends
         colors[free] = (shade * heights(-bands / BANDS, -1.0, 0.0)).astype(np.uint8)
     width, height = _shape(space, pixels)
     return colors.reshape(height, width, 3)[::-1]
