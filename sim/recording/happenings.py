@@ -1,4 +1,4 @@
-"""What happens on the way besides what the drive itself tells: classes that come and go, and close passages.
+"""What happens on the way besides what the drive itself tells: classes that come and go, ways taken, close passages.
 
 A class comes when it first weighs something, and goes when it has no path any more.
 """
@@ -32,11 +32,18 @@ class Happenings:
         self._ever: set[str] = set()
         self._seen: dict[str, float] = {}  # when each was seen last [s]
         self._passage: Row | None = None  # the closest step of a passage that goes on
+        self._favourite: str | None = None
         self._begun = False
 
     def add(self, row: Row) -> list[tuple[Row, str]]:
         """Take a step in; what is to be told, each at the step that it is about."""
-        return [*((row, text) for text in self._classes(row)), *self._passages(row)]
+        return [*((row, text) for text in (*self._classes(row), *self._switch(row))), *self._passages(row)]
+
+    def _switch(self, row: Row) -> list[str]:
+        """In words where the drive, which tells of the switch itself, is bound for now."""
+        before, self._favourite = self._favourite, row.favourite or self._favourite
+        words = self._said(self._favourite or "")
+        return [f"now {words}"] if before not in (None, self._favourite) and words else []
 
     def _classes(self, row: Row) -> list[str]:
         if not row.ids:

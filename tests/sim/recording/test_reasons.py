@@ -140,7 +140,13 @@ def test_names_of_a_long_series_and_missing_ones_give_way_to_the_number_on_the_m
 
 def step(time, weights, clearance=1.0, outcome=None):
     return SimpleNamespace(
-        step=round(100 * time), time=time, ids=tuple(weights), weights=weights, clearance=clearance, outcome=outcome
+        step=round(100 * time),
+        time=time,
+        ids=tuple(weights),
+        weights=weights,
+        favourite=max(weights, key=weights.get, default=None),
+        clearance=clearance,
+        outcome=outcome,
     )
 
 
@@ -169,6 +175,16 @@ def test_a_close_passage_is_told_of_once_at_its_closest_step():
         (0.3, "passes the lamp with 2.0 cm to spare"),
         (0.7, "passes the lamp with 4.5 cm to spare"),
     ]
+
+
+def test_a_switch_is_told_in_words_and_a_fallback_in_between_is_none():
+    rows = [
+        step(0.0, {"0": 0.7, "1": 0.3}),
+        step(0.1, {}),
+        step(0.2, {"0": 0.6, "1": 0.4}),
+        step(0.3, {"0": 0.4, "1": 0.6}),
+    ]
+    assert told(rows)[1:] == [(0.3, "now past 1")]
 
 
 def test_what_is_hit_was_not_passed():
