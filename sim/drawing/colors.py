@@ -37,7 +37,7 @@ DRIVEN: Color = (255, 200, 60)  # the driven path
 
 
 class ClassColors:
-    """Gives every class id the colour that follows from it, or if another class has that, the next one; keeps it."""
+    """Gives every class id the hue that follows from it, or if another class has it, the next free one; keeps it."""
 
     def __init__(self) -> None:
         self._place: dict[str, int] = {}
@@ -54,8 +54,8 @@ class ClassColors:
         known, taken = len(self._place), set(self._place.values())
         for name in names:
             if name != OTHER and name not in self._place:
-                wanted = place_of(name)
-                early = (k % EARLY for k in range(wanted, wanted + EARLY))
+                hues, wanted = len(PALETTE), place_of(name)
+                early = (hues * tint + (wanted + k) % hues for tint in range(3) for k in range(hues))
                 place = next(k for k in chain(early, count(EARLY)) if k not in taken)
                 self._place[name] = place
                 taken.add(place)
@@ -68,7 +68,7 @@ class ClassColors:
 
 
 def place_of(name: str) -> int:
-    """The colour that a class id asks for, whatever run or picture it appears in.
+    """The hue that a class id asks for, whatever run or picture it appears in.
 
     The straight class comes first, then for each obstacle the first neighbour on one side or the other in turn.
     """
@@ -79,8 +79,8 @@ def place_of(name: str) -> int:
     if len(away) == 1 and abs(away[0][1]) == 1:
         i, k = away[0]
         first = -1 if i % 2 == 0 else 1
-        return (1 + i if k == first else 1 + len(turns) + i) % EARLY
-    return crc32(name.encode()) % EARLY
+        return (1 + i if k == first else 1 + len(turns) + i) % len(PALETTE)
+    return crc32(name.encode()) % len(PALETTE)
 
 
 def title(name: str) -> str:

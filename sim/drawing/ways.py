@@ -6,7 +6,7 @@ are: a class is told by the fewest obstacles that set it apart.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -16,7 +16,11 @@ PASSED = 0.2  # turns about an obstacle from which a path counts as passing it
 
 
 def worded(
-    windings: Mapping[str, Sequence[int]], straight: Array, names: Sequence[str], movers: Sequence[str] = ()
+    windings: Mapping[str, Sequence[int]],
+    straight: Array,
+    names: Sequence[str],
+    movers: Sequence[str] = (),
+    among: Collection[str] | None = None,
 ) -> dict[str, str]:
     """What to call each of several classes.
 
@@ -25,27 +29,29 @@ def worded(
         straight: H of the straight line from where the robot is, (M,) [turns].
         names: of the obstacles, (M,).
         movers: of the bodies that move, in the order of the windings.
+        among: those from which each is to be told apart; None: from all.
 
     Left and right are those of somebody who goes along the path.
     """
-    return {name: _words(mine, windings, straight, names, movers) for name, mine in windings.items()}
+    rivals = [winding for name, winding in windings.items() if among is None or name in among]
+    return {name: _words(mine, rivals, straight, names, movers) for name, mine in windings.items()}
 
 
 def _words(
     mine: Sequence[int],
-    windings: Mapping[str, Sequence[int]],
+    rivals: Sequence[Sequence[int]],
     straight: Array,
     names: Sequence[str],
     movers: Sequence[str],
 ) -> str:
-    others = [other for other in windings.values() if tuple(other) != tuple(mine)]
+    others = [other for other in rivals if tuple(other) != tuple(mine)]
     told = _telling(mine, others) if others else _passed(mine, straight)
     standing = [k for k in told if k < len(names)]
     turns = {k: float(straight[k]) + mine[k] for k in standing}
     rounds = [f"once round {names[k]}" for k in standing if abs(turns[k]) >= 1.0]
     left = [names[k] for k in standing if -1.0 < turns[k] < 0.0]
     right = [names[k] for k in standing if 0.0 <= turns[k] < 1.0]
-    if len(left) == 1 and len(right) == 1:
+    if len(left) == len(right) == 1 and len(names) == 2:  # of two among many it need not lead through the gap
         sides = [f"between {right[0]} and {left[0]}"]
     else:
         sides = [f"{side} of {_listed(group)}" for side, group in (("right", right), ("left", left)) if group]

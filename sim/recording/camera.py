@@ -42,7 +42,7 @@ class Following:
     def __init__(self, scene: Scene) -> None:
         extent = float((scene.upper - scene.lower).max())
         self.back = min(max(0.3 * extent, 6.0 * scene.robot_radius), 12.0 * scene.robot_radius)
-        self.up = 0.75 * self.back
+        self.up = 0.9 * self.back
         towards = scene.goal.center - scene.start[:2]
         self._course = atan2(towards[1], towards[0])
         self._place = np.array(scene.start[:2], dtype=float)

@@ -15,7 +15,6 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import OTHER
 from pirrht.problem import Problem
 from sim.drawing.colors import DRIVEN, ClassColors, title
-from sim.recording.static import CONTROL
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 from sim.recording.truth_view import OPTIMUM
@@ -24,6 +23,7 @@ LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the s
 BAND = "one standard error"
 PRECISION = 2**15
 DIM = (120, 122, 128)
+PLAIN = (164, 128, 230)  # of what belongs to no class; seen on dark ground as well as on a browser's white
 
 
 class Plots:
@@ -41,16 +41,16 @@ class Plots:
         """Names and colours that do not change."""
         controls = [f"u{k + 1}" for k in range(self._controls)]
         plain = (
-            ("/why/clearance", ["clearance"], [CONTROL], [1.6]),
-            ("/why/control", controls, [CONTROL, DRIVEN, OPTIMUM, DIM][: len(controls)], [1.6] * len(controls)),
-            ("/why/cost", ["so far", "with the value of what is left"], [DRIVEN, CONTROL], [2.0, 1.2]),
+            ("/why/clearance", ["clearance"], [PLAIN], [1.6]),
+            ("/why/control", controls, [PLAIN, DRIVEN, OPTIMUM, DIM][: len(controls)], [1.6] * len(controls)),
+            ("/why/cost", ["so far", "with the value of what is left"], [DRIVEN, PLAIN], [2.0, 1.2]),
         )
         of_truth = (
             ("/why/optimum/control", [BAND, "|u - u*|"], [DIM, OPTIMUM], [1.0, 2.0]),
             (
                 "/why/optimum/value",
                 [BAND, BAND, "all paths", "exact"],
-                [DIM, DIM, CONTROL, OPTIMUM],
+                [DIM, DIM, PLAIN, OPTIMUM],
                 [1.0, 1.0, 1.2, 2.0],
             ),
         )
@@ -89,8 +89,8 @@ class Plots:
         for path in ("/why/weight", "/why/ess", "/why/arriving"):
             self._stream.static(path, rr.SeriesLines(**lines, widths=widths))
         titles = ["all paths" if name == OTHER else name for name in titles]
-        colors = [CONTROL if color == self._colors[OTHER] else color for color in colors]
-        titles[1:1], colors[1:1], widths[1:1] = [BAND] * 2, [CONTROL] * 2, [0.8] * 2
+        colors = [PLAIN if color == self._colors[OTHER] else color for color in colors]
+        titles[1:1], colors[1:1], widths[1:1] = [BAND] * 2, [PLAIN] * 2, [0.8] * 2
         if self._truth:
             titles, colors, widths = [*titles, "exact"], [*colors, OPTIMUM], [*widths, 1.2]
         self._stream.static("/why/value", rr.SeriesLines(names=titles, colors=colors, widths=widths))

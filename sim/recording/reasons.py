@@ -19,6 +19,7 @@ from pirrht.outcome import Outcome
 from sim.drawing.ways import worded
 
 TRACED, NEAREST = 48, 3  # samples whose ends are looked at, obstacles that are asked how near they are
+CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much
 BORDER = "the border"
 
 Names = tuple[str, ...]
@@ -93,10 +94,16 @@ def reasons(
 
 
 def words_of(plan: Plan, path_integral: PathIntegral, names: Names) -> dict[str, str]:
-    """The classes of a plan's references in words, by id; `names` (M,) are those of the topological obstacles."""
+    """The classes of a plan's references in words, by id; `names` (M,) are those of the topological obstacles.
+
+    They are told apart from those that matter: from all that there are would take too many words.
+    """
     windings = {name: r.winding for name, r in zip(plan.ids, plan.references, strict=True)}
     movers = tuple(mover.name for mover in path_integral.space.scene.movers)
-    return worded(windings, path_integral.space.homology.straight(plan.state[None, :2])[0], names, movers)
+    weights = plan.estimate.class_weights if plan.estimate else {}
+    matter = {name for k, name in enumerate(plan.ids) if k < CHEAPEST or weights.get(name, 0.0) >= HEAVY}
+    straight = path_integral.space.homology.straight(plan.state[None, :2])[0]
+    return worded(windings, straight, names, movers, matter)
 
 
 def _slices(first: NDArray[np.int64], count: int) -> list[tuple[int, int]]:

@@ -126,8 +126,9 @@ class Subject:
         """Obstacle, entity path and title of each lifted tree."""
         if self.tree is None:
             return []
-        names = {k: self.space.obstacles[k].names[0] for k in self.lift}
-        return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1} ({name})") for k, name in names.items()]
+        names = {k: self.names[k] for k in self.lift}
+        also = {k: "" if name == f"obstacle {k + 1}" else f" ({name})" for k, name in names.items()}
+        return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1}{name}") for k, name in also.items()]
 
 
 def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:

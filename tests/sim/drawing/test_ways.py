@@ -51,6 +51,19 @@ def test_no_two_classes_are_called_the_same():
             assert max(abs(straight[k] + r[k]) for r in (a, b) for k in range(5)) >= 1.0
 
 
+def test_of_two_obstacles_among_many_nothing_is_claimed_about_the_gap():
+    windings = {"0,0,0": (0, 0, 0), "0,1,0": (0, 1, 0), "-1,0,0": (-1, 0, 0)}
+    words = worded(windings, np.array([0.4, -0.4, 0.1]), ["table", "shelf", "lamp"])
+    assert words["0,0,0"] == "right of table, left of shelf"
+
+
+def test_a_class_is_told_apart_from_those_that_matter():
+    windings = {"0,0,0": (0, 0, 0), "0,1,0": (0, 1, 0), "0,0,1": (0, 0, 1)}
+    straight, names = np.array([0.4, -0.4, -0.3]), ["table", "shelf", "lamp"]
+    assert worded(windings, straight, names)["0,0,0"] == "left of shelf and lamp"
+    assert worded(windings, straight, names, among={"0,0,0", "0,1,0"})["0,0,0"] == "left of shelf"
+
+
 def test_one_class_alone_is_told_by_what_it_passes_and_none_is_straight_ahead():
     assert worded({"0": (0,)}, np.array([0.4]), ["table"]) == {"0": "right of table"}
     assert worded({"0": (0,)}, np.array([0.05]), ["table"]) == {"0": "straight ahead"}
