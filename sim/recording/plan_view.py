@@ -19,7 +19,7 @@ from sim.recording.stream import Stream
 from sim.recording.truth_view import on_floor, shares_of
 from sim.recording.words import page, share
 
-PICTURE_BYTES = 60_000  # most that a picture may take
+PICTURE_BYTES = 50_000  # most that a picture may take
 CHUNK_BYTES, POINT_BYTES = (
     1300,
     9,
