@@ -119,7 +119,7 @@ class Pictures:
         colors = [self._colors[name] for name in plan.ids]
         lines = [strokes.even(line, LIFTED_POINTS) for line in fine]
         named = strokes.apart(lines)
-        radii = (0.012 + 0.02 * np.sqrt(weight)).astype(np.float32)
+        radii = (0.008 + 0.024 * np.sqrt(weight)).astype(np.float32)
         self._strips("/world/references", [lift(line, 0.05) for line in flat], colors, radii)
         told = [i for i, w in enumerate(weight) if (w >= TOLD if weights else i < LIFTED)]  # more would hide the scene
         self._names(
