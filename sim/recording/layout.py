@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 
 from pirrht.geometry.scene import Scene
 from sim.recording.camera import ABOVE, FOLLOWING
-from sim.recording.static import Subject
+from sim.recording.subject import Subject
 
 BACKGROUND = (20, 22, 26)
 

@@ -14,8 +14,9 @@ from sim.drawing import averages, strokes
 from sim.drawing.colors import DEAD_COLOR, ClassColors, Color, fade, mix, title
 from sim.drawing.strokes import at_most, lift, packed
 from sim.recording.reasons import reasons, words_of
-from sim.recording.static import CONTROL, FLOOR, Subject
+from sim.recording.static import CONTROL, FLOOR
 from sim.recording.stream import Stream
+from sim.recording.subject import Subject
 from sim.recording.truth_view import on_floor, shares_of
 from sim.recording.words import page, share
 

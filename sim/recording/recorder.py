@@ -19,8 +19,9 @@ from sim.recording.look import Look
 from sim.recording.outlet import ToFile, ToViewer
 from sim.recording.sink import Sink
 from sim.recording.sinks import Sinks
-from sim.recording.static import TREE_EDGES, Subject
+from sim.recording.static import TREE_EDGES
 from sim.recording.step_row import Edges, Row
+from sim.recording.subject import Subject
 from sim.systems import POSE
 
 __all__ = ["Look", "Recorder", "Sinks"]

@@ -40,12 +40,14 @@ from sim.mjcf.mocap import Mocap
 from sim.recording.camera import FOLLOWING, Following
 from sim.recording.components import columns
 from sim.recording.happenings import Happenings
+from sim.recording.legend import properties
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
 from sim.recording.reasons import met
-from sim.recording.static import Subject, branches, mover_path, part_path, properties, stage
+from sim.recording.static import branches, mover_path, part_path, stage
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
+from sim.recording.subject import Subject
 
 BATCH_STEPS = 36  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
 WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]

@@ -12,7 +12,7 @@ from drives import Drive
 from pirrht.outcome import Outcome
 from sim.recording.happenings import Happenings
 from sim.recording.reasons import BORDER, Reason, arriving, met, reasons, words_of
-from sim.recording.static import called
+from sim.recording.subject import called
 from sim.recording.words import fate, page, sentence, share
 
 WALLS = ("upper wall", "lower wall")

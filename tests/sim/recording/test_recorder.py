@@ -25,9 +25,9 @@ from sim.drawing.colors import PALETTE, ClassColors, title
 from sim.drive.episode import run
 from sim.recording import geoms, read, viewer
 from sim.recording.sink import ROOM
-from sim.recording.static import telling
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
+from sim.recording.subject import telling
 
 STATIC_BYTES = 510_000  # scene, robot, tree, legend, the last picture, and 215 kB of blueprint
 
