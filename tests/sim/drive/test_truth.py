@@ -16,7 +16,7 @@ from sim.recording.static import CONTROL
 from sim.recording.truth_view import OPTIMUM
 from sim.recording.writer import AHEAD
 
-STATIC_BYTES = 380_000  # two views more than without a truth
+STATIC_BYTES = 540_000  # two views more than without a truth
 SHORT = ["--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.05"]
 
 
