@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from sim.drawing.colors import PALETTE
+from sim.drawing.colors import METHODS
 from sim.figures.draw import pyplot
 
-COLORS = [tuple(c / 255.0 for c in color) for color in PALETTE]
+COLORS = [tuple(c / 255.0 for c in color) for color in METHODS]
 
 
 def samples(path: Path, values: list[dict[str, Any]]) -> None:

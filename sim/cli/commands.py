@@ -104,7 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
     rehearse(scenario, driving=True)
     tally = episode.Tally(settings.period)
     frames = scenario.drive(scenario.plant(), driver)
-    recorder = _recorder(arguments, scenario, tree, driver.path_integral)
+    recorder = _recorder(arguments, scenario, tree, driver.path_integral, truth)
     with closing(frames), recorder or nullcontext(), _bar("drive", settings.max_time, "s") as bar:
         for frame in frames:
             news = tally.add(frame)
@@ -358,13 +358,16 @@ def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
     return look
 
 
-def _recorder(arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any) -> Any:
+def _recorder(
+    arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any, truth: Any
+) -> Any:
     sinks, look = _sinks(arguments), _look(arguments, scenario)
     if not sinks:
         return None
     from sim.recording.recorder import Recorder
 
-    recorder = Recorder(scenario.loaded, tree, path_integral, sinks, look, settings=settings_json(scenario))
+    settings = settings_json(scenario)
+    recorder = Recorder(scenario.loaded, tree, path_integral, sinks, look, settings=settings, grid=truth)
     if recorder.server is not None:
         print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
     return recorder

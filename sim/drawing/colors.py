@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import chain, count
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,35 +22,65 @@ PALETTE: tuple[Color, ...] = (
     (0, 119, 187),  # blue
     (204, 51, 17),  # red
 )
+METHODS: tuple[Color, ...] = (  # of methods, none of which is the colour of a class
+    (68, 68, 68),  # charcoal
+    (170, 51, 119),  # plum
+    (153, 153, 51),  # olive
+    (136, 204, 170),  # mint
+    (170, 136, 85),  # sand
+    (102, 102, 204),  # slate
+)
+EARLY = 3 * len(PALETTE)  # colours that look like no other: the palette, its tints and its shades
 OTHER_COLOR: Color = (187, 187, 187)
 DEAD_COLOR: Color = (112, 116, 122)
 DRIVEN: Color = (255, 200, 60)  # the driven path
 
 
 class ClassColors:
-    """Gives every class id a colour when it first appears, and keeps it."""
+    """Gives every class id the hue that follows from it, or if another class has it, the next free one; keeps it."""
 
     def __init__(self) -> None:
-        self._order: dict[str, int] = {}
+        self._place: dict[str, int] = {}
 
     def __getitem__(self, name: str) -> Color:
         """The colour of a class id."""
         if name == OTHER:
             return OTHER_COLOR
-        return nth_color(self._order.setdefault(name, len(self._order)))
+        self.meet((name,))
+        return nth_color(self._place[name])
 
     def meet(self, names: Iterable[str]) -> bool:
         """Take note of class ids; whether one of them is new."""
-        known = len(self._order)
+        known, taken = len(self._place), set(self._place.values())
         for name in names:
-            if name != OTHER:
-                self._order.setdefault(name, len(self._order))
-        return len(self._order) > known
+            if name != OTHER and name not in self._place:
+                hues, wanted = len(PALETTE), place_of(name)
+                early = (hues * tint + (wanted + k) % hues for tint in range(3) for k in range(hues))
+                place = next(k for k in chain(early, count(EARLY)) if k not in taken)
+                self._place[name] = place
+                taken.add(place)
+        return len(self._place) > known
 
     @property
     def names(self) -> list[str]:
         """The class ids met so far, in order of first appearance."""
-        return list(self._order)
+        return list(self._place)
+
+
+def place_of(name: str) -> int:
+    """The hue that a class id asks for, whatever run or picture it appears in.
+
+    The straight class comes first, then for each obstacle the first neighbour on one side or the other in turn.
+    """
+    turns = [int(k) for k in name.split(",") if k.lstrip("-").isdigit()]
+    away = [(i, k) for i, k in enumerate(turns) if k]
+    if not away:
+        return 0
+    if len(away) == 1 and abs(away[0][1]) == 1:
+        i, k = away[0]
+        first = -1 if i % 2 == 0 else 1
+        return (1 + i if k == first else 1 + len(turns) + i) % len(PALETTE)
+    return crc32(name.encode()) % len(PALETTE)
 
 
 def title(name: str) -> str:
@@ -61,11 +93,17 @@ def title(name: str) -> str:
 
 
 def nth_color(index: int) -> Color:
-    """The colour of the class that appeared as number `index`: palette, tints, shades, then greyish ones in turn."""
+    """Colour number `index`: palette, tints, shades, then greyish ones in turn."""
     color, round_ = PALETTE[index % len(PALETTE)], index // len(PALETTE)
     if round_ > 2:  # late comers must not be taken for the first classes
         return mix(color, (128, 128, 128), 0.7)
     return (color, mix(color, (255, 255, 255), 0.5), mix(color, (0, 0, 0), 0.35))[round_]
+
+
+def method_color(index: int) -> Color:
+    """The colour of method number `index`; after the last of the palette, tints of the same."""
+    color, round_ = METHODS[index % len(METHODS)], index // len(METHODS)
+    return mix(color, (255, 255, 255), min(0.8, 0.4 * round_))
 
 
 def mix(color: Color, other: Color, share: float) -> Color:

@@ -1,4 +1,4 @@
-"""Figs. 2 and 4: snapshots of drives with samples, references, the path that the chosen tape leads along, the robot."""
+"""Figs. 2 and 4: snapshots of drives with samples, references, how the heaviest class went on average, the robot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import OTHER
 from pirrht.estimation.sampler import PathIntegral
-from sim.drawing import strokes
+from sim.drawing import averages, strokes
 from sim.drawing.colors import ClassColors, Color, title
 from sim.drive.odometer import Frame
 from sim.figures import ground, style
@@ -97,10 +97,19 @@ def panel(axes: Any, one: Drive, step: int, colors: ClassColors) -> None:
             ground.dots(axes, line, style.rgb(colors[name]), width=1.1)
         else:
             axes.plot(*line.T, color=style.LONGER, lw=0.7, zorder=4)
-    chosen = strokes.ahead(frame.plan, one.scenario.problem)
-    axes.plot(*chosen.T, color=style.INK, lw=0.9, ls=DASHES, zorder=7)
+    axes.plot(*_chosen(one, frame).T, color=style.INK, lw=0.9, ls=DASHES, zorder=7)
     axes.plot(*one.driven(step).T, color=style.INK, lw=0.8, zorder=8)
     ground.robot(axes, scene, frame.plan.state)
+
+
+def _chosen(one: Drive, frame: Frame) -> Array:
+    """How the samples of the heaviest class went on average, (k, 2) [m]; in a fallback what is followed."""
+    plan = frame.plan
+    if plan.estimate is not None:
+        ways = averages.ways(one.path_integral, plan.estimate, plan.classes)
+        if plan.favourite in ways:
+            return ways[plan.favourite]
+    return strokes.ahead(plan, one.scenario.problem)
 
 
 def _samples(axes: Any, one: Drive, frame: Frame, colors: ClassColors) -> None:
@@ -162,7 +171,7 @@ def _handles(colors: ClassColors) -> list[Any]:
         *([Line2D([], [], color=style.LONGER, lw=0.7, label="longer classes")] if many else []),
         Line2D([], [], color=style.rgb(style.DEAD), lw=0.5, label="samples that died"),
         Line2D([], [], color=ink, lw=0.8, label="driven"),
-        Line2D([], [], color=ink, lw=0.9, ls=DASHES, label="where the chosen tape leads"),
+        Line2D([], [], color=ink, lw=0.9, ls=DASHES, label="heaviest class, on average"),
         Line2D([], [], color=ink, marker="o", ms=5, mfc=style.ROBOT, mew=0.6, ls="none", label="robot"),
         Patch(fc=style.GOAL, ec=style.GOAL_EDGE, lw=0.6, label="goal"),
         Patch(fc=style.WALL, label="obstacle"),

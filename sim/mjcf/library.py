@@ -66,9 +66,20 @@ def parse(path: Path) -> mujoco.MjSpec:
         raise SceneError(f"{path}: MuJoCo opens files whose names are UTF-8 text; rename it") from None
     try:
         refuse_nan(path)
-        return mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise SceneError(f"{path}: not MJCF: {_one_line(error)}; mend the XML there") from None
+    _lend_meshes(spec, path)
+    return spec
+
+
+def _lend_meshes(spec: mujoco.MjSpec, path: Path) -> None:
+    """Let a copy of a built-in robot use its meshes, which have stayed where they were."""
+    folder = models_folder() / "robots" / "meshes"
+    for mesh in spec.meshes:
+        lent = folder / Path(mesh.file).name
+        if mesh.file and not (path.parent / spec.meshdir / mesh.file).exists() and lent.is_file():
+            mesh.file = str(lent)
 
 
 def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:

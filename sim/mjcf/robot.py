@@ -67,7 +67,7 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     named_here = system is None
     system = _named_system(spec, path) if system is None else system
     if radius is not None:
-        _resize(body, foot, radius)
+        _resize(spec, body, foot, radius)
     model = compile_spec(spec, path)
     (_check_wheels if rolls(model) else _check_joints)(model, system, path)
     if named_here:  # another system may do without MuJoCo; `check_motion` sees to it where it does not
@@ -107,12 +107,19 @@ def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) ->
     return low, high
 
 
-def _resize(body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float) -> None:
+def _resize(spec: mujoco.MjSpec, body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float) -> None:
     """A robot that collides with its footprint grows as a whole; for any other only the footprint does."""
     ratio = radius / foot.size[0]
-    for geom in body.geoms if foot.contype or foot.conaffinity else [foot]:
-        geom.size = np.asarray(geom.size) * ratio
-        if foot.contype or foot.conaffinity:
+    if not (foot.contype or foot.conaffinity):
+        foot.size = np.asarray(foot.size) * ratio
+        return
+    for mesh in spec.meshes:
+        mesh.scale = np.asarray(mesh.scale) * ratio
+    for part in [body, *body.find_all("body")]:
+        if part is not body:
+            part.pos = np.asarray(part.pos) * ratio
+        for geom in part.geoms:
+            geom.size = np.asarray(geom.size) * ratio
             geom.pos = np.asarray(geom.pos) * ratio
 
 

@@ -23,13 +23,12 @@ def shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
 def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_], body: str | None = None) -> dict[str, rr.AsComponents]:
     """Chosen geoms (ngeom,) as they stand at zero joint positions, by entity path: one per kind, one per mesh.
 
-    Those of a mocap body, whose name is given, are in its own frame.
+    Of a body, whose name is given, they are in its own frame.
     """
     data = mujoco.MjData(model)
-    if body is not None:
-        row = model.body_mocapid[model.body(body).id]
-        data.mocap_pos[row], data.mocap_quat[row] = 0.0, (1.0, 0.0, 0.0, 0.0)
     mujoco.mj_kinematics(model, data)
+    if body is not None:
+        _into_frame(data, model.body(body).id)
     drawn: dict[str, rr.AsComponents] = {}
     for kind, name in ((_GEOM.mjGEOM_BOX, "boxes"), (_GEOM.mjGEOM_CYLINDER, "cylinders")):
         if len(group := np.flatnonzero(chosen & (model.geom_type == kind))):
@@ -42,6 +41,19 @@ def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_], body: str | None = 
     for geom in np.flatnonzero(chosen & (model.geom_type == _GEOM.mjGEOM_MESH)):
         drawn[f"meshes/{_part(model, int(geom))}"] = _mesh(model, data, int(geom))
     return drawn
+
+
+def _into_frame(data: mujoco.MjData, body: int) -> None:
+    """Express the poses of all geoms in the frame of a body."""
+    turn = data.xmat[body].reshape(3, 3)
+    data.geom_xpos[:] = (data.geom_xpos - data.xpos[body]) @ turn
+    data.geom_xmat[:] = (turn.T @ data.geom_xmat.reshape(-1, 3, 3)).reshape(-1, 9)
+
+
+def names(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> list[str]:
+    """What the file calls each of the chosen geoms (ngeom,): by the geom, else by its body; empty where by neither."""
+    bodies = model.geom_bodyid
+    return [model.geom(g).name or (model.body(bodies[g]).name if bodies[g] else "") for g in np.flatnonzero(chosen)]
 
 
 def of_body(model: mujoco.MjModel, body: str) -> NDArray[np.bool_]:
@@ -78,12 +90,17 @@ def _part(model: mujoco.MjModel, geom: int) -> str:
 
 
 def _mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> rr.AsComponents:
-    mesh = int(model.geom_dataid[geom])
+    """A mesh with its normals, without which the viewer draws it flat; corners that share both are one."""
+    mesh, turn = int(model.geom_dataid[geom]), data.geom_xmat[geom].reshape(3, 3).T
+    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     vertices = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
-    faces = model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
+    normals = model.mesh_normal[model.mesh_normaladr[mesh] :][: model.mesh_normalnum[mesh]]
+    corners = np.stack([model.mesh_face[first:][:count], model.mesh_facenormal[first:][:count]], axis=-1)
+    pairs, faces = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     return rr.Mesh3D(
-        vertex_positions=vertices @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom],
-        triangle_indices=faces,
+        vertex_positions=np.float32(vertices[pairs[:, 0]] @ turn + data.geom_xpos[geom]),
+        vertex_normals=np.float32(normals[pairs[:, 1]] @ turn),
+        triangle_indices=faces.reshape(-1, 3),
         albedo_factor=rgba_of(model, geom),
     )
 

@@ -7,18 +7,20 @@ from typing import Any
 import rerun.blueprint as rrb
 
 from pirrht.geometry.scene import Scene
-from sim.recording.static import Subject
+from sim.recording.camera import ABOVE, FOLLOWING
+from sim.recording.subject import Subject
 
 BACKGROUND = (20, 22, 26)
 
 
 def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
-    """Three tabs: Drive, Why and, if there is a tree, Tree; `live` has the time cursor follow the data."""
+    """Tabs Drive, Why, About and, if there is a tree, Tree; `live` has the time cursor follow the data."""
     scene = subject.space.scene
-    tabs = [_drive(scene), _why(truth=subject.look.truth)]
+    tabs = [_drive(), _why(truth=subject.look.truth)]
     if subject.lifted:
         views = [_tree(scene, path, title, subject.turn) for _, path, title in subject.lifted]
         tabs.append(rrb.Horizontal(*views, name="Tree"))
+    tabs.append(rrb.Horizontal(rrb.TextDocumentView(origin="/about", name="What you see"), name="About"))
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if live else "playing"),
@@ -29,68 +31,77 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     )
 
 
-def _drive(scene: Scene) -> rrb.Container:
-    view = rrb.Spatial3DView(
+def _drive() -> rrb.Container:
+    """With the robot, from above, and below them what the plan rests on and what happened."""
+    close = _space(
+        "With the robot", rrb.EyeControls3D(tracking_entity=FOLLOWING), ["/world/scene/names", "/world/names", ABOVE]
+    )
+    chart = _space("From above", rrb.EyeControls3D(tracking_entity=ABOVE), [FOLLOWING])
+    words = rrb.Horizontal(_page(), _log(), column_shares=[5, 3])
+    return rrb.Vertical(rrb.Horizontal(close, chart), words, row_shares=[5, 3], name="Drive")
+
+
+def _space(name: str, eye: rrb.EyeControls3D, without: list[str]) -> rrb.View:
+    return rrb.Spatial3DView(
         origin="/world",
-        name="From above",
+        contents=["$origin/**", *(f"- {path}" for path in without)],
+        name=name,
         background=list(BACKGROUND),
         line_grid=False,
-        eye_controls=_eye(scene, tilt=0.02, height=0.0),
+        eye_controls=eye,
         overrides={"world/path": _so_far()},
     )
-    side = rrb.Vertical(
-        rrb.TextDocumentView(origin="/about", name="What you see"),
-        _weights(legend=False),
-        row_shares=[3, 2],
-    )
-    return rrb.Horizontal(view, side, column_shares=[3, 1], name="Drive")
+
+
+def _page() -> rrb.View:
+    return rrb.TextDocumentView(origin="/why/page", name="Why")
+
+
+def _log() -> rrb.View:
+    columns = rrb.TextLogColumns(text_log_columns=["body"])
+    return rrb.TextLogView(origin="/log", name="What happened", columns=columns)
 
 
 def _why(*, truth: bool) -> rrb.Container:
-    plots = rrb.Vertical(
-        _weights(legend=True),
-        _series(
-            "/why/value",
-            "Value -lambda log psi of all paths, with its standard error, and class by class [cost]",
-            "RightTop",
-        ),
-        _series("/why/ess", "Effective sample size", "LeftTop"),
-        row_shares=[3, 2, 2],
+    """What the classes are worth, what the robot does, and both in words; with a truth how far that is off."""
+    classes = rrb.Vertical(
+        _series("/why/weight", "Class weights (shares of psi)", "RightTop", range=(-0.03, 1.08)),
+        _series("/why/value", "Value: all paths with standard error, and by class [cost]", None),
+        _series("/why/arriving", "Share of the samples that arrive", None, range=(-0.03, 1.08)),
+        _series("/why/ess", "Effective sample size", None),
+        row_shares=[3, 2, 2, 2],
     )
-    columns = rrb.TextLogColumns(text_log_columns=["body"])
-    log = rrb.TextLogView(origin="/log", name="What happened", columns=columns)
-    if not truth:
-        return rrb.Horizontal(plots, log, column_shares=[3, 1], name="Why")
-    beside = rrb.Vertical(
-        _series("/why/optimum/control", "Distance from the optimal control", "RightTop"),
-        _series("/why/optimum/value", "Value beside the exact one, which is 0 here [cost]", "RightBottom"),
-        log,
-        row_shares=[3, 3, 1],
+    if truth:
+        deed = [
+            _series("/why/optimum/control", "Distance from the optimal control", "RightTop"),
+            _series("/why/optimum/value", "Value beside the exact one, which is 0 here [cost]", "RightBottom"),
+        ]
+    else:
+        deed = [_series("/why/control", "Control", "LeftTop")]
+    robot = rrb.Vertical(
+        _series("/why/clearance", "Room around the robot [m]", None),
+        *deed,
+        _series("/why/cost", "Running cost [cost]", "RightBottom"),
     )
-    return rrb.Horizontal(plots, beside, column_shares=[3, 2], name="Why")
+    words = rrb.Vertical(_page(), _log(), row_shares=[3, 2])
+    return rrb.Horizontal(classes, robot, words, column_shares=[3, 2, 3], name="Why")
 
 
-def _weights(*, legend: bool) -> rrb.View:
-    return rrb.TimeSeriesView(
-        origin="/why/weight",
-        name="Class weights (shares of psi, stacked)",
-        axis_y=rrb.ScalarAxis(range=(-0.03, 1.1)),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightBottom, visible=legend),
-    )
-
-
-def _series(origin: str, name: str, corner: str) -> rrb.View:
-    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(rrb.Corner2D[corner]))
+def _series(origin: str, name: str, corner: str | None, range: tuple[float, float] | None = None) -> rrb.View:
+    """A plot; one without a corner for its legend has the colours of the plot above it."""
+    axis = None if range is None else rrb.ScalarAxis(range=range)
+    legend = rrb.PlotLegend(visible=False) if corner is None else rrb.PlotLegend(rrb.Corner2D[corner])
+    return rrb.TimeSeriesView(origin=origin, name=name, axis_y=axis, plot_legend=legend)
 
 
 def _tree(scene: Scene, path: str, title: str, turn: float) -> rrb.View:
     return rrb.Spatial3DView(
         origin="/",
-        contents=[f"{path}/**", "/world/scene/**"],
+        contents=[f"{path}/**", "/world/scene/**", "- /world/scene/names"],
         name=title,
         background=list(BACKGROUND),
         line_grid=False,
-        eye_controls=_eye(scene, tilt=1.1, height=turn),
+        eye_controls=_eye(scene, turn),
         overrides={f"{path}/growth": _so_far()},
     )
 
@@ -107,13 +118,13 @@ def _so_far() -> rrb.VisibleTimeRanges:
     )
 
 
-def _eye(scene: Scene, *, tilt: float, height: float) -> rrb.EyeControls3D:
-    """An eye that looks down on the workspace, moved south by `tilt` times its distance."""
+def _eye(scene: Scene, turn: float) -> rrb.EyeControls3D:
+    """An eye to the south and a little to the east of a lifted tree, high enough to see what stands below it."""
     center, extent = 0.5 * (scene.lower + scene.upper), scene.upper - scene.lower
-    distance = 1.1 * max(float(extent[1]), float(extent[0]) / 1.2) + 0.4 * height
-    x, y, z = float(center[0]), float(center[1]), 0.6 * height
+    distance = 1.25 * max(float(extent.max()), 1.2 * turn)
+    x, y, z = float(center[0]), float(center[1]), 0.75 * turn
     return rrb.EyeControls3D(
-        position=(x, y - distance * tilt, z + distance),
+        position=(x + 0.45 * distance, y - 1.0 * distance, z + 0.55 * distance),
         look_target=(x, y, z),
-        eye_up=(0.0, 1.0, 0.0) if tilt < 0.5 else (0.0, 0.0, 1.0),
+        eye_up=(0.0, 0.0, 1.0),
     )

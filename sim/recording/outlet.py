@@ -13,8 +13,8 @@ from pirrht.files import shown
 from sim.recording import viewer
 from sim.recording.file import RecordingFile
 from sim.recording.layout import layout
-from sim.recording.static import Subject
 from sim.recording.stream import Stream, forget_lost_viewers
+from sim.recording.subject import Subject
 
 PATIENCE = 10.0  # after which a file that takes nothing is given up, and a viewer is asked again [s]
 

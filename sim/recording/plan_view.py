@@ -1,4 +1,4 @@
-"""Pictures of a plan: references, samples, the tape, and the references in the lifted trees."""
+"""Pictures of a plan: references, samples, how they went on average, why, and the references in the lifted trees."""
 
 from __future__ import annotations
 
@@ -7,20 +7,29 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
+from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from sim.drawing import strokes
+from pirrht.exact.desirability import Desirability
+from sim.drawing import averages, strokes
 from sim.drawing.colors import DEAD_COLOR, ClassColors, Color, fade, mix, title
 from sim.drawing.strokes import at_most, lift, packed
-from sim.recording.static import FLOOR, Subject
+from sim.recording.reasons import reasons, words_of
+from sim.recording.static import CONTROL, FLOOR
 from sim.recording.stream import Stream
+from sim.recording.subject import Subject
+from sim.recording.truth_view import on_floor, shares_of
+from sim.recording.words import page, share
 
-PICTURE_BYTES = 60_000  # most that a picture may take
+PICTURE_BYTES = 50_000  # most that a picture may take
 CHUNK_BYTES, POINT_BYTES = (
     1300,
     9,
 )  # cost of an entity and of a point in the file; compression takes 3 of 12 off
 MOVER_BYTES = 1000  # of each moving body between two pictures
-REFERENCE_POINTS = 48
+REFERENCE_POINTS = 64
+TOLD = 0.005  # share of psi from which a class bears its name on the map
+WAYS, HEAVY = 6, 0.01  # classes whose average way is drawn: at most, and from this share on
+LONG = 36  # letters that a label may have for the way
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 
 
@@ -30,23 +39,34 @@ class Pictures:
     def __init__(self, stream: Stream, subject: Subject, colors: ClassColors) -> None:
         self._stream, self._subject, self._colors = stream, subject, colors
         self._fans: set[str] = set()
+        self._ways: dict[str, str] = {}  # classes in words
         self._now = (0, 0.0)
+
+    def said(self, name: str) -> str:
+        """What was last said of where a class leads; nothing if it was never drawn."""
+        return self._ways.get(name, "")
 
     def draw(self, plan: Plan, step: int, time: float) -> None:
         """Log a plan at a step and simulated time [s]."""
         self._now = step, time
-        self._references(plan)
-        tape = at_most(strokes.ahead(plan, self._subject.path_integral.problem), REFERENCE_POINTS)
-        self._log("/world/tape", rr.LineStrips3D(lift(tape, 0.07)[None]))
+        subject, estimate = self._subject, plan.estimate
+        self._ways |= words_of(plan, subject.path_integral, subject.names)
+        fine = [strokes.fine(r) for r in plan.references]
+        lines = [strokes.rounded(line, REFERENCE_POINTS) for line in fine]
+        self._references(plan, fine, lines)
+        self._average(plan)
         found: dict[str, strokes.Fan] = {}
-        if plan.estimate is not None and self._subject.look.samples != "none":
+        if estimate is not None and subject.look.samples != "none":
             found = strokes.fans(
-                self._subject.path_integral,
-                plan.estimate,
+                subject.path_integral,
+                estimate,
                 plan.classes,
-                points=self._room(plan),
-                everything=self._subject.look.samples == "all",
+                points=self._room(plan, sum(map(len, lines))),
+                everything=subject.look.samples == "all",
             )
+        exact = None if subject.grid is None else self._truth(subject.grid, plan, time)
+        why = reasons(plan, subject.path_integral, subject.solids, self._ways, exact)
+        self._log("/why/page", rr.TextDocument(page(plan, why, time), media_type=rr.MediaType.MARKDOWN))
         for name in sorted(self._fans - found.keys()):
             self._log(_fan_path(name), rr.LineStrips3D(np.zeros((0, 2, 3), np.float32)))
         for name, fan in found.items():
@@ -57,38 +77,77 @@ class Pictures:
             self._log(_fan_path(name), rr.LineStrips3D(fan.strips, **look))
         self._fans = set(found)
 
-    def _room(self, plan: Plan) -> int:
-        """Points that samples may have in a picture."""
+    def _truth(self, grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
+        """What the grid gives to each class; where bodies move also what it says of the floor now."""
+        if grid.moves:
+            for path, picture in on_floor(grid, self._subject.space, time):
+                self._log(path, picture)
+        return shares_of(grid, plan, time)
+
+    def _room(self, plan: Plan, points: int) -> int:
+        """Points that samples may have in a picture, beside those of the references."""
         trees, K = len(self._subject.lifted), len(plan.references)
-        chunks = 3 + 2 * trees + K + 2
-        others = (K + 1) * REFERENCE_POINTS + trees * min(K, LIFTED) * LIFTED_POINTS
+        chunks = 5 + 3 * trees + K + 2
+        others = points + WAYS * averages.POINTS + 2 * trees * min(K, LIFTED) * LIFTED_POINTS
         left = PICTURE_BYTES - CHUNK_BYTES * chunks - MOVER_BYTES * len(self._subject.space.scene.movers)
         return max(0, left // POINT_BYTES - others)
 
-    def _references(self, plan: Plan) -> None:
+    def _average(self, plan: Plan) -> None:
+        """How the samples of the heavy classes went on average; in a fallback what is followed instead."""
+        estimate = plan.estimate
+        if estimate is None:
+            ahead = at_most(strokes.ahead(plan, self._subject.path_integral.problem), REFERENCE_POINTS)
+            found, colors, radii = [ahead], [CONTROL], [0.014]
+        else:
+            weights = estimate.class_weights
+            heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= HEAVY), key=lambda n: -weights[n])[:WAYS]
+            keys = {key: name for key, name in plan.classes.items() if name in heavy}
+            ways = averages.ways(self._subject.path_integral, estimate, keys)
+            names = [name for name in reversed(heavy) if name in ways]  # the favourite on top
+            found = [ways[name] for name in names]
+            colors = [CONTROL if name == plan.favourite else mix(self._colors[name], CONTROL, 0.45) for name in names]
+            radii = [0.014 if name == plan.favourite else 0.008 for name in names]
+        strips = [lift(line, 0.065 + 0.001 * k) for k, line in enumerate(found)]
+        self._strips("/world/ways", strips, colors, np.array(radii, np.float32))
+
+    def _references(self, plan: Plan, fine: Sequence[Array], flat: Sequence[Array]) -> None:
         weights = plan.estimate.class_weights if plan.estimate else {}
-        share = np.array([weights.get(name, 0.0) for name in plan.ids])
+        weight = np.array([weights.get(name, 0.0) for name in plan.ids])
         colors = [self._colors[name] for name in plan.ids]
-        lines = [strokes.even(r.trajectory.points, LIFTED_POINTS) for r in plan.references]
+        lines = [strokes.even(line, LIFTED_POINTS) for line in fine]
         named = strokes.apart(lines)
-        short = [title(name) for name in plan.ids]
-        flat = [lift(at_most(r.trajectory.points, REFERENCE_POINTS), 0.05) for r in plan.references]
-        radii = (0.012 + 0.02 * np.sqrt(share)).astype(np.float32)
-        self._strips("/world/references", flat, colors, radii)
-        told = [i for i, w in enumerate(share) if i < LIFTED or w >= 0.01]  # more names than that hide the scene
+        radii = (0.008 + 0.024 * np.sqrt(weight)).astype(np.float32)
+        self._strips("/world/references", [lift(line, 0.05) for line in flat], colors, radii)
+        told = [i for i, w in enumerate(weight) if (w >= TOLD if weights else i < LIFTED)]  # more would hide the scene
         self._names(
             "/world/names",
             [lift(lines[i][named[i]], 0.1) for i in told],
-            [f"{short[i]}   {100 * share[i]:.0f} %" for i in told],
+            [self._label(plan, i, weight[i]) for i in told],
             [colors[i] for i in told],
         )
+        short = [f"class {title(n)}: cost {r.cost:.2f}" for n, r in zip(plan.ids, plan.references, strict=True)]
         homology, turn = self._subject.space.homology, self._subject.turn
         for obstacle, path, _ in self._subject.lifted:
             chosen = list(zip(plan.references, lines, strict=True))[:LIFTED]
             raised = [lift(line, turn * strokes.remaining(homology, r, line, obstacle)) for r, line in chosen]
             named = strokes.apart(raised)
             self._strips(f"{path}/references", raised, colors, np.full(len(raised), 0.04, np.float32))
+            dots = rr.Points3D(
+                np.concatenate(raised)[::4] if raised else np.zeros((0, 3), np.float32),
+                radii=0.06,
+                colors=packed([mix(c, CONTROL, 0.6) for c, line in zip(colors, raised, strict=False) for _ in line])[
+                    ::4
+                ],
+            )
+            self._log(f"{path}/dots", dots)
             self._names(f"{path}/names", [line[i] for line, i in zip(raised, named, strict=True)], short, colors)
+
+    def _label(self, plan: Plan, i: int, weight: float) -> str:
+        """Id and share, and of the favourite also in words where they are few."""
+        name = plan.ids[i]
+        way = self._ways.get(name, "")
+        words = f"   {way}" if name == plan.favourite and len(way) <= LONG else ""
+        return f"{title(name)}   {share(weight)}{words}" if plan.estimate else title(name)
 
     def _strips(
         self, path: str, strips: Sequence[strokes.Floats], colors: Sequence[Color], radii: strokes.Floats

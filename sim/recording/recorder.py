@@ -8,18 +8,20 @@ from types import TracebackType
 
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.exact.desirability import Desirability
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drawing import strokes
 from sim.drive.episode import Frame
 from sim.drive.truth import Truth
 from sim.mjcf import Loaded
-from sim.recording import viewer
+from sim.recording import truth_view, viewer
 from sim.recording.look import Look
 from sim.recording.outlet import ToFile, ToViewer
 from sim.recording.sink import Sink
 from sim.recording.sinks import Sinks
-from sim.recording.static import TREE_EDGES, Subject
+from sim.recording.static import TREE_EDGES
 from sim.recording.step_row import Edges, Row
+from sim.recording.subject import Subject
 from sim.systems import POSE
 
 __all__ = ["Look", "Recorder", "Sinks"]
@@ -37,6 +39,7 @@ class Recorder:
         sinks: where the recording goes.
         look: what it shows.
         settings: what the drive was made with; kept as properties of the recording.
+        grid: the exact solution, shown on the floor.
 
     Attributes:
         server: what serves browsers, if that was asked for.
@@ -55,16 +58,19 @@ class Recorder:
         look: Look = DEFAULT,
         *,
         settings: Mapping[str, object],
+        grid: Desirability | None = None,
     ) -> None:
         look.check(path_integral.space)
         sinks.check()
         states = {"states": " ".join(loaded.states)}  # after which an exported table names its columns
         named = settings if set(loaded.states) <= set(POSE) else {**settings, **states}
         known = {**named, "truth": True} if look.truth else named
-        subject = Subject(loaded=loaded, tree=tree, path_integral=path_integral, look=look, settings=known)
+        subject = Subject(loaded=loaded, tree=tree, path_integral=path_integral, look=look, settings=known, grid=grid)
         self._lifted = [obstacle for obstacle, _, _ in subject.lifted]
         self._tree, self._size = tree, 0 if tree is None else tree.size
         path_integral.warm_up()
+        if grid is not None:
+            truth_view.warm_up(grid)
         self._interval, self._due = 1.0 / look.hz, 0.0
         self.server = viewer.Server.start() if sinks.serve else None
         served = None if self.server is None else self.server.url

@@ -11,9 +11,9 @@ import time
 from collections import deque
 
 from sim.recording.outlet import Outlet
-from sim.recording.static import Subject
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream, forget_lost_viewers
+from sim.recording.subject import Subject
 from sim.recording.writer import Writer
 
 ROOM = 256  # rows a queue holds

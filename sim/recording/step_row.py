@@ -12,6 +12,7 @@ from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
 from sim.drive.episode import Frame
 from sim.drive.truth import Truth
+from sim.recording.reasons import arriving
 
 Edges = tuple[Array, Array]  # ends (k, 2, 3) [m, m, turns] and heights of their middles (k,) [turns]
 
@@ -34,6 +35,7 @@ class Row:
     ids: tuple[str, ...]  # classes of the references
     weights: dict[str, float]  # by class; empty in a fallback
     sizes: dict[str, float]  # effective sample size by class
+    arriving: dict[str, float]  # share of the samples drawn around each reference that arrive
     value: float  # infinite in a fallback
     value_error: float  # infinite where it is not known; 0 for a value that is exact
     control_error: Array  # (m,)
@@ -75,6 +77,7 @@ class Row:
             ids=plan.ids,
             weights=estimate.class_weights if estimate else {},
             sizes=estimate.class_ess if estimate else {},
+            arriving=arriving(estimate, plan.ids) if estimate else {},
             value=value,
             value_error=value_error,
             control_error=estimate.control_error if estimate else np.full(advance.noise.shape[1], value_error),

@@ -40,9 +40,10 @@ class Stream:
         self._stream.send_property("run", rr.AnyValues(**values))
         self._cut()
 
-    def static(self, path: str, archetype: rr.AsComponents) -> None:
-        """Log something that holds at all times."""
-        self._stream.log(path, archetype, static=True)
+    def static(self, path: str, archetype: rr.AsComponents | Sequence[rr.AsComponents]) -> None:
+        """Log something, or several things together, that hold at all times."""
+        together = archetype if isinstance(archetype, Sequence) else [archetype]
+        self._stream.log(path, *together, static=True)
         self._cut()
 
     def log(self, path: str, step: int, time: float, archetype: rr.AsComponents) -> None:

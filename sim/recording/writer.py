@@ -1,20 +1,25 @@
 """What a recording holds of a drive, batch by batch: numbers at every step, pictures where they are due.
 
 /steps        a row per control step, described in `columns.py`
-/world/robot  pose, and as an arrow where the control would take it, from the velocity that it has, as a second one,
-              where it is known, where the optimal control would; one row more for where the drive ended
+/world/robot  pose of its root, and as an arrow where the control would take it, from the velocity that it has, as a
+              second one, where it is known, where the optimal control would; one row more for the end
+/world/robot/parts/NAME  pose of a wheel in the root
+/world/eyes/following    an eye that follows the robot
 /world/scene/movers/NAME  pose of a body that moves, at every step as long as it does; one row more for the end
 /world/path   position after every physics step
-/why/weight   lower and upper edges, in turn, of all other classes and of each of a few classes as they gain weight,
-              on top of each other; `switch` below it where another class has come to weigh most
+/why/weight   of all other classes and of each of a few classes as they gain weight; `switch` below it where another
+              class has come to weigh most
 /why/ess      effective sample size of the same classes
+/why/arriving share of the samples drawn around each of them that arrive
+/why/clearance, /why/control, /why/cost  room around the robot, u, and the cost so far without and with the value
+/why/page     the argument of the plan in words, where a picture is due
 /why/value    -lambda log psi of all paths, one standard error below and above it, then of each of those classes;
               last, where it is known, the exact one
 /why/optimum  control: the length of u's standard error, and |u - u*| of the control chosen;
               value: one standard error below and above the estimate's error, that error, and 0 for the exact one
 /tree/K       tree lifted by the H of obstacle K: references from the state, and in `growth` the edges of the vertices
               that it has gained since the picture before, those of its first ones being static
-/log          what happened
+/log          what happened; `happenings` below it: classes that come and go, close passages
 /timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill
 """
 
@@ -32,12 +37,17 @@ from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import lift
 from sim.mjcf.mocap import Mocap
+from sim.recording.camera import FOLLOWING, Following
 from sim.recording.components import columns
+from sim.recording.happenings import Happenings
+from sim.recording.legend import properties
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
-from sim.recording.static import Subject, branches, mover_path, properties, stage
+from sim.recording.reasons import met
+from sim.recording.static import branches, mover_path, part_path, stage
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
+from sim.recording.subject import Subject
 
 BATCH_STEPS = 36  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
 WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
@@ -52,10 +62,12 @@ class Writer:
         self.stream, self._subject = stream, subject
         colors = ClassColors()
         self._pictures = Pictures(stream, subject, colors)
-        self._plots = Plots(stream, subject.path_integral.temperature, colors, truth=subject.look.truth)
+        self._plots = Plots(stream, subject.path_integral.problem, colors, truth=subject.look.truth)
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
         movers = subject.loaded.scene.movers
+        self._bodies, self._eye = subject.bodies, Following(subject.space.scene)
+        self._happenings = Happenings(subject.space.scene.robot_radius, self._nearest, self._pictures.said)
         self._mocap = Mocap(subject.loaded.model, movers) if movers else None
         self._shown = [np.full(7, np.nan) for _ in movers]  # the last pose that was written of each
 
@@ -63,8 +75,31 @@ class Writer:
         """Everything that stays as it is."""
         subject = self._subject
         self.stream.properties(properties(subject.settings), name=subject.name)
+        self._place()  # before there is anything to see: what has no place yet would stand at the origin
         stage(subject, self.stream.static)
         self._plots.begin()
+
+    def _place(self) -> None:
+        """Where robot, moving bodies and eyes are to begin with."""
+        scene, dynamics = self._subject.space.scene, self._subject.path_integral.problem.dynamics
+        start = np.asarray(dynamics.state_of(scene.start))[None]
+        for path, pose in self._bodies_at(start):
+            self.stream.columns(path, [0], [0.0], pose)
+        places, turns = Following(scene).poses(start[:, :2], np.zeros(1))
+        self.stream.columns(FOLLOWING, [0], [0.0], rr.Transform3D.columns(translation=places, quaternion=turns))
+        if self._mocap is not None:
+            places, turns = self._mocap.poses(np.zeros(1))
+            for j, mover in enumerate(scene.movers):
+                stands = rr.Transform3D.columns(translation=places[:, j], quaternion=np.roll(turns[:, j], -1, axis=1))
+                self.stream.columns(mover_path(mover.name), [0], [0.0], stands)
+
+    def _bodies_at(self, states: Array) -> Iterable[tuple[str, Any]]:
+        """Poses of the robot's root at states (k, n), and of its wheels, which roll on from one to the next."""
+        poses = self._bodies.root(states)
+        yield "/world/robot", rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, 3:])
+        for wheel, turned in zip(self._bodies.wheels, self._bodies.turned(), strict=True):
+            pose = rr.Transform3D.columns(translation=wheel.place[None], quaternion=turned[None])
+            yield part_path(wheel.name), pose
 
     def add(self, row: Row) -> bool:
         """Take in a step; whether its batch was written, which depends on steps and simulated time alone."""
@@ -106,23 +141,45 @@ class Writer:
                 self.stream.log("/log", row.step, row.time, rr.TextLog(row.news, level="INFO"))
             if row.plan is not None:
                 self._pictures.draw(row.plan, row.step, row.time)
+            for about, text in self._happenings.add(row):
+                self.stream.log("/log/happenings", about.step, about.time, rr.TextLog(text, level="INFO"))
             for (_, path, _), edges in zip(self._subject.lifted, row.growth, strict=False):
-                self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, *edges))
+                self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, edges[0]))
 
     def _robot(self, rows: Sequence[Row]) -> None:
         states = np.array([r.state for r in rows])
-        pose = rr.Transform3D.columns(translation=_spatial(states), quaternion=_turned(self._headings(states)))
+        poses = self._bodies.root(states)
+        pose = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, 3:])
         controls = [(r.state, u) for r in rows for u in (r.control, *([] if r.truth is None else [r.truth.control]))]
         vectors = np.array([self._ahead(x, u) for x, u in controls])
         arrows = rr.Arrows3D.columns(vectors=vectors).partition([len(vectors) // len(rows)] * len(rows))
         self._columns("/world/robot", rows, [*pose, *arrows])
+        self._wheels(rows)
+        seen = self._eye.poses(states[:, :2], np.array([r.duration for r in rows]))
+        self._columns(FOLLOWING, rows, rr.Transform3D.columns(translation=seen[0], quaternion=seen[1]))
         pieces = [lift(np.vstack([r.state[:2], r.states[:, :2]]), 0.06) for r in rows]
         self._columns("/world/path", rows, rr.LineStrips3D.columns(strips=pieces))
         last = rows[-1]
         if last.outcome is not None and len(last.states):
-            end = last.states[-1:]
-            pose = rr.Transform3D(translation=_spatial(end)[0], quaternion=_turned(self._headings(end))[0])
-            self.stream.log("/world/robot", last.step + 1, last.time + last.duration, pose)
+            self._bodies.roll(last.states, self._headings(last.states))
+            for path, pose in self._bodies_at(last.states[-1:]):
+                self.stream.columns(path, [last.step + 1], [last.time + last.duration], pose)
+
+    def _wheels(self, rows: Sequence[Row]) -> None:
+        """How the wheels stand at each step; they roll over all physics steps."""
+        wheels = self._bodies.wheels
+        if not wheels:
+            return
+        turned = np.empty((len(rows), len(wheels), 4))
+        for k, row in enumerate(rows):
+            self._bodies.roll(row.state[None], self._headings(row.state[None]))
+            turned[k] = self._bodies.turned()
+            if row.outcome is None:
+                self._bodies.roll(row.states, self._headings(row.states))
+        for j, wheel in enumerate(wheels):
+            places = np.broadcast_to(wheel.place, (len(rows), 3))
+            pose = rr.Transform3D.columns(translation=places, quaternion=turned[:, j])
+            self._columns(part_path(wheel.name), rows, pose)
 
     def _movers(self, mocap: Mocap, rows: Sequence[Row]) -> None:
         last = rows[-1]
@@ -137,6 +194,13 @@ class Writer:
                 self._shown[j] = poses[-1]
                 columns = rr.Transform3D.columns(translation=poses[:, :3], **turned)
                 self.stream.columns(mover_path(mover.name), steps, times, columns)
+
+    def _nearest(self, row: Row) -> str:
+        movers = self._subject.space.scene.movers
+        space = self._subject.space
+        if movers and space.clearance(row.state) > row.clearance + 1e-6:
+            return "a moving body" if len(movers) > 1 else movers[0].name
+        return met(space.collision, row.state[None, :2], self._subject.solids)[0]
 
     def _ahead(self, x: Array, u: Array) -> Array:
         """Where the control would take the robot in a short while without noise, in the robot's frame, (3,)."""
@@ -156,13 +220,3 @@ class Writer:
 
     def _columns(self, path: str, rows: Sequence[Row], columns: Iterable[Any]) -> None:
         self.stream.columns(path, [r.step for r in rows], [r.time for r in rows], columns)
-
-
-def _spatial(states: Array) -> Array:
-    return np.column_stack([states[:, :2], np.zeros(len(states))])
-
-
-def _turned(heading: Array) -> Array:
-    """Headings (k,) [rad] as quaternions (k, 4), scalar part last."""
-    zero = np.zeros(len(heading))
-    return np.column_stack([zero, zero, np.sin(0.5 * heading), np.cos(0.5 * heading)])

@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Any
 
 from pirrht.control.methods import METHODS
-from sim.drawing.colors import OTHER_COLOR, ClassColors, Color, nth_color, title
+from sim.drawing.colors import OTHER_COLOR, ClassColors, Color, method_color, title
 from sim.report.statistics import Interval
 from sim.report.summary import ALL, Point, Report, Watch, unwatched
 
@@ -157,7 +157,7 @@ def _rank(method: str) -> int:
 
 
 def _color(method: str) -> Color:
-    return nth_color(_rank(method))
+    return method_color(_rank(method))
 
 
 def _rgb(color: Color) -> tuple[float, ...]:

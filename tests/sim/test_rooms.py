@@ -47,7 +47,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 }
 DOORS: dict[str, set[str]] = {  # library -> rooms and modules that may name it
     "rerun": {"recording"},
-    "mujoco": {"mjcf", "drive.executor", "film", "recording.geoms", "importing.scene_file", "play"},
+    "mujoco": {"mjcf", "drive.executor", "film", "recording.geoms", "recording.bodies", "importing.scene_file", "play"},
     "matplotlib": {"figures", "report.plots"},
     "mpl_toolkits": {"figures"},
     "pyarrow": {"sweeps", "recording.export"},

@@ -12,10 +12,11 @@ from rerun.chunk import RrdReader
 from pirrht.exact.desirability import Desirability
 from sim.cli import main
 from sim.drive.truth import Witness
-from sim.recording.static import CONTROL, OPTIMUM
+from sim.recording.static import CONTROL
+from sim.recording.truth_view import OPTIMUM
 from sim.recording.writer import AHEAD
 
-STATIC_BYTES = 380_000  # two views more than without a truth
+STATIC_BYTES = 540_000  # two views more than without a truth
 SHORT = ["--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.05"]
 
 

@@ -171,7 +171,10 @@ def test_the_puck_sits_on_the_floor_at_any_radius():
     loaded = load("slit", radius=0.2)
     assert loaded.scene.robot_height == pytest.approx(0.2)
     np.testing.assert_allclose(loaded.model.geom("robot/footprint").pos, [0, 0, 0.2])
-    assert loaded.model.geom("robot/disc").size[0] == pytest.approx(0.2)
+    assert loaded.model.geom("robot/bumper").size[0] == pytest.approx(0.201)
+    puck = loaded.model.mesh("robot/puck").id
+    first, count = loaded.model.mesh_vertadr[puck], loaded.model.mesh_vertnum[puck]
+    assert np.hypot(*loaded.model.mesh_vert[first : first + count, :2].T).max() == pytest.approx(0.2, abs=1e-3)
 
 
 def test_another_robot_keeps_its_body_at_any_radius():

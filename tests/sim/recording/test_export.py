@@ -255,7 +255,7 @@ def test_a_hover_is_recorded_without_a_heading_and_told_with_its_velocities(tmp_
         for cell in column
         for q in cell or ()
     ]
-    np.testing.assert_array_equal(quaternions, [[0.0, 0.0, 0.0, 1.0]] * 3)
+    np.testing.assert_array_equal(quaternions, [[0.0, 0.0, 0.0, 1.0]] * 4)  # before, at 2 steps, at the end
 
 
 @pytest.mark.parametrize("name", ["x" * 300, b"b\xff".decode("utf-8", "surrogateescape")])

@@ -67,10 +67,16 @@ def heading(quaternion: Array) -> float:
     return 2 * float(np.arctan2(quaternion[2], quaternion[3]))
 
 
+def from_first_step(known: dict[str, list]) -> dict[str, list]:
+    """The rows of a body without the one that places it before the drive."""
+    assert known["step"][:2] == [0, 0]
+    return {name: cells[1:] for name, cells in known.items()}
+
+
 def test_a_moving_body_has_its_pose_at_every_step_and_at_the_end(recorded):
     file, drive, frames = recorded
     times = [frame.time for frame in frames] + [frames[-1].end_time]
-    known = columns(file)[f"{FOLDER}/spin"]
+    known = from_first_step(columns(file)[f"{FOLDER}/spin"])
     assert known["step"] == list(range(len(times)))
     poses = drive.scene.movers[0].motion.pose(np.array(times))
     places = np.array([place[0] for place in known["Transform3D:translation"]])
@@ -81,7 +87,7 @@ def test_a_moving_body_has_its_pose_at_every_step_and_at_the_end(recorded):
 
 def test_a_body_that_has_stopped_is_where_it_stopped_and_one_that_never_turns_says_so_once(recorded):
     file, drive, frames = recorded
-    known = columns(file)[f"{FOLDER}/slide"]
+    known = from_first_step(columns(file)[f"{FOLDER}/slide"])
     assert known["step"] == list(range(len(known["step"])))
     assert len(known["step"]) < len(frames) + 1
     poses = drive.scene.movers[1].motion.pose(np.array([frame.time for frame in frames]))

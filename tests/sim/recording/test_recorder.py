@@ -25,11 +25,11 @@ from sim.drawing.colors import PALETTE, ClassColors, title
 from sim.drive.episode import run
 from sim.recording import geoms, read, viewer
 from sim.recording.sink import ROOM
-from sim.recording.static import telling
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
+from sim.recording.subject import telling
 
-STATIC_BYTES = 350_000  # scene, robot, tree, legend, and 140 kB of blueprint
+STATIC_BYTES = 510_000  # scene, robot, tree, legend, the last picture, and 215 kB of blueprint
 
 
 @pytest.fixture(scope="module")
@@ -71,34 +71,52 @@ def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded
     table = columns(file)
     robot = table["/world/robot"]
     assert np.allclose(np.array(robot["Transform3D:translation"])[-1, 0, :2], frames[-1].state, atol=1e-6)
-    assert len(robot["step"]) == len(frames) + 1
+    assert robot["step"] == [0, *range(len(frames) + 1)]  # it is placed before there is anything to see
     assert [text for line in table["/log"]["TextLog:text"] for text in line] == news
-    for path in ("/world/path", "/why/value", "/why/ess"):
+    plots = ("weight", "value", "ess", "arriving", "clearance", "control", "cost")
+    for path in ("/world/path", *(f"/why/{name}" for name in plots)):
         assert len(table[path]["step"]) == len(frames), path
     assert len(table["/timing/plan"]["Scalars:scalars"]) == len(frames)
-    for path in ("/world/references", "/world/tape", "/tree/1/references", "/world/samples/dead"):
+    for path in ("/world/references", "/world/ways", "/why/page", "/tree/1/references", "/world/samples/dead"):
         assert 2 <= len(table[path]["step"]) <= 2 + 5 * MAX_TIME, path
     entities = {chunk.entity_path for chunk in RrdReader(str(file)).stream()}
     for path in ("/world/scene/obstacles/boxes", "/world/robot/body/cylinders", "/tree/2/edges", "/about"):
+        assert path in entities
+    for path in ("/world/eyes/above", "/world/eyes/following"):
         assert path in entities
     timelines = {name for chunk in RrdReader(str(file)).stream() for name in chunk.timeline_names}
     assert timelines == {"step", "sim_time"}
     assert RrdReader(str(file)).blueprints()
 
 
-def test_class_weights_are_stacked_by_strokes_from_edge_to_edge(recorded):
+def test_class_weights_are_lines_that_add_up_to_one(recorded):
     file, frames, _ = recorded
-    stack = columns(file)["/why/weight"]
-    edges = np.array(stack["Scalars:scalars"]).reshape(len(frames), 2, -1)
-    assert stack["step"] == [frame.step for frame in frames for _ in range(2)]
-    for frame, (lower, upper) in zip(frames, edges, strict=True):
-        drawn = np.isfinite(upper)
-        assert np.array_equal(drawn, np.isfinite(lower))
-        weights = [w for w in frame.plan.estimate.class_weights.values() if w > 0.002]
-        assert np.allclose(np.sort(upper[drawn] - lower[drawn]), np.sort(weights), atol=1e-4)
-        order = np.argsort(lower[drawn])
-        gaps = lower[drawn][order][1:] - upper[drawn][order][:-1]  # as thick as what is too thin to be drawn
-        assert np.all((gaps > -1e-12) & (gaps < 0.01))
+    lines = np.array(columns(file)["/why/weight"]["Scalars:scalars"])
+    assert len(lines) == len(frames)
+    for frame, shares in zip(frames, lines, strict=True):
+        drawn = shares[np.isfinite(shares)]
+        assert drawn.sum() == pytest.approx(1.0, abs=1e-4)
+        weights = [w for name, w in frame.plan.estimate.class_weights.items() if name != "other"]
+        assert np.allclose(np.sort(drawn[1:]), np.sort(weights), atol=1e-4)
+
+
+def test_the_running_cost_and_the_room_are_plotted_as_the_frames_have_them(recorded):
+    file, frames, _ = recorded
+    table = columns(file)
+    cost = np.array(table["/why/cost"]["Scalars:scalars"])
+    np.testing.assert_allclose(cost[:, 0], [f.cost for f in frames], rtol=1e-4)
+    np.testing.assert_allclose(cost[:, 1], [f.cost + f.plan.estimate.value for f in frames], rtol=1e-4)
+    np.testing.assert_allclose(
+        np.ravel(table["/why/clearance"]["Scalars:scalars"]), [f.clearance for f in frames], rtol=1e-4
+    )
+
+
+def test_the_page_tells_the_moment_of_its_plan(recorded):
+    file, _, _ = recorded
+    pages = columns(file)["/why/page"]
+    for when, text in zip(pages["sim_time"], pages["TextDocument:text"], strict=True):
+        assert f"Plan and samples of {when.total_seconds():.2f} s" in text[0]
+        assert "between upper wall and lower wall" in text[0].lower()
 
 
 def test_a_closed_recording_is_whole(recorded):
@@ -223,7 +241,7 @@ def test_classes_keep_their_colours_and_have_short_titles():
     colors = ClassColors()
     assert colors.meet(("0,0", "0,-1"))
     assert not colors.meet(("0,-1", "other"))
-    assert (colors["0,0"], colors["0,-1"]) == PALETTE[:2]
+    assert colors["0,0"] == PALETTE[0]
     assert len({colors[str(i)] for i in range(16)}) == 16
     assert title("0,-1") == "0,-1"
     assert title("0,0,0,0,1,0,-1") == "+5 -7"

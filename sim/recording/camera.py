@@ -1,0 +1,76 @@
+"""The two eyes of the tab Drive: one that follows the robot, and one so far above that walls do not lean."""
+
+from __future__ import annotations
+
+from math import atan2, cos, exp, hypot, sin
+
+import numpy as np
+import rerun as rr
+from scipy.spatial.transform import Rotation
+
+from pirrht.arrays import Array
+from pirrht.geometry.scene import Scene
+
+FOLLOWING, ABOVE = "/world/eyes/following", "/world/eyes/above"
+HEIGHT = 300.0  # of the eye above, in sizes of the workspace
+SETTLE = 1.2  # after which it has turned by most of a bend [s]
+PACE = 0.35  # time over which it looks where the robot is going [s]
+DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
+WIDE = 0.9  # opening of the eye that follows, upwards [rad]
+
+
+def above(scene: Scene) -> list[rr.AsComponents]:
+    """An eye over the middle of the workspace, north being up."""
+    center, extent = 0.5 * (scene.lower + scene.upper), 1.06 * (scene.upper - scene.lower)
+    height = HEIGHT * float(extent.max())
+    down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    size = extent * 100.0
+    return [
+        rr.Transform3D(translation=(*center, height), mat3x3=down),
+        rr.Pinhole(focal_length=100.0 * height, width=size[0], height=size[1], image_plane_distance=DEPTH),
+    ]
+
+
+def opening() -> rr.AsComponents:
+    """The lens of the eye that follows."""
+    return rr.Pinhole(fov_y=WIDE, aspect_ratio=1.5, image_plane_distance=DEPTH)
+
+
+class Following:
+    """An eye behind the robot that turns after it slowly, whatever the noise does."""
+
+    def __init__(self, scene: Scene) -> None:
+        extent = float((scene.upper - scene.lower).max())
+        self.back = min(max(0.3 * extent, 6.0 * scene.robot_radius), 12.0 * scene.robot_radius)
+        self.up = 0.9 * self.back
+        towards = scene.goal.center - scene.start[:2]
+        self._course = atan2(towards[1], towards[0])
+        self._place = np.array(scene.start[:2], dtype=float)
+
+    def poses(self, points: Array, durations: Array) -> tuple[Array, Array]:
+        """Places (k, 3) [m] and quaternions (k, 4), w last, as the robot is at points (k, 2) [m] for durations [s]."""
+        places, turns = np.empty((len(points), 3)), np.empty((len(points), 4))
+        for k, (point, dt) in enumerate(zip(points, durations, strict=True)):
+            self._follow(point, float(dt))
+            behind = self.back * np.array([cos(self._course), sin(self._course)])
+            places[k] = *(self._place - behind), self.up
+            turns[k] = _looking(self._course, atan2(self.up, self.back) - 0.1)
+        return places, turns
+
+    def _follow(self, point: Array, dt: float) -> None:
+        off = point - self._place
+        distance = hypot(*off)
+        if distance > 0.02 * self.back:
+            turn = (atan2(off[1], off[0]) - self._course + np.pi) % (2.0 * np.pi) - np.pi
+            eager = min(1.0, distance / (0.25 * self.back))
+            self._course += eager * (1.0 - exp(-dt / SETTLE)) * float(turn)
+        self._place = self._place + (1.0 - exp(-dt / PACE)) * off
+
+
+def _looking(course: float, down: float) -> Array:
+    """Quaternion, w last, of a camera (x right, y down, z ahead) that looks along a course, downwards by an angle."""
+    ahead = np.array([cos(course) * cos(down), sin(course) * cos(down), -sin(down)])
+    right = np.array([sin(course), -cos(course), 0.0])
+    matrix = np.column_stack([right, np.cross(ahead, right), ahead])
+    quaternion: Array = Rotation.from_matrix(matrix).as_quat()
+    return quaternion

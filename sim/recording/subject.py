@@ -1,0 +1,137 @@
+"""What a recording is about, and what it calls things."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.exact.desirability import Desirability
+from pirrht.freespace import FreeSpace
+from pirrht.tree.homology_tree import HomologyTree
+from sim.mjcf import Loaded
+from sim.recording import geoms
+from sim.recording.bodies import Bodies
+from sim.recording.look import Look
+
+SERIES = 3  # solids whose names differ by a number only, and that keep them
+TREES = 2  # lifted trees shown, one per obstacle
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Subject:
+    """What a recording is about; fixed before the drive."""
+
+    loaded: Loaded
+    tree: HomologyTree | None
+    path_integral: PathIntegral
+    look: Look
+    settings: Mapping[str, object]
+    grid: Desirability | None = None  # the exact solution, where it is to be shown
+
+    @property
+    def space(self) -> FreeSpace:
+        """Where the drive takes place."""
+        return self.path_integral.space
+
+    @cached_property
+    def lift(self) -> tuple[int, ...]:
+        """Obstacles, from 0, whose H lifts a tree."""
+        if self.look.lift is not None:
+            return tuple(dict.fromkeys(k - 1 for k in self.look.lift))
+        problem = self.path_integral.problem
+        return () if self.tree is None else telling(self.tree, problem.dynamics.state_of(problem.scene.start))
+
+    @property
+    def name(self) -> str:
+        """Scene, method and seed."""
+        parts = (self.space.scene.name, self.settings.get("method"), self.settings.get("seed"))
+        return " ".join(str(part) for part in parts if part is not None)
+
+    @property
+    def application(self) -> str:
+        """The same for recordings that are laid out alike."""
+        truth = ("truth",) if self.look.truth else ()
+        parts = ("pirrht", self.space.scene.name, *truth, *(k + 1 for k in self.lift))
+        return " ".join(str(part) for part in parts)
+
+    @property
+    def id(self) -> str:
+        """The same for the same scene and settings, seed included."""
+        text = json.dumps(dict(self.settings), sort_keys=True, default=str)
+        return f"{self.space.scene.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+    @property
+    def bodies(self) -> Bodies:
+        """Those of the robot, where they are at the start."""
+        return Bodies(self.loaded)
+
+    @cached_property
+    def solids(self) -> tuple[str, ...]:
+        """What to call each solid that stands, in the order of the scene."""
+        loaded = self.loaded
+        given = geoms.names(loaded.model, loaded.obstacle_geoms & ~loaded.moving_geoms)
+        obstacles = enumerate(self.space.obstacles, 1)
+        number = {i: k for k, component in obstacles for i in component.members}
+        return tuple(called(given, number))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """What to call each topological obstacle: as the one of its solids that its marker lies in."""
+        places = [obstacle.position[:2] for obstacle in self.space.scene.obstacles]
+        found = []
+        for component, marker in zip(self.space.obstacles, self.space.homology.markers, strict=True):
+            off = [float(np.linalg.norm(places[i] - marker)) for i in component.members]
+            found.append(self.solids[component.members[int(np.argmin(off))]])
+        return tuple(found)
+
+    @property
+    def turn(self) -> float:
+        """Height of one whole turn in the lifted tree [m]."""
+        scene = self.space.scene
+        return 0.45 * float((scene.upper - scene.lower).max())
+
+    @property
+    def lifted(self) -> list[tuple[int, str, str]]:
+        """Obstacle, entity path and title of each lifted tree."""
+        if self.tree is None:
+            return []
+        names = {k: self.names[k] for k in self.lift}
+        also = {k: "" if name == f"obstacle {k + 1}" else f" ({name})" for k, name in names.items()}
+        return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1}{name}") for k, name in also.items()]
+
+
+def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:
+    """Names for solids: those given, unless they are missing, used twice, or one of a long series.
+
+    Args:
+        given: in the file, empty where there is none.
+        number: of the obstacle that a solid belongs to, as on the map, by place in `given`.
+    """
+    stems = Counter(_stem(name) for name in given)
+    found = []
+    for i, name in enumerate(given):
+        plain = name and given.count(name) == 1 and stems[_stem(name)] <= SERIES
+        spare = f"obstacle {number[i]}" if i in number else "a wall"
+        found.append(name.replace("_", " ") if plain else spare)
+    return found
+
+
+def _stem(name: str) -> str:
+    return name.rstrip("0123456789 _-")
+
+
+def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
+    """Obstacles, from 0, by which the shortest classes from x (n,) differ, before all others."""
+    lengths = tree.lengths(x if len(x) >= tree.steering.n else np.append(x[:2], 0.0))
+    windings = sorted(lengths, key=lambda winding: lengths[winding])
+    standing = tree.space.homology.M
+    apart = [k for w in windings[1:] for k in np.flatnonzero(np.not_equal(w, windings[0])).tolist() if k < standing]
+    return tuple(dict.fromkeys([*apart, *range(standing)]))[:most]

@@ -1,0 +1,145 @@
+"""Classes in words, in colours, and as the way that samples went on average."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+from drives import Drive
+
+from pirrht.outcome import Outcome
+from sim.drawing import averages, strokes
+from sim.drawing.colors import EARLY, ClassColors, method_color, nth_color, place_of
+from sim.drawing.ways import worded
+
+WALLS = ("upper wall", "lower wall")
+SLIT = {"0,0": (0, 0), "0,1": (0, 1), "-1,0": (-1, 0)}
+START = np.array([0.458, -0.458])  # H of the straight line between the walls, by which one passes both
+
+
+def test_ways_are_named_by_the_sides_on_which_they_pass():
+    assert worded(SLIT, START, WALLS) == {
+        "0,0": "between upper wall and lower wall",
+        "0,1": "right of lower wall",
+        "-1,0": "left of upper wall",
+    }
+
+
+def test_sides_are_those_of_the_curve_itself():
+    drive = Drive()
+    start = drive.scene.start[:2]
+    references = drive.tree.references(start)
+    windings = {r.id: r.winding for r in references}
+    words = worded(windings, drive.space.homology.straight(start[None])[0], WALLS)
+    for reference in references:
+        y = np.interp(3.4, *reference.trajectory.points.T)  # over the middle of the walls, towards +x
+        expected = {y > 2.8: "left of upper wall", y < 2.2: "right of lower wall"}.get(
+            True, "between upper wall and lower"
+        )
+        assert words[reference.id].startswith(expected)
+
+
+def test_no_two_classes_are_called_the_same():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        rows = {tuple(row) for row in rng.integers(-1, 2, size=(12, 5)).tolist()}
+        straight = rng.uniform(0.05, 0.45, 5) * rng.choice([-1, 1], 5)
+        words = worded({str(row): row for row in rows}, straight, [f"post {k}" for k in range(5)])
+        same = [(a, b) for a in rows for b in rows if a < b and words[str(a)] == words[str(b)]]
+        for a, b in same:  # only how often they go round can be left unsaid
+            assert max(abs(straight[k] + r[k]) for r in (a, b) for k in range(5)) >= 1.0
+
+
+def test_of_two_obstacles_among_many_nothing_is_claimed_about_the_gap():
+    windings = {"0,0,0": (0, 0, 0), "0,1,0": (0, 1, 0), "-1,0,0": (-1, 0, 0)}
+    words = worded(windings, np.array([0.4, -0.4, 0.1]), ["table", "shelf", "lamp"])
+    assert words["0,0,0"] == "right of table, left of shelf"
+
+
+def test_a_class_is_told_apart_from_those_that_matter():
+    windings = {"0,0,0": (0, 0, 0), "0,1,0": (0, 1, 0), "0,0,1": (0, 0, 1)}
+    straight, names = np.array([0.4, -0.4, -0.3]), ["table", "shelf", "lamp"]
+    assert worded(windings, straight, names)["0,0,0"] == "left of shelf and lamp"
+    assert worded(windings, straight, names, among={"0,0,0", "0,1,0"})["0,0,0"] == "left of shelf"
+
+
+def test_one_class_alone_is_told_by_what_it_passes_and_none_is_straight_ahead():
+    assert worded({"0": (0,)}, np.array([0.4]), ["table"]) == {"0": "right of table"}
+    assert worded({"0": (0,)}, np.array([0.05]), ["table"]) == {"0": "straight ahead"}
+    assert worded({"-": ()}, np.zeros(0), []) == {"-": "straight ahead"}
+    assert worded({"0": (0,), "1": (1,)}, np.array([0.3]), ["table"])["1"] == "once round table"
+
+
+def test_a_body_that_moves_is_passed_as_the_straight_way_or_the_other_way_round():
+    words = worded({"0,0": (0, 0), "0,1": (0, 1)}, np.array([0.3]), ["table"], ["door"])
+    assert words == {"0,0": "past door as the straight way", "0,1": "the other way round door"}
+
+
+def test_a_class_has_its_colour_in_every_picture_whatever_came_before():
+    names = ("0,0", "0,1", "-1,0", "1,0", "0,-1")
+    assert len({place_of(name) for name in names}) == len(names)
+    for order in permutations(names):
+        colors = ClassColors()
+        colors.meet(order)
+        assert [colors[name] for name in names] == [ClassColors()[name] for name in names]
+
+
+def test_as_many_classes_as_there_are_early_colours_have_colours_of_their_own():
+    colors, rng = ClassColors(), np.random.default_rng(1)
+    names = {",".join(map(str, row)) for row in rng.integers(-2, 3, size=(200, 15)).tolist()}
+    early = sorted(names)[:EARLY]
+    assert len({colors[name] for name in early}) == EARLY
+
+
+@pytest.fixture(scope="module")
+def planned():
+    drive = Drive()
+    drive.controller.begin(drive.scene.start[:2])
+    plan = drive.controller.plan(drive.scene.start[:2])
+    key = drive.space.homology.key
+    return drive, plan, {key(r.winding): name for r, name in zip(plan.references, plan.ids, strict=True)}
+
+
+def test_the_average_way_of_a_class_is_free_and_of_that_class(planned):
+    drive, plan, names = planned
+    ways = averages.ways(drive.controller.path_integral, plan.estimate, names)
+    heavy = {name for name, w in plan.estimate.class_weights.items() if w > 0.01}
+    assert heavy
+    assert heavy <= ways.keys()
+    for name in heavy:
+        line = ways[name]
+        np.testing.assert_allclose(line[0], plan.state, atol=1e-9)
+        assert drive.space.collision.segments_free(line[:-1], line[1:]).all()
+        assert names[drive.space.homology.key(drive.space.homology.winding(line))] == name
+
+
+def test_where_the_mean_runs_through_a_wall_a_sample_stands_for_it(planned, monkeypatch):
+    drive, plan, names = planned
+    integral, estimate = drive.controller.path_integral, plan.estimate
+    monkeypatch.setattr(averages, "_belongs", lambda space, line, key: False)
+    ways = averages.ways(integral, estimate, names)
+    arrived = np.flatnonzero(estimate.rollouts.paths.outcome == Outcome.GOAL)
+    every = averages._lines(integral, estimate, arrived)
+    for line in ways.values():
+        assert min(np.abs(every - line).max(axis=(1, 2))) == 0.0
+
+
+def test_loops_are_round_and_corners_stay():
+    angle = np.linspace(0.0, 2.0 * np.pi, 400)
+    loop = 0.3 * np.column_stack([np.cos(angle), np.sin(angle)])
+    corner = np.array([(0.3, -2.0), (0.3, 0.0)])
+    line = np.vstack([corner[:1], loop, [(5.0, 0.0)]])
+    drawn = strokes.rounded(line, 64)
+    assert len(drawn) <= 64
+    middles = 0.5 * (drawn[2:-2] + drawn[1:-3])
+    assert np.hypot(*middles.T).min() > 0.98 * 0.3  # an octagon has 0.92
+    assert {tuple(p) for p in ((0.3, -2.0), (5.0, 0.0))} <= {tuple(p) for p in drawn}
+    bent = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
+    np.testing.assert_array_equal(strokes.rounded(bent, 64), bent)
+    assert len(strokes.rounded(line, 12)) <= 12
+
+
+def test_methods_have_colours_that_no_early_class_has():
+    classes = {nth_color(k) for k in range(EARLY)}
+    assert len({method_color(k) for k in range(9)} - classes) == 9

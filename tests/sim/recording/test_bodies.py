@@ -1,0 +1,159 @@
+"""The bodies of the robot in a recording: wheels roll, a script makes the meshes, nothing stands at the origin."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from drives import Drive
+from repository import ROOT
+from rerun.chunk import RrdReader
+
+from sim.mjcf import load, models_folder
+from sim.recording import geoms
+from sim.recording.bodies import Bodies
+from sim.recording.camera import HEIGHT, Following, above
+
+DRAWN = {"unicycle": 4, "car": 4, "rover": 2, "diffdrive": 2, "puck": 0, "hover": 0}
+MESHES = models_folder() / "robots" / "meshes"
+
+
+@pytest.fixture(scope="module")
+def script():
+    spec = importlib.util.spec_from_file_location("robot_meshes", ROOT / "scripts" / "robot_meshes.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def angle_about(quaternion, axis=(0.0, 1.0, 0.0)):
+    return 2.0 * np.arctan2(np.dot(quaternion[:3], axis), quaternion[3])
+
+
+@pytest.mark.parametrize(("robot", "count"), DRAWN.items())
+def test_every_wheel_is_a_body_that_stands_on_the_ground(robot, count):
+    bodies = Bodies(load("slit", robot=robot))
+    assert len(bodies.wheels) == count
+    for wheel in bodies.wheels:
+        assert wheel.radius == pytest.approx(wheel.place[2], abs=2e-3)
+
+
+@pytest.mark.parametrize("robot", ["unicycle", "car", "rover", "diffdrive"])
+def test_wheels_roll_by_what_the_robot_drives(robot):
+    loaded = load("slit", robot=robot)
+    bodies, n = Bodies(loaded), len(loaded.states)
+    way = 0.05 * np.linspace(0.0, 1.0, 20)
+    states = np.zeros((20, n))
+    states[:, 0], states[:, 1], states[:, 2] = 1.0 + 0.6 * way, 2.0 + 0.8 * way, np.arctan2(0.8, 0.6)
+    bodies.roll(states[:10], states[:10, 2])
+    bodies.roll(states[10:], states[10:, 2])
+    for wheel, turned in zip(bodies.wheels, bodies.turned(), strict=True):
+        assert angle_about(turned) == pytest.approx(0.05 / wheel.radius, rel=1e-6)
+
+
+def test_wheels_on_two_sides_turn_against_each_other_where_a_robot_turns_in_place():
+    bodies = Bodies(load("slit", robot="rover"))
+    headings = np.linspace(0.0, 0.3, 200)
+    states = np.column_stack([np.ones(200), np.ones(200), headings])
+    bodies.roll(states, headings)
+    left, right = (angle_about(q) for q in bodies.turned())
+    assert left == pytest.approx(-0.3 * bodies.wheels[0].place[1] / bodies.wheels[0].radius, rel=1e-3)
+    assert right == pytest.approx(-left)
+
+
+def bare(path: Path) -> mujoco.MjSpec:
+    """A robot without what is drawn only."""
+    spec = mujoco.MjSpec.from_file(str(path))
+    for geom in [g for g in spec.geoms if g.classname.name != "main" and not (g.contype or g.conaffinity)]:
+        if not any(geom.name in (p.geomname1, p.geomname2) for p in spec.pairs):
+            spec.delete(geom)
+    for body in [b for b in spec.bodies if b.name.endswith("wheel") and not b.joints]:
+        spec.delete(body)
+    return spec
+
+
+@pytest.mark.parametrize("robot", DRAWN)
+def test_what_is_drawn_only_changes_no_bit_of_the_motion(robot):
+    path = models_folder() / "robots" / f"{robot}.xml"
+    whole, plain = mujoco.MjModel.from_xml_path(str(path)), bare(path).compile()
+    assert plain.ngeom < whole.ngeom
+    ends = []
+    for model in (whole, plain):
+        data, rng = mujoco.MjData(model), np.random.default_rng(0)
+        for _ in range(300):
+            data.ctrl[:] = rng.standard_normal(model.nu)
+            mujoco.mj_step(model, data)
+        ends.append(np.concatenate([data.qpos, data.qvel]))
+    np.testing.assert_array_equal(*ends)
+
+
+def test_meshes_are_what_the_script_makes_and_small(script, tmp_path):
+    script.main(tmp_path)
+    assert {f.name for f in MESHES.iterdir()} == {f"{name}.stl" for name in script.MESHES}
+    for made in tmp_path.iterdir():
+        kept = MESHES / made.name
+        assert kept.stat().st_size < 45_000
+        np.testing.assert_allclose(trimesh.load(kept).triangles, trimesh.load(made).triangles, atol=1e-6)
+        assert trimesh.load(kept).is_watertight
+
+
+def test_a_copy_of_a_built_in_robot_keeps_its_looks(tmp_path):
+    copy = tmp_path / "mine.xml"
+    copy.write_text((models_folder() / "robots" / "rover.xml").read_text())
+    assert load("slit", robot=copy).model.nmesh == load("slit", robot="rover").model.nmesh > 0
+
+
+def test_geoms_of_a_body_are_in_its_own_frame():
+    model = load("slit", robot="unicycle").model
+    body = "robot/left rear wheel"
+    solids = geoms.solids(model, model.geom_bodyid == model.body(body).id, body=body)
+    assert len(solids) == 2
+    for solid in solids.values():
+        points = np.array(solid.vertex_positions.as_arrow_array().to_pylist()[0:]).reshape(-1, 3)
+        assert np.abs(points.mean(axis=0)).max() < 2e-3
+        normals = np.array(solid.vertex_normals.as_arrow_array().to_pylist()).reshape(-1, 3)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-4)
+
+
+def test_whoever_reads_a_recording_from_its_beginning_never_sees_the_robot_at_the_origin(tmp_path):
+    drive, file = Drive(), tmp_path / "a.rrd"
+    with drive.recorder(file) as recorder:
+        for frame in drive.frames(0.02):
+            recorder.log(frame)
+    order = [
+        chunk.entity_path
+        for chunk in RrdReader(str(file)).stream()
+        if not chunk.is_static or "body" in chunk.entity_path
+    ]
+    body = next(i for i, path in enumerate(order) if path.startswith("/world/robot/body"))
+    assert {"/world/robot", "/world/eyes/following"} <= set(order[:body])
+
+
+def test_from_above_walls_do_not_lean_and_the_whole_workspace_is_seen():
+    scene = load("slit").scene
+    transform, pinhole = above(scene)
+    eye = np.ravel(transform.translation.as_arrow_array().to_pylist())
+    assert eye[2] == pytest.approx(HEIGHT * 1.06 * 6.0)
+    corner, middle = np.array([0.0, 0.0]), np.array(eye[:2])
+    foot, top = (np.hypot(*(corner - middle)) / (eye[2] - z) for z in (0.0, 1.0))
+    assert (top / foot - 1.0) * np.hypot(*(corner - middle)) < 0.005  # a wall of 1 m leans by less than 5 mm
+    focal = np.ravel(pinhole.image_from_camera.as_arrow_array().to_pylist())[0]
+    width, height = np.ravel(pinhole.resolution.as_arrow_array().to_pylist())
+    seen = focal * np.abs(scene.upper - middle) / eye[2]
+    assert np.all(2.0 * seen < (width, height))
+    assert np.all(2.0 * seen > (0.9 * width, 0.9 * height))
+
+
+def test_the_eye_stays_behind_the_robot_whatever_the_noise_does():
+    scene = load("slit").scene
+    eye, rng = Following(scene), np.random.default_rng(0)
+    points = scene.start[:2] + np.cumsum(rng.normal((0.01, 0.0), 0.03, (300, 2)), axis=0)
+    places, _ = eye.poses(points, np.full(300, 0.01))
+    off = np.linalg.norm(places[:, :2] - points, axis=1)
+    assert off.max() < 2.5 * eye.back
+    assert np.linalg.norm(np.diff(places[:, :2], axis=0), axis=1).max() < 0.1 * eye.back
+    assert np.all(places[:, 2] == eye.up)

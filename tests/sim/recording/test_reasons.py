@@ -1,0 +1,192 @@
+"""Why, in words: what classes cost and how many of their samples die and where, and what happens on the way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from drives import Drive
+
+from pirrht.outcome import Outcome
+from sim.recording.happenings import Happenings
+from sim.recording.reasons import BORDER, Reason, arriving, met, reasons, words_of
+from sim.recording.subject import called
+from sim.recording.words import fate, page, sentence, share
+
+WALLS = ("upper wall", "lower wall")
+
+
+@pytest.fixture(scope="module")
+def planned():
+    drive = Drive()
+    start = drive.scene.start[:2]
+    drive.controller.begin(start)
+    plan = drive.controller.plan(start)
+    integral = drive.controller.path_integral
+    return drive, plan, {r.name: r for r in reasons(plan, integral, WALLS, words_of(plan, integral, WALLS))}
+
+
+def test_a_reason_has_the_cost_the_weight_and_the_value_of_its_class(planned):
+    drive, plan, found = planned
+    estimate, temperature = plan.estimate, drive.controller.path_integral.temperature
+    assert list(found) == list(plan.ids)
+    for reference, name in zip(plan.references, plan.ids, strict=True):
+        assert found[name].cost == reference.cost
+        assert found[name].weight == estimate.class_weights[name]
+    values = np.array([r.value for r in found.values()])
+    together = -temperature * np.log(np.exp(-values / temperature).sum())
+    other = estimate.class_weights["other"]
+    assert together == pytest.approx(estimate.value - temperature * np.log1p(-other), abs=1e-9)
+
+
+def test_the_error_of_a_class_is_what_repeated_estimates_scatter_by():
+    values, errors, drive = [], [], Drive()
+    start = drive.scene.start[:2]
+    drive.controller.begin(start)
+    integral = drive.controller.path_integral
+    for _ in range(40):
+        plan = drive.controller.plan(start)
+        one = {r.name: r for r in reasons(plan, integral, WALLS, words_of(plan, integral, WALLS))}["0,1"]
+        values.append(one.value)
+        errors.append(one.error)
+    assert np.std(values) == pytest.approx(np.mean(errors), rel=0.5)
+
+
+def test_samples_that_die_are_counted_where_they_were_drawn(planned):
+    _, plan, found = planned
+    alive = arriving(plan.estimate, plan.ids)
+    for h, name in enumerate(plan.ids):
+        lost = 0.0
+        count = 0
+        for part in plan.estimate.parts:
+            own = slice(part.leads.first[h], part.leads.first[h + 1])
+            arrived = part.paths.outcome[own] == Outcome.GOAL
+            lost += np.sum(~arrived) + np.sum(1.0 - np.exp(part.paths.lasting[own][arrived]))
+            count += len(arrived)
+        assert found[name].dying + found[name].late == pytest.approx(lost / count)
+        assert alive[name] == pytest.approx(1.0 - lost / count)
+
+
+def test_what_samples_hit_is_the_wall_beside_their_way(planned):
+    _, _, found = planned
+    assert {what for what, _ in found["0,1"].where} <= {"lower wall", BORDER}
+    assert {what for what, _ in found["-1,0"].where} <= {"upper wall", BORDER}
+    assert found["0,0"].dying > max(found["0,1"].dying, found["-1,0"].dying)  # it is narrow in there
+
+
+def test_a_robot_touches_the_nearest_solid_or_the_border():
+    drive = Drive()
+    points = np.array([(3.0, 2.95), (3.0, 2.06), (3.0, 4.99), (0.01, 1.0)])
+    assert met(drive.space.collision, points, WALLS) == ["upper wall", "lower wall", BORDER, BORDER]
+
+
+def reason(name, way, cost, weight, dying=0.0, late=0.0, where=()):
+    return Reason(
+        name=name, way=way, cost=cost, value=cost, error=0.1, weight=weight, dying=dying, late=late, where=where
+    )
+
+
+THROUGH = reason("0,0", "between upper and lower", 8.4, 0.02, dying=0.96, where=(("lower", 0.6), ("upper", 0.4)))
+AROUND = reason("-1,0", "left of upper", 9.1, 0.98)
+
+
+def test_the_sentence_is_the_one_a_person_would_say():
+    assert sentence([THROUGH, AROUND], "-1,0") == (
+        "Between upper and lower: shortest, but 96 of 100 samples hit lower or upper; "
+        "left of upper: 0.7 dearer, all arrive. Most weight: class -1,0, 98 %."
+    )
+
+
+def test_classes_that_weigh_nothing_are_left_out_of_the_sentence_unless_they_are_the_cheapest():
+    light = reason("0,1", "right of lower", 8.9, 1e-4)
+    said = sentence([THROUGH, light, AROUND], "-1,0")
+    assert "right of lower" not in said
+    assert "between upper and lower" in said.lower()
+
+
+@pytest.mark.parametrize(
+    ("dying", "late", "said"),
+    [(0.0, 0.0, "all arrive"), (1.0, 0.0, "all samples hit a wall"), (0.1, 0.2, "10 of 100 samples hit a wall and 20")],
+)
+def test_what_becomes_of_samples_adds_up(dying, late, said):
+    assert fate(reason("0", "w", 1.0, 1.0, dying, late)).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("weight", "said"), [(1.0, "100 %"), (0.9999, "over 99 %"), (0.994, "99 %"), (0.001, "under 1 %"), (0.0, "0 %")]
+)
+def test_a_share_is_rounded_to_nothing_else_than_it_is(weight, said):
+    assert share(weight) == said
+
+
+def test_the_page_tells_of_a_fallback_and_of_too_few_samples(planned):
+    _, plan, found = planned
+    lost = replace(plan, estimate=None, fallback="no survivor", instead=plan.tape, law=None)
+    assert page(lost, [], 1.25).startswith("**At 1.25 s: no survivor.**")
+    weak = replace(plan, estimate=replace(plan.estimate, ess=3.0))
+    assert "Only 3.0 effective samples: a guess" in page(weak, list(found.values()), 0.0)
+    known = replace(lost, fallback=None, exact=8.5)
+    assert "Exact value 8.50" in page(known, [], 0.0)
+
+
+def test_names_of_a_long_series_and_missing_ones_give_way_to_the_number_on_the_map():
+    given = ["table", "", "post_1", "post_2", "post_3", "post_4", "left_door", "table 2"]
+    number = dict(enumerate([1, 2, 3, 4, 5, 6, 7, 8]))
+    named = called(given, number)
+    assert named == ["table", "obstacle 2", *(f"obstacle {k}" for k in (3, 4, 5, 6)), "left door", "table 2"]
+
+
+def step(time, weights, clearance=1.0, outcome=None):
+    return SimpleNamespace(
+        step=round(100 * time),
+        time=time,
+        ids=tuple(weights),
+        weights=weights,
+        favourite=max(weights, key=weights.get, default=None),
+        clearance=clearance,
+        outcome=outcome,
+    )
+
+
+def told(rows):
+    watch = Happenings(0.1, lambda row: "the lamp", lambda name: f"past {name}")
+    return [(row.time, text) for one in rows for row, text in watch.add(one)]
+
+
+def test_classes_are_told_of_when_they_come_to_weigh_something_and_when_they_are_gone_for_good():
+    both, first = {"0": 0.7, "1": 0.3}, {"0": 1.0}
+    rows = [step(0.0, {"0": 1.0, "1": 0.0}), step(0.1, both), step(0.2, first), step(0.3, both)]
+    rows += [step(t, first) for t in (0.5, 0.9, 1.1)]
+    rows += [step(1.5, both)]
+    assert told(rows) == [
+        (0.0, "2 classes, of weight: 0 (past 0)"),
+        (0.1, "new: 1 (past 1)"),
+        (0.9, "without a path for now: 1 (past 1)"),
+        (1.5, "back: 1 (past 1)"),
+    ]
+
+
+def test_a_close_passage_is_told_of_once_at_its_closest_step():
+    room = [0.5, 0.08, 0.04, 0.02, 0.03, 0.06, 0.2, 0.045, 0.5]
+    rows = [step(0.1 * k, {"0": 1.0}, clearance) for k, clearance in enumerate(room)]
+    assert [(round(t, 1), text) for t, text in told(rows)][1:] == [
+        (0.3, "passes the lamp with 2.0 cm to spare"),
+        (0.7, "passes the lamp with 4.5 cm to spare"),
+    ]
+
+
+def test_a_switch_is_told_in_words_and_a_fallback_in_between_is_none():
+    rows = [
+        step(0.0, {"0": 0.7, "1": 0.3}),
+        step(0.1, {}),
+        step(0.2, {"0": 0.6, "1": 0.4}),
+        step(0.3, {"0": 0.4, "1": 0.6}),
+    ]
+    assert told(rows)[1:] == [(0.3, "now past 1")]
+
+
+def test_what_is_hit_was_not_passed():
+    rows = [step(0.0, {"0": 1.0}, 0.03), step(0.1, {"0": 1.0}, 0.01, Outcome.COLLISION)]
+    assert not any("passes" in text for _, text in told(rows))

@@ -1,0 +1,100 @@
+"""The exact solution in a recording: what is painted on the floor, the optimal field, and psi class by class."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from drives import Drive, columns
+from rerun.chunk import RrdReader
+
+from pirrht.exact.desirability import Desirability
+from sim.drive.truth import Truth
+from sim.recording import truth_view
+from sim.recording.look import Look
+from sim.recording.recorder import Recorder, Sinks
+
+
+@pytest.fixture(scope="module")
+def solved():
+    drive = Drive()
+    return drive, Desirability.of(drive.controller.problem, drive.space, spacing=0.05)
+
+
+@pytest.fixture(scope="module")
+def floor(solved):
+    drive, grid = solved
+    return truth_view.painted(grid, drive.space, 0.0, 60).astype(float).sum(axis=2)
+
+
+def pixel(floor, x, y):
+    """Brightness over a point of the 6 m x 5 m floor, north being up."""
+    height, width = floor.shape
+    return floor[height - 1 - int(y / 5.0 * height), int(x / 6.0 * width)]
+
+
+def test_the_floor_is_pale_at_the_goal_and_the_darker_the_dearer(floor):
+    assert floor.shape == (50, 60)
+    along = [pixel(floor, x, 2.5) for x in (5.5, 4.7, 2.0, 0.3)]
+    assert all(a > b for a, b in zip(along, along[1:], strict=False))
+
+
+def test_where_the_robot_may_not_be_nothing_is_painted(floor):
+    blocked = float(sum(truth_view.BLOCKED))
+    assert pixel(floor, 3.4, 2.8) == blocked
+    assert pixel(floor, 3.4, 2.85) == blocked  # touching the wall
+    assert pixel(floor, 3.4, 2.5) != blocked  # between the walls
+
+
+def test_arrows_on_the_floor_are_the_optimal_control(solved):
+    _, grid = solved
+    points = np.array([(1.0, 1.0), (4.8, 3.0)])
+    np.testing.assert_array_equal(truth_view.directions(grid, points, 0.0), [grid.control(p) for p in points])
+
+
+def test_of_a_robot_with_a_heading_the_best_one_counts():
+    def value(states, time):
+        return 1.0 - np.cos(states[:, 2] - np.pi / 2)
+
+    grid = SimpleNamespace(problem=SimpleNamespace(dynamics=SimpleNamespace(angles=(2,))), value=value)
+    np.testing.assert_allclose(truth_view.values(grid, np.zeros((3, 2)), 0.0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(truth_view.directions(grid, np.zeros((3, 2)), 0.0), [(0.0, 1.0)] * 3, atol=1e-12)
+
+
+def test_the_grid_gives_the_classes_about_the_weights_that_samples_find(solved):
+    drive, grid = solved
+    start = drive.scene.start[:2]
+    drive.controller.begin(start)
+    plan = drive.controller.plan(start)
+    exact = truth_view.shares_of(grid, plan, 0.0)
+    assert list(exact) == list(plan.ids)
+    assert 0.99 < sum(exact.values()) <= 1.0 + 1e-9
+    for name, share in exact.items():
+        assert share == pytest.approx(plan.estimate.class_weights[name], abs=0.15)
+
+
+def test_classes_that_differ_by_moving_bodies_alone_are_added_up_where_a_plan_does_not_tell_them_apart(solved):
+    drive, _ = solved
+    start = drive.scene.start[:2]
+    drive.controller.begin(start)
+    plan = drive.controller.plan(start)
+    grid = SimpleNamespace(shares=lambda x, samples, t: {"0,0,0": 0.5, "0,0,1": 0.3, "0,1,0": 0.2})
+    found = truth_view.shares_of(grid, plan, 0.0)
+    assert found == {"0,0": pytest.approx(0.8), "0,1": pytest.approx(0.2), "-1,0": 0.0}
+    bare = replace(plan, references=(replace(plan.references[0], winding=()),), ids=("-",))
+    assert truth_view.shares_of(grid, bare, 0.0) == {"-": pytest.approx(1.0)}
+
+
+def test_a_recording_with_a_truth_has_floor_field_and_exact_shares(solved, tmp_path):
+    _, grid = solved
+    drive, file = Drive(), tmp_path / "a.rrd"
+    integral = drive.controller.path_integral
+    look, settings = Look(truth=True), {"scene": "slit", "seed": 0, "method": "pi-rrht"}
+    with Recorder(drive.loaded, drive.tree, integral, Sinks(file=file), look, settings=settings, grid=grid) as recorder:
+        for frame in drive.frames(0.02):
+            recorder.log(frame, truth=Truth.at(grid, frame.plan.state))
+    static = {chunk.entity_path for chunk in RrdReader(str(file)).stream() if chunk.is_static}
+    assert {truth_view.VALUE, truth_view.FIELD} <= static
+    assert "| exact |" in columns(file)["/why/page"]["TextDocument:text"][0][0]
