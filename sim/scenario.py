@@ -91,7 +91,16 @@ class Scenario:
 
     @property
     def _in_time(self) -> InTime:
-        return InTime.of(self.problem, self.settings.speed_limit, self.system.pace)
+        return InTime.of(self.problem, self.settings.speed_limit, self._pace())
+
+    def _pace(self) -> float | None:
+        """The best speed of ways [m/s]: as declared, or else what its own steering makes of the way to the goal."""
+        if self.system.pace is not None or self.system.steering is None or self.problem.dynamics.noisy_position:
+            return self.system.pace
+        steering: Steering = self.system.steered(self.problem)
+        goal = np.asarray(steering.roots(self.problem.scene.goal.center))[:1]
+        found = steering.trajectory(steering.connect(steering.vertex_of(self.start)[None], goal))
+        return float(found.length / found.durations.sum())
 
     def _prediction(self, *, trees: bool) -> Prediction | None:
         """What plans take to come of bodies that move; None: they know."""

@@ -188,8 +188,8 @@ class Controller(Policy):
         chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
         if self._foreseen is not None and chosen is not None:
             way = chosen.trajectory
-            times = self.drive.time + np.concatenate([[0.0], np.cumsum(way.durations)])[: len(way.path.start)]
-            self._way = np.column_stack([way.path.start[:, :2], times])
+            times = self.drive.time + np.concatenate([[0.0], np.cumsum(way.durations)])[: len(way.path.tails)]
+            self._way = np.column_stack([way.path.tails[:, :2], times])
 
     def _left(self, x: Array) -> Array | None:
         """What is left of it from x (n,) on, (k, 3) [m, m, s]."""
@@ -218,7 +218,7 @@ class Controller(Policy):
         ids = tuple(batch.classes.values())
         law, push = None, None
         if estimate is not None:
-            push = self.path_integral.push(estimate.rollouts.leads, x)
+            push = self.path_integral.push(estimate.rollouts.leads, x, self.now)
             law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
         return Plan(
             state=x,
@@ -260,7 +260,7 @@ class Controller(Policy):
     def _beside(self, x: Array, proposals: list[Proposal], trajectories: list[Trajectory]) -> list[Proposal]:
         """The same samples, some of each class around what goes beside its guide, by what those weighed last."""
         pairs = zip(proposals, trajectories, strict=True)
-        found = [(one, self.path_integral.beside(x, trajectory)) for one, trajectory in pairs]
+        found = [(one, self.path_integral.beside(x, trajectory, self.now)) for one, trajectory in pairs]
         kept, more = [], []
         for one, other in found:
             count = 0 if other is None else round(self._aside.get(one.name, 0.5) * one.count)

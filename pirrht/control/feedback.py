@@ -31,7 +31,9 @@ STALE = 0.05  # classes that no sample was of for so long are forgotten [s]
 BOUND = 2.0  # earlier plans count at most exp(BOUND) times as much as the last one
 FADED = -60.0  # classes whose desirability is below the largest by so many nats are forgotten
 
-Push = Callable[[Array], Array]  # what the nearest walls add to the control of every class at state (n,), (m,)
+Push = Callable[
+    [Array, float], Array
+]  # what the nearest walls add to every class' control (m,) at (n,), s [s] after the plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -109,7 +111,7 @@ class ClassMixture:
         return log_psi, controls
 
     def _controls(self, x: Array, s: float) -> Array:
-        controls: Array = np.array([law.control(x, s) for law in self.classes.values()]) + self.push(x)
+        controls: Array = np.array([law.control(x, s) for law in self.classes.values()]) + self.push(x, s)
         return controls
 
 

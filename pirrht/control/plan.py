@@ -31,7 +31,7 @@ class Plan:
         replay: what makes the tape of an estimate, and paths that are shown.
         instead: the tape that is followed in a fallback, (T, m) [control].
         law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the tape is held.
-        push: what the nearest walls add to a control that is held, (m,) [control] at a state (n,).
+        push: what the nearest walls add to a held control, (m,) [control] at a state (n,) and a time since the plan [s].
         span: how long the law is followed [s]; then the tape.
         shares: weight of every class under the law, from 0 to 1.
         followed: the class that the control is of, where it is of one alone.
@@ -57,7 +57,7 @@ class Plan:
     replay: Replay | None = None
     instead: Array | None = None
     law: Callable[[Array, float], Array] | None = None
-    push: Callable[[Array], Array] | None = None
+    push: Callable[[Array, float], Array] | None = None
     span: float = np.inf
     shares: dict[str, float] | None = None
     followed: str | None = None
@@ -119,7 +119,7 @@ class Plan:
         if self.law is not None and s + 1e-9 < self.span:
             return self.law(x, s)
         if s + 1e-9 < self.times[1]:
-            return self.control + (0.0 if self.push is None else self.push(x) - self.push(self.state))
+            return self.control + (0.0 if self.push is None else self.push(x, s) - self.push(self.state, 0.0))
         i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
         return self.tape[i] if i < len(self.tape) else np.zeros(self.tape.shape[1])
 

@@ -192,13 +192,17 @@ class PathIntegral:
         """About the most that log psi of a reference's class can be from x (n,) [nats]: what it is without walls."""
         return -self._scales(x).decay * trajectory.length
 
-    def climbing(self, x: Array, line: Array) -> Climb:
-        """Climbing the desirability of the way from x (n,) over the corners of a line (k, 2) [m] to the goal point."""
+    def climbing(self, x: Array, line: Array, time: float = 0.0) -> Climb:
+        """Climbing the desirability of the way from x (n,) over the corners of a line (k, 2) [m] to the goal point.
+
+        Args:
+            time: now, on the clock of what moves [s].
+        """
         scales = self._scales(x)
-        push = self._push(scales.reach, self.sampling.leading)
+        push = self._push(scales.reach, self.sampling.leading, time=time)
         return Climb(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
 
-    def beside(self, x: Array, trajectory: Trajectory) -> Climb | None:
+    def beside(self, x: Array, trajectory: Trajectory, time: float) -> Climb | None:
         """What samples of a point may follow besides a guide among bodies that move; None of other systems.
 
         Walls that stand bend psi more than a law that is linear around one trajectory tells, and a way knows how. It
@@ -206,8 +210,8 @@ class PathIntegral:
         """
         if not (self.moving and self.pointlike and self.problem.dynamics.even):
             return None
-        line = np.vstack([trajectory.path.start[:, :2], self.space.scene.goal.center])
-        return self.climbing(x, _bends(line)[1:])
+        line = np.vstack([trajectory.path.tails[:, :2], self.space.scene.goal.center])
+        return self.climbing(x, _bends(line)[1:], time)
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
@@ -253,13 +257,16 @@ class PathIntegral:
         Raises:
             NoSurvivingSample: no sample has any weight.
         """
-        return weigh(self.problem, parts, self.push(parts[0].leads, parts[0].x0)(parts[0].x0), classes)
+        return weigh(
+            self.problem, parts, self.push(parts[0].leads, parts[0].x0, parts[0].origin.time)(parts[0].x0), classes
+        )
 
-    def push(self, leads: Leads, x: Array | None = None) -> Push:
+    def push(self, leads: Leads, x: Array | None = None, time: float = 0.0) -> Push:
         """What the nearest walls add to the control (m,) near samples that followed these leads, for any state (n,).
 
         Args:
             x: the state (n,) that they start from; close to it FCL's clearance is used, not the field's lower bound.
+            time: when they do, on the clock of what moves [s].
         """
         slack = 0.0
         if x is not None and leads.reach > 0.0:
@@ -267,12 +274,14 @@ class PathIntegral:
             slack = (
                 max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known) if known < leads.reach else 0.0
             )
-        return self._push(leads.reach, float(leads.times[1]), slack)
+        return self._push(leads.reach, float(leads.times[1]), slack, time)
 
-    def _push(self, reach: float, step: float, slack: float = 0.0) -> Push:
+    def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> Push:
+        traffic = self.setup.traffic if isinstance(self.setup, MovingSetup) else None
         return Push(
-            problem=self.problem, field=self.space.field, reach=reach, step=step, beyond=self._beyond, slack=slack
-        )
+            problem=self.problem, field=self.space.field, reach=reach, step=step, beyond=self._beyond, slack=slack,
+            traffic=traffic, time=time,
+        )  # fmt: skip
 
     def _scales(self, x: Array) -> Scales:
         """Those at x (n,), which are the same everywhere if G, B and R are."""

@@ -28,19 +28,25 @@ class Follow(Lead):
         i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.modes) - 1)
         share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
         off = d.difference(x, guide.states[i] + share * d.difference(guide.states[i + 1], guide.states[i]))
-        a = guide.modes[i] + guide.gains[i] @ off
-        if guide.gates is not None:
-            row = min(i * FINER + round(share * FINER), len(guide.gates) - 1)
-            a = a + beyond_linear(guide.gates[row], d.B_c(x), guide.gains[i], off)
-        a = self._bounded(a)
+        a = self._bounded(self._gated(x, i, min(i * FINER + round(share * FINER), len(guide.modes) * FINER - 1), off))
         mean, sway = a[: d.m], a[d.m :]
         return guide.input_of(x, mean + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway if len(sway) else mean)
 
     def held(self, x: Array) -> Array:
         """Control (m,) of the guide over its first step from x (n,), without what it rises or falls."""
         guide, d = self.guide, self.guide.dynamics
-        a = self._bounded(guide.modes[0] + guide.gains[0] @ d.difference(x, guide.states[0]))
+        a = self._bounded(self._gated(x, 0, 0, d.difference(x, guide.states[0])))
         return guide.input_of(x, a[: d.m])
+
+    def _gated(self, x: Array, i: int, row: int, off: Array) -> Array:
+        """The law of step i (modes,), its row of gates and pushes, `off` (n,) from the guide."""
+        guide = self.guide
+        modes, gains = guide.modes[i], guide.gains[i]
+        if guide.gates is None or guide.pushes is None:
+            return np.asarray(modes + gains @ off)
+        B = guide.dynamics.B_c(x)
+        modes, gains = modes - guide.pushes[0][row] @ B, gains - B.T @ guide.pushes[1][row]
+        return np.asarray(modes + gains @ off + beyond_linear(guide.gates[row], B, gains, off))
 
     def pack(self, leads: Leads, h: int) -> None:
         """The law, to `Leads.law` (H, T FINER, law_width(n, modes)), and the number of its rows that lead."""

@@ -15,12 +15,14 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.traffic import moving_walls
+from pirrht.rollouts.among import walls_among
 from pirrht.rollouts.first_exit import two_walls
 from pirrht.rollouts.gates import GATE, GATES, gate_slope, mills
 
 WALLS = 6  # that are looked at from one place, at most
 APART = 0.5  # walls are different if the cosine of the angle between them is less
 CARELESS = 3.0  # a gate with a greater z is none
+BEYOND = 10.0  # reaches from where on walls do not push
 LEAST_GAP = 0.1  # of the reach: nearer walls are taken to push no harder where a guide passes
 SOONEST = 0.05  # a wall is a gate from so far ahead [s]
 
@@ -91,17 +93,10 @@ def pushes_of(setup: object, places: Array, times: Array, reach: float) -> tuple
 
 @kernel
 def _pushes(setup, places, times, reach, slopes, bends):  # type: ignore[no-untyped-def]
-    near = np.zeros((setup.traffic.lead.shape[0], 5))
     for i in range(places.shape[0]):
         x, y = places[i]
-        c, nx, ny, d, mx, my = two_walls(setup.arena.field, x, y)
-        count = moving_walls(setup.traffic, x, y, times[i], 10.0 * reach, near)
-        for k in range(count):
-            e, ex, ey = np.float32(near[k, 0]), np.float32(near[k, 1]), np.float32(near[k, 2])
-            if e < c:
-                c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
-            elif e < d:
-                d, mx, my = e, ex, ey
+        standing = two_walls(setup.arena.field, x, y)
+        c, nx, ny, d, mx, my = walls_among(setup.traffic, standing, x, y, times[i], BEYOND * reach, 0.0)
         for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
             near_by = max(float(gap), LEAST_GAP * reach)
             push = reach / (near_by * (near_by + reach))

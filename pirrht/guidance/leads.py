@@ -100,10 +100,10 @@ class Climb(Lead):
         return self.way.log_psi
 
     def __call__(self, x: Array, s: float) -> Array:
-        """Control (m,) at x (n,); the time s [s] does not matter."""
+        """Control (m,) at x (n,); the time s [s] matters where bodies move."""
         slope = np.zeros(2)
-        slope_along(self.ways, 0, self.way.goal, x[0], x[1], self.push.walls(x), slope)
-        return np.asarray(self.gain @ slope) - self.push(x)
+        slope_along(self.ways, 0, self.way.goal, x[0], x[1], self.push.walls(x, s), slope)
+        return np.asarray(self.gain @ slope) - self.push(x, s)
 
     def pack(self, leads: Leads, h: int) -> None:
         """The way, to the first C cross-sections of the row in `Leads.ways`, and their number."""

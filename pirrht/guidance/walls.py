@@ -16,9 +16,12 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.field import Field
+from pirrht.geometry.traffic import Traffic
 from pirrht.problem import Problem
+from pirrht.rollouts.among import walls_among
 from pirrht.rollouts.first_exit import two_walls, wall_slope
 
+FAR = 10.0  # reaches from where on what bodies add is nothing
 REACH = 2.0  # decay lengths 1/k within which walls push what follows no way
 AVERAGED = 0.04  # near walls and goal the control now is averaged over leading steps of this length together [s]
 SHARE = 0.5  # of the time in which noise carries a path to the nearest of them
@@ -65,6 +68,8 @@ class Push:
     step: float  # of the rollouts, their first [s]
     beyond: float = 0.0  # as `Leads.beyond` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
+    traffic: Traffic | None = None  # bodies that move
+    time: float = 0.0  # of the plan, on their clock [s]
     known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False)  # what `_at` tells, if constant
 
     def __post_init__(self) -> None:
@@ -72,22 +77,33 @@ class Push:
         object.__setattr__(self, "known", None)
         object.__setattr__(self, "known", self._at(np.zeros(d.n)) if d.constant else None)
 
-    def __call__(self, x: Array) -> Array:
-        """Control (m,) at x (n,)."""
+    def __call__(self, x: Array, s: float = 0.0) -> Array:
+        """Control (m,) at x (n,), s [s] after the plan."""
         if self.reach <= 0.0:
             return np.zeros(self.problem.dynamics.m)
         gain, closest = self._at(x)
-        slope = _slope_at(self.field, x[0], x[1], closest, self.slack, self.beyond, self.reach)
+        if self.traffic is None:
+            slope = _slope_at(self.field, x[0], x[1], closest, self.slack, self.beyond, self.reach)
+        else:
+            slope = wall_slope(*self.walls(x, s), self.reach)
         return np.asarray(gain @ np.array(slope))
 
     def gain(self, x: Array) -> Array:
         """lambda R^-1 G' at x (n,), (m, rows): what a slope of log psi is multiplied with."""
         return self._at(x)[0]
 
-    def walls(self, x: Array) -> tuple[Any, ...]:
-        """The two nearest walls at x (n,) as `two_walls` gives them, none nearer than they push harder [m]."""
-        found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], self._at(x)[1], self.slack, self.beyond)
-        return found
+    def walls(self, x: Array, s: float = 0.0) -> tuple[Any, ...]:
+        """The two nearest walls at x (n,) as `two_walls` gives them, none nearer than they push harder [m].
+
+        Args:
+            s: time since the plan, by which bodies have moved on [s].
+        """
+        closest = self._at(x)[1]
+        found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.beyond)
+        if self.traffic is None:
+            return found
+        among: tuple[Any, ...] = walls_among(self.traffic, found, x[0], x[1], self.time + s, FAR * self.reach, closest)
+        return among
 
     def _at(self, x: Array) -> tuple[Array, float]:
         """lambda R^-1 G' = G^-1 BB' at x (n,), and where walls begin to push no harder [m]."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import normals, uniform
-from pirrht.geometry.traffic import clearance_of_body, outside_of, piece_of, wall_of_body
+from pirrht.geometry.traffic import WALL, clearance_of_body, moving_walls, outside_of, piece_of, wall_of_body
 from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_crossing
 
 SKIN = 0.4  # bodies are listed so much further away than they have to be [m]
@@ -96,6 +96,23 @@ def with_moving(walls, near, count, widest):  # type: ignore[no-untyped-def]
                 c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
             elif e < d:
                 d, mx, my = e, ex, ey
+    return c, nx, ny, d, mx, my
+
+
+@kernel
+def walls_among(traffic, walls, x, y, t, within, widest):  # type: ignore[no-untyped-def]
+    """The two nearest to (x, y) [m] of two walls that stand, as `two_walls` gives them, and bodies at a time t [s].
+
+    Bodies farther than `within` are not asked, and none is taken to be nearer than `widest` [m].
+    """
+    c, nx, ny, d, mx, my = walls
+    near = np.empty((traffic.lead.shape[0], WALL))
+    for k in range(moving_walls(traffic, x, y, t, within, near)):
+        e, ex, ey = np.float32(max(near[k, 0], widest)), np.float32(near[k, 1]), np.float32(near[k, 2])
+        if e < c:
+            c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
+        elif e < d:
+            d, mx, my = e, ex, ey
     return c, nx, ny, d, mx, my
 
 

@@ -76,6 +76,15 @@ class Legs:
         """Where consecutive ones begin, and where the last one ends, (k + 1, 3) [m, m, s]."""
         return np.vstack([self.path[:, :3], self.path[-1:, 3:]])
 
+    @property
+    def start(self) -> Array:
+        """Where each begins and where it leads, x, y [m], heading [rad], (k, 3); who waits looks where he goes next."""
+        dx, dy = (self.path[:, 3:5] - self.path[:, :2]).T
+        moves = np.flatnonzero(np.hypot(dx, dy) > 0.0)
+        i = np.minimum(np.searchsorted(moves, np.arange(len(dx))), max(len(moves) - 1, 0))
+        heading = np.arctan2(dy, dx)[moves[i]] if len(moves) else np.zeros(len(dx))
+        return np.column_stack([self.path[:, :2], heading])
+
     def length(self) -> Array:
         """Lengths (k,) [m]."""
         return np.asarray(np.hypot(self.path[:, 3] - self.path[:, 0], self.path[:, 4] - self.path[:, 1]))
