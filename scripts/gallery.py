@@ -36,7 +36,7 @@ HEAD = """# Gallery
 
 Every built-in scene, driven once with seed 0 at its own noise. The first picture shows the robot after 45 % of the
 drive, with the references of all classes, thicker the more probable they are; the second is the whole drive in four
-seconds. Robots among bodies that move follow the exact law (`--method optimal`).
+seconds.
 """
 
 
@@ -44,8 +44,7 @@ def drive(name: str, given: dict[str, Any]) -> tuple[Film, float]:
     """Drive once; returns a film of it and how long it took [s]."""
     scenario = _scenario(name, given)
     film = Film(scenario.loaded, size=STILL)
-    exact = scenario.settings.method == "optimal"
-    driver = scenario.driver(None if exact else scenario.grown_tree())
+    driver = scenario.driver(scenario.grown_tree())
     time = 0.0
     for frame in scenario.drive(scenario.plant(), driver):
         film.add(frame)
@@ -54,10 +53,7 @@ def drive(name: str, given: dict[str, Any]) -> tuple[Film, float]:
 
 
 def _scenario(name: str, given: dict[str, Any]) -> Scenario:
-    scenario = prepare(name, given=given)
-    if scenario.loaded.scene.movers:
-        return prepare(name, given={**given, "method": "optimal"})
-    return scenario
+    return prepare(name, given=given)
 
 
 def opening(file: Path, given: dict[str, Any], shots: int) -> None:

@@ -31,7 +31,7 @@ class Plan:
         replay: what makes the tape of an estimate, and paths that are shown.
         instead: the tape that is followed in a fallback, (T, m) [control].
         law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the tape is held.
-        push: what the nearest walls add to a held control, (m,) [control] at a state (n,) and a time since the plan [s].
+        push: what the nearest walls add to a held control, (m,) [control] at a state (n,), so long after [s].
         span: how long the law is followed [s]; then the tape.
         shares: weight of every class under the law, from 0 to 1.
         followed: the class that the control is of, where it is of one alone.

@@ -1,0 +1,159 @@
+"""Drives among bodies that move: what is known or foretold of them, and that classes keep their names."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from discs import disc
+from moving import SCENES, hall, moved
+
+from pirrht.control.controller import Controller
+from pirrht.control.mppi import Mppi
+from pirrht.control.prediction import ByVelocity, straight_on
+from pirrht.estimation.sampling import Sampling
+from pirrht.exact.desirability import Desirability
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Motion
+from pirrht.problem import Problem
+from pirrht.steering.in_time import InTime
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.topology.driven import DrivenInTime
+from pirrht.tree.homology_tree import HomologyTree
+
+START = np.array([1.0, 2.5])
+TURNING = [(0.0, 3.2, 0.6, 0.0), (1.0, 3.2, 1.4, 0.0), (2.0, 4.4, 1.4, 0.0), (3.0, 4.4, 1.4, 0.0)]
+
+
+def rooted(space: FreeSpace, seed: int = 0) -> HomologyTree:
+    return HomologyTree(space, InTime(), limit=0.8, rng=np.random.default_rng(seed))
+
+
+def among(name: str = "crossing", b: float = 0.2) -> tuple[Problem, FreeSpace]:
+    scene = SCENES[name]()
+    return Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
+
+
+def controller(name: str = "crossing", b: float = 0.2, **more: object) -> Controller:
+    problem, space = among(name, b)
+    tree = rooted(space)
+    tree.grow(400)
+    sampling = Sampling(samples=400, threads=1)
+    return Controller(problem, space, tree, sampling, rng=np.random.default_rng(1), **more)  # type: ignore[arg-type]
+
+
+def by_velocity(space: FreeSpace) -> ByVelocity:
+    return ByVelocity(space, InTime(), rooted, vertices=200)
+
+
+def test_the_velocity_of_a_motion_is_that_which_led_to_where_it_is():
+    motion = Motion(rows=np.array(TURNING))
+    for t in (0.0, 0.3, 1.0):
+        assert motion.velocity(t) == pytest.approx([0.0, 0.8, 0.0])
+    assert motion.velocity(1.001) == pytest.approx([1.2, 0.0, 0.0])
+    assert motion.velocity(7.0) == pytest.approx(np.zeros(3))
+    again = replace(motion, repeat=True)
+    assert again.velocity(3.5) == pytest.approx([0.0, 0.8, 0.0])
+    assert again.velocity(3.0) == pytest.approx(np.zeros(3))
+    assert motion.after(1.5).velocity(0.0) == pytest.approx([1.2, 0.0, 0.0])
+
+
+def test_a_body_that_is_foretold_goes_straight_on_from_where_it_is():
+    mover = moved("walker", TURNING, disc("disc", 0.0, 0.0, 0.3))
+    on = straight_on(mover, 0.5, 10.0)
+    for t in (0.0, 0.4, 3.0):
+        assert on.motion.pose(t) == pytest.approx(mover.motion.pose(0.5) + t * np.array([0.0, 0.8, 0.0]))
+
+
+def test_nothing_is_foretold_anew_before_a_body_moves_otherwise():
+    space = FreeSpace.of(hall("turning", [moved("walker", TURNING, disc("disc", 0.0, 0.0, 0.3))]))
+    prediction = by_velocity(space)
+    first = prediction.at(START, 0.0, 0.0)
+    assert prediction.at(START, 0.9, 0.9) is first
+    second = prediction.at(START, 1.1, 1.1)
+    assert second is not first
+    assert second.since == 1.1
+    assert second.tree is not None
+    assert second.tree.size == 200
+    assert prediction.at(START, 1.9, 1.9) is second
+    prediction.begin()
+    assert prediction.at(START, 0.0, 0.0) is not second
+
+
+@pytest.mark.parametrize("name", ["crossing", "pincer"])
+def test_plans_of_controllers_agree_with_the_grid_at_a_place_and_a_time(name):
+    """Within 4 standard errors and 0.3 %, at two times; seed 1."""
+    one = controller(name)
+    truth = Desirability.of(one.problem, one.space)
+    for x, t in ((START, 0.0), (np.array([1.8, 2.7]), 0.6)):
+        one.begin(x, t)
+        plan = [one.plan(x) for _ in range(2)][1]
+        assert plan.time == t
+        assert plan.estimate is not None
+        value = truth.value(x, t)
+        assert abs(plan.estimate.value - value) < 4.0 * plan.estimate.value_error + 3e-3 * value
+        assert plan.estimate.ess > 10.0
+
+
+def test_a_walker_that_goes_straight_on_is_foretold_exactly():
+    """Before its rows end, knowing and seeing are the same; the values of plans from the same place agree."""
+    problem, space = among()
+    known = controller()
+    seen = controller(predict=by_velocity(space))
+    plans = [[one.plan(START) for _ in range(2)][1] for one in (known, seen)]
+    assert plans[0].ids[:2] == plans[1].ids[:2]
+    values = [plan.estimate.value for plan in plans if plan.estimate is not None]
+    assert values[0] == pytest.approx(values[1], abs=0.05)
+    assert problem.scene.movers
+
+
+def test_a_class_keeps_its_name_when_something_else_is_foretold():
+    """The walker turns at 1 s; what the robot follows is called as before, and the drive goes on in that class."""
+    scene = hall("turning", [moved("walker", TURNING, disc("disc", 0.0, 0.0, 0.3))])
+    problem, space = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
+    tree = rooted(space)
+    tree.grow(300)
+    one = Controller(
+        problem, space, tree, Sampling(samples=200, threads=1), predict=by_velocity(space),
+        rng=np.random.default_rng(3),
+    )  # fmt: skip
+    x, favourites = START.copy(), []
+    one.begin(x)
+    for _ in range(14):
+        plan = one.plan(x)
+        favourites.append(plan.favourite)
+        x = x + 0.1 * plan.control
+        one.observe(x[None], 0.1)
+    assert one.since > 1.0
+    assert favourites[9] in plan.ids
+    assert len(set(favourites[8:])) == 1
+
+
+def test_the_driven_class_among_bodies_is_that_of_the_whole_path():
+    """Piece by piece, and with places that were only expected in between; as `TimedHomology.winding` of it all."""
+    space = FreeSpace.of(SCENES["pincer"]())
+    homology = InTime().homology(space)
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        times = np.linspace(0.0, 3.0, 13)
+        path = np.column_stack([np.linspace(1.0, 4.8, 13), 2.5 + np.cumsum(rng.normal(0.0, 0.35, 13)), times])
+        drive = DrivenInTime(homology, path[0], 0.0)
+        for k in range(1, 13, 3):
+            drive.expect(rng.uniform(1.0, 4.0, (2, 2)), float(times[k + 2]))
+            drive.observe(path[k : k + 3, :2], float(times[k + 2]))
+        assert drive.winding() == homology.winding(path)
+
+
+def test_mppi_goes_by_the_clock_of_the_bodies():
+    """What stands in the way at 2 s does not at 0: the two plans differ, and each is that of its own time."""
+    problem, space = among("crossing", 0.3)
+    sampling = Sampling(samples=500, threads=1, guide="open-loop", draws="independent")
+    one = Mppi(problem, space, sampling, rng=np.random.default_rng(0))
+    values = []
+    for time in (0.0, 2.5):
+        one.begin(np.array([2.2, 2.5]), time)
+        plan = [one.plan(np.array([2.2, 2.5])) for _ in range(5)][4]
+        assert plan.time == time
+        values.append(plan.estimate.value if plan.estimate is not None else np.inf)
+    assert abs(values[0] - values[1]) > 0.05
