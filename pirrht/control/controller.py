@@ -100,6 +100,11 @@ class Controller(Policy):
         self.method, self.name = SAMPLING[method], method
         if tree is None and self.method.most != 0:
             raise OptionError(f"the method {method!r} needs a tree")
+        if tree is not None and problem.scene.movers and not isinstance(tree.homology, TimedHomology):
+            raise OptionError(
+                f"{type(tree.steering).__name__} knows no times, and bodies move in the scene; grow the tree with "
+                "InTime.of(problem)"
+            )
         known = 3 if problem.scene.movers else problem.dynamics.n  # of a place and a time, or of a state
         if tree is not None and len(tree.steering.vertex_of(np.zeros(known))) != tree.steering.n:
             moves, bends = type(problem.dynamics).__name__, type(tree.steering).__name__

@@ -36,7 +36,7 @@ from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
 from pirrht.rollouts.records import FINER, LAW, Kernels, Leads, MovingSetup, Origin, Setup, empty_paths
 from pirrht.rollouts.ways import no_ways
-from pirrht.steering.in_time import InTime
+from pirrht.steering.in_time import homology_of
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.marks import NO_MARKS, Marks
@@ -72,9 +72,8 @@ class PathIntegral:
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
         self.moving = bool(problem.scene.movers)
-        if homology is None and self.moving:
-            homology = InTime.of(problem).homology(space)
-        self.homology = homology
+        found = homology_of(problem, space) if homology is None else homology
+        self.homology = found if isinstance(found, TimedHomology) else None
         self.setup = _setup(problem, space, sampling.exit == "bridge")
         self.guidance: Guidance | AnyGuidance | None = None
         if sampling.guide == "feedback" and self.moving:

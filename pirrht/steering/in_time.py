@@ -230,10 +230,15 @@ class InTime(Steering):
 def homology_of(problem: Problem, space: FreeSpace) -> Homology | TimedHomology:
     """What tells classes of a problem's paths apart: of those in space and time where bodies move.
 
-    Raises:
-        OptionError: bodies move, and the cost of the problem tells no best speed.
+    Bases go at the best speed, or if the cost tells none at what it would be if controls were velocities.
     """
-    return InTime.of(problem).homology(space) if problem.scene.movers else space.homology
+    if not problem.scene.movers:
+        return space.homology
+    try:
+        return InTime.of(problem).homology(space)
+    except OptionError:
+        r = float(problem.control_cost(problem.dynamics.state_of(problem.scene.start))[0, 0])
+        return InTime(q=problem.least_rate, r=r).homology(space)
 
 
 def _rows(states: Array) -> Array:

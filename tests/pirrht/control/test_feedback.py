@@ -28,7 +28,7 @@ def plan(noisy):
     return scenario.controller(tree).plan(START)
 
 
-def nothing(x):
+def nothing(x, s):
     return np.zeros(2)
 
 

@@ -114,7 +114,7 @@ def test_between_plans_log_psi_is_carried_along_the_directions_that_inputs_reach
     """d log psi = (R u / lambda)' G^+ dx: ahead it grows by R v dx / lambda, sideways the control tells nothing."""
     problem, u = integral().problem, np.array([1.0, 0.5])
     law = ClassLaw(log_psi=-3.0, rest=u, lead=None)
-    mixture = ClassMixture(problem=problem, state=X, classes={"0": law}, push=lambda x: np.zeros(2))
+    mixture = ClassMixture(problem=problem, state=X, classes={"0": law}, push=lambda x, s: np.zeros(2))
     ahead, aside = np.array([np.cos(X[2]), np.sin(X[2]), 0.0]), np.array([-np.sin(X[2]), np.cos(X[2]), 0.0])
     for dx, grown in ((ahead, 2.0), (aside, 0.0), (np.array([0.0, 0.0, 1.0]), 0.25)):
         told = mixture.log_psi(X + 0.01 * dx, 0.02)["0"]

@@ -15,7 +15,7 @@ from sim.scenario import prepare
 
 def test_a_drives_clock_runs_whether_it_is_driven_or_only_expected():
     scenario = prepare("pincer")
-    drive = Drive(scenario.space, scenario.start)
+    drive = Drive(scenario.homology, scenario.start)
     drive.passed(0.3)
     drive.passed(0.2)
     assert drive.time == pytest.approx(0.5)

@@ -15,7 +15,7 @@ from pirrht.errors import NoReference
 from pirrht.estimation.estimate import Rollouts
 from pirrht.geometry.crowd import Crowd
 from pirrht.outcome import Outcome
-from pirrht.topology.driven import Driven
+from pirrht.topology.driven import Driven, driven
 from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import main
 from sim.drive import realtime
@@ -66,21 +66,23 @@ class FakeDriver:
     tree = None
 
     def __init__(self, scenario: Scenario, clock: FakeClock, seconds: Callable[[int], float]) -> None:
-        self.problem, self.space = scenario.problem, scenario.space
+        self.problem, self.space, self.homology = scenario.problem, scenario.space, scenario.homology
         self.clock, self.seconds = clock, seconds
         self.made: list[Array] = []
         self.left: list[float] = []
         self.elapsed: list[float] = []
 
     def begin(self, x: Array) -> None:
-        self._driven = Driven(self.space.homology, x)
+        self._driven, self.time = driven(self.homology, x, 0.0), 0.0
         self.made, self.left, self.elapsed = [], [], []
 
-    def observe(self, states: Array, duration: float) -> None:
-        self._driven.observe(states)
+    def observe(self, states: Array, duration: float, until: float | None = None) -> None:
+        self.time += duration
+        self._driven.observe(states, self.time if until is None else until)
 
     def expect(self, states: Array, duration: float) -> None:
-        self._driven.expect(states)
+        self.time += duration
+        self._driven.expect(states, self.time)
         self.elapsed.append(duration)
 
     def driven_class(self) -> tuple[int, ...]:

@@ -14,7 +14,7 @@ from pirrht.control.controller import Controller
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.steering.straight_line import StraightLine
+from pirrht.steering.in_time import InTime
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drive.executor import Executor
@@ -44,7 +44,7 @@ class Moving(Drive):
         self.scene = self.loaded.scene
         self.space = FreeSpace.of(self.scene)
         problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=self.scene, R=2 * np.eye(2))
-        self.tree = HomologyTree(self.space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))
+        self.tree = HomologyTree(self.space, InTime(), limit=0.8, rng=np.random.default_rng(0))
         self.tree.grow(5)
         self.controller = Controller(problem, self.space, self.tree, Sampling(samples=20), rng=np.random.default_rng(0))
         self.plant = Executor(self.loaded, problem, period=PERIOD)
