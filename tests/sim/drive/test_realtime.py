@@ -211,8 +211,8 @@ def test_what_was_expected_gives_way_to_what_was_driven(slit: Scenario):
     doubtful.expect(loop)
     doubtful.expect(loop)
     assert doubtful.winding() == (1, 0)
-    for driven in (plain, doubtful):
-        driven.observe(there)
+    for one in (plain, doubtful):
+        one.observe(there)
     assert plain.winding() == doubtful.winding() == (0, 0)
 
 
