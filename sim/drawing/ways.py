@@ -21,6 +21,7 @@ def worded(
     names: Sequence[str],
     movers: Sequence[str] = (),
     among: Collection[str] | None = None,
+    sides: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, str]:
     """What to call each of several classes.
 
@@ -30,11 +31,13 @@ def worded(
         names: of the obstacles, (M,).
         movers: of the bodies that move, in the order of the windings.
         among: those from which each is to be told apart; None: from all.
+        sides: by id, how each body is passed, "before", "behind" or "past" (`sides`).
 
     Left and right are those of somebody who goes along the path.
     """
     rivals = [winding for name, winding in windings.items() if among is None or name in among]
-    return {name: _words(mine, rivals, straight, names, movers) for name, mine in windings.items()}
+    by = sides or {}
+    return {name: _words(mine, rivals, straight, names, movers, by.get(name, ())) for name, mine in windings.items()}
 
 
 def _words(
@@ -43,6 +46,7 @@ def _words(
     straight: Array,
     names: Sequence[str],
     movers: Sequence[str],
+    passed: Sequence[str],
 ) -> str:
     others = [other for other in rivals if tuple(other) != tuple(mine)]
     told = _telling(mine, others) if others else _passed(mine, straight)
@@ -55,7 +59,9 @@ def _words(
         sides = [f"between {right[0]} and {left[0]}"]
     else:
         sides = [f"{side} of {_listed(group)}" for side, group in (("right", right), ("left", left)) if group]
-    bodies = [_about(mine[k], movers, k - len(names)) for k in told if k >= len(names)]
+    bodies = [_about(mine[k], movers, k - len(names), passed) for k in told if k >= len(names)]
+    if not standing and not bodies:  # a class alone is told by the bodies that it passes
+        bodies = [f"{side} {name}" for side, name in zip(passed, movers, strict=False) if side in ("before", "behind")]
     return ", ".join([*rounds, *sides, *bodies]) or "straight ahead"
 
 
@@ -77,8 +83,10 @@ def _passed(mine: Sequence[int], straight: Array) -> list[int]:
     return sorted(int(k) for k in clear if turns[k] >= PASSED)
 
 
-def _about(turns: int, movers: Sequence[str], body: int) -> str:
+def _about(turns: int, movers: Sequence[str], body: int, sides: Sequence[str]) -> str:
     name = movers[body] if body < len(movers) else "a moving body"
+    if body < len(sides) and sides[body] in ("before", "behind"):
+        return f"{sides[body]} {name}"
     return f"past {name} as the straight way" if turns == 0 else f"the other way round {name}"
 
 

@@ -11,7 +11,9 @@ from drives import Drive
 from pirrht.outcome import Outcome
 from sim.drawing import averages, strokes
 from sim.drawing.colors import EARLY, ClassColors, method_color, nth_color, place_of
+from sim.drawing.sides import sides
 from sim.drawing.ways import worded
+from sim.scenario import prepare
 
 WALLS = ("upper wall", "lower wall")
 SLIT = {"0,0": (0, 0), "0,1": (0, 1), "-1,0": (-1, 0)}
@@ -143,3 +145,33 @@ def test_loops_are_round_and_corners_stay():
 def test_methods_have_colours_that_no_early_class_has():
     classes = {nth_color(k) for k in range(EARLY)}
     assert len({method_color(k) for k in range(9)} - classes) == 9
+
+
+def test_ways_among_bodies_are_named_by_whether_they_pass_before_or_behind():
+    """The walker of `crossing` goes up; the straight way passes where it has not been yet, the other where it was."""
+    scenario = prepare("crossing", given={"vertices": 200})
+    tree = scenario.grown_tree()
+    references = {one.id: one for one in scenario.references(tree)}
+    moving = scenario.homology.moving
+    passed = {name: sides(one, moving) for name, one in references.items() if name in ("0", "1")}
+    assert sorted(passed.values()) == [("before",), ("behind",)]
+    for name, one in references.items():
+        if name not in passed:
+            continue
+        knots = one.path.knots
+        walker = scenario.loaded.scene.movers[0].motion
+        times = np.linspace(knots[0, 2], knots[-1, 2], 400)
+        x = np.interp(times, knots[:, 2], knots[:, 0])
+        y = np.interp(times, knots[:, 2], knots[:, 1])
+        k = int(np.argmin(np.abs(x - 3.25)))
+        above = y[k] > walker.pose(times[k])[1]
+        assert passed[name] == (("before",) if above else ("behind",))
+    words = worded(
+        {name: one.winding for name, one in references.items() if name in passed},
+        np.zeros(0),
+        (),
+        ("walker",),
+        None,
+        passed,
+    )
+    assert set(words.values()) == {"before walker", "behind walker"}
