@@ -8,12 +8,14 @@ import gallery
 import make_scenes
 import numpy as np
 import pytest
+from repository import ROOT
 from worlds import meshes
 
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from sim.film import offscreen
 from sim.mjcf import load, models_folder
+from sim.recording.read import read
 from sim.scenario import prepare
 
 PAGES = {make().name: make for make in make_scenes.PAGES}
@@ -114,3 +116,11 @@ def test_an_unknown_scene_is_told_in_one_line(tmp_path, capsys):
     assert gallery.main(["nowhere", "-o", str(tmp_path)]) == 2
     assert "nowhere: no such scene" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_the_recording_in_the_documents_is_small_and_can_be_read():
+    """A hosted viewer takes some 2 MB; it is a whole drive around the walls of `slit`."""
+    file = ROOT / "docs" / "recordings" / "slit.rrd"
+    assert file.stat().st_size < 2_000_000
+    told = read(file)
+    assert len(told.steps) > 300
