@@ -69,7 +69,7 @@ def plan(arguments: argparse.Namespace) -> int:
     if helper is not None:
         helper.kill()
     passages = passages_json(tree, references)
-    print(tables.class_table(references, width()))
+    print(tables.class_table(references, width(), scenario.homology))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
     say(tables.passages_line(passages))
     if arguments.output:
@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
     compiling = None if optimal else warm.start(scenario.loaded.dynamics_name)
     tree, references = (None, []) if settings.method in TREELESS else _planned(scenario)
     if references:
-        print(tables.class_table(references, width()))
+        print(tables.class_table(references, width(), scenario.homology))
     _wait(compiling)
     driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None)
     rehearse(scenario, driving=True)

@@ -8,8 +8,11 @@ from typing import Any
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import FEW, Estimate
+from pirrht.topology.homology import Homology
+from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import Reference
 from sim.drawing.colors import title
+from sim.drawing.sides import sides
 from sim.drive import realtime_timing
 from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
@@ -33,13 +36,30 @@ def scene_table(rows: Sequence[tuple[str, str, float, int, str]], room: int | No
     return "\n".join(told)
 
 
-def class_table(references: Sequence[Reference], room: int | None = None) -> str:
-    """One row per homology class, cheapest first."""
+def class_table(
+    references: Sequence[Reference], room: int | None = None, homology: Homology | TimedHomology | None = None
+) -> str:
+    """One row per homology class, cheapest first; with a homology in time also how each passes the bodies."""
+    if isinstance(homology, TimedHomology):
+        return table(
+            ["class", "cost", "length [m]", "bodies"],
+            [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}", _passing(r, homology)] for r in references],
+            room,
+        )
     if references and len(references[0].winding) > 4:  # too wide for a terminal; JSON has it all
         rows = [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}"] for r in references]
         return table(["class", "cost", "length [m]"], rows, room)
     rows = [[r.id, f"{r.cost:.4f}", f"{r.length:.3f}", " ".join(f"{h:+.2f}" for h in r.signature)] for r in references]
     return table(["class", "cost", "length [m]", "H"], rows, room)
+
+
+def _passing(reference: Reference, homology: TimedHomology) -> str:
+    """On which side of each body that moves a reference passes; of many, those alone that it turns about."""
+    passed = list(zip(homology.moving.names, sides(reference, homology.moving), strict=True))
+    if len(passed) > FEW_CLASSES:
+        turns = reference.winding[homology.standing.M :]
+        passed = [row for row, turn in zip(passed, turns, strict=True) if turn]
+    return ", ".join(f"{name}: {side}" for name, side in passed if side) or "-"
 
 
 def estimate_table(

@@ -1,0 +1,22 @@
+"""What the table of classes says where bodies move."""
+
+from __future__ import annotations
+
+from sim.cli.tables import class_table
+from sim.scenario import prepare
+
+
+def test_classes_among_bodies_are_told_by_how_they_pass_each():
+    scenario = prepare("crossing", given={"vertices": 200})
+    references = scenario.references(scenario.grown_tree())
+    lines = class_table(references, None, scenario.homology).splitlines()
+    assert "bodies" in lines[0]
+    told = {line.split()[0]: line for line in lines[2:]}
+    assert "crosser: before" in told["0"]
+    assert "crosser: behind" in told["1"]
+
+
+def test_where_nothing_moves_classes_are_told_by_h():
+    scenario = prepare("slit", given={"vertices": 100})
+    references = scenario.references(scenario.grown_tree())
+    assert class_table(references, None, scenario.homology) == class_table(references)
