@@ -79,6 +79,7 @@ def plan_json(
         "seconds": seconds,
         "fcl_calls": scenario.space.collision.calls,
         "obstacles": obstacles_json(scenario.space),
+        "movers": list(scenario.space.moving.names),
         "classes": classes_json(references),
         "passages": passages,
         **watched,

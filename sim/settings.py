@@ -49,7 +49,7 @@ class Settings:
     exploration: float = 1.0  # of "mppi": noise of its samples over that of the robot
     plant: str = "mujoco"
     predict: str = "known"  # what plans take to come of bodies that move
-    speed_limit: float = 0.0  # of ways among them [m/s]; 0: three times the best speed
+    speed_limit: float = 0.0  # of ways among them [m/s]; 0: five times the best speed
     exit: str = "bridge"
     steps: str = "fitted"
     weights: str = "balance"

@@ -87,7 +87,7 @@ class InTime(Steering):
     Args:
         q: cost rate [cost/s].
         r: weight of the velocity in q + (r/2) |v|^2 [cost s/m^2].
-        speed: limit of speeds [m/s]; 0 is three times the best one.
+        speed: limit of speeds [m/s]; 0 is five times the best one.
         m: controls of a system that only tracks these ways; 0 is the point's own velocity.
         slack: time that such a system may take to get under way [s].
 
@@ -167,7 +167,13 @@ class InTime(Steering):
         return TimedSurroundings.of(space, self.homology(space))
 
     def vertex_of(self, x: Array) -> Array:
-        """The place and the time, (..., 3) [m, m, s], of states that begin with them."""
+        """The place and the time, (..., 3) [m, m, s], of states that begin with them.
+
+        Raises:
+            OptionError: a state has no time.
+        """
+        if np.shape(x)[-1] < self.n:
+            raise OptionError(f"a state among bodies that move is x, y and t; this one has {np.shape(x)[-1]} numbers")
         return np.ascontiguousarray(x[..., :3], dtype=float)
 
     def distance(self, tails: Array, heads: Array) -> Array:

@@ -150,6 +150,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     tree, _ = (None, []) if scenario.settings.method in TREELESS else _planned(scenario)
     _wait(compiling)
     controller = scenario.driver(tree)
+    _check_bodies(scenario, x, arguments.time)
     controller.begin(x, arguments.time)
     estimates: list[Estimate | None] = []
     references: tuple[Reference, ...] = ()
@@ -308,6 +309,16 @@ def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
 def _truth(scenario: Scenario, x: Array, time: float) -> Truth:
     """The grid's value and control at x (n,) at a time [s]."""
     return Truth.at(scenario.truth(), x, time)
+
+
+def _check_bodies(scenario: Scenario, x: Array, time: float) -> None:
+    """Refuse a time where nothing moves, and a place where a body is then."""
+    if time > 0.0 and not scenario.moving:
+        raise OptionError(f"--time is {time:g}, and nothing moves in this scene; leave it out")
+    if scenario.space.crowd.clearance(x[:2], time) <= 0.0:
+        raise OptionError(
+            f"--at {x[0]:g} {x[1]:g}: a body that moves is there at {time:g} s; ask elsewhere or at another --time"
+        )
 
 
 def _state(at: list[float], scenario: Scenario) -> Array:

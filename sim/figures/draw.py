@@ -82,6 +82,11 @@ def draw_scene(axes: Any, scenario: Scenario) -> None:
     axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc="#f7f7f5", ec="#777777", lw=1))
     for obstacle in scene.obstacles:
         axes.add_patch(Polygon(outline(obstacle), closed=True, fc="#4d5866", ec="none"))
+    for mover in scene.movers:
+        for solid in mover.at(0.0):
+            axes.add_patch(Polygon(outline(solid), closed=True, fc="#80609e", ec="none", alpha=0.7))
+        x, y, _ = mover.motion.pose(0.0)
+        axes.text(x, y, mover.name, fontsize=7, ha="center", va="center", color="white", zorder=6)
     axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc="#8fd19e", ec="#3c8f52", lw=1, zorder=1))
     axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec="black", lw=1.2, zorder=4))
     heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])

@@ -19,7 +19,8 @@ from sim.mjcf.coordinates import heading_of
 from sim.mjcf.numbers import MOTION, refuse_far
 from sim.mjcf.obstacles import Mask
 
-NEAR = 1e-6  # by which a first row may miss the place where its body stands [m], [rad]
+NEAR = 1e-6  # by which a first row may miss the place where its body stands [m]
+TURNED = 1e-3  # and its yaw there [rad]: people write pi/2 with four digits
 ROWS = "rows of four numbers: t x y yaw [s, m, m, rad]"
 MOVES = 'it moves: move site "start", choose another --start, or write another first row'
 
@@ -126,12 +127,13 @@ def read_movers(
 def _check_place(data: mujoco.MjData, body: int, name: str, motion: Motion, path: Path) -> None:
     (x, y, z), yaw = data.xpos[body].tolist(), heading_of(data.xquat[body])
     first = motion.rows[0]
-    off = max(abs(first[1] - x), abs(first[2] - y), abs(remainder(first[3] - yaw, tau)))
-    if off > NEAR:
+    away, turned = max(abs(first[1] - x), abs(first[2] - y)), abs(remainder(first[3] - yaw, tau))
+    if away > NEAR or turned > TURNED:
+        stand = f'pos="{first[1]:g} {first[2]:g} {z:g}"' if away > NEAR else f"turn it to yaw {first[3]:.6g} rad"
         raise SceneError(
             f'{path}: body "{name}" stands at ({x:g}, {y:g}) with yaw {yaw:.6g}, and the first row of '
             f'"{MOTION}{name}" is ({first[1]:g}, {first[2]:g}) with yaw {first[3]:.6g}, a jump at the start; '
-            f'let it stand there: pos="{first[1]:g} {first[2]:g} {z:g}", or begin with "0 {x:g} {y:g} {yaw:.6g}"'
+            f'let it stand there: {stand}, or begin with "0 {x:g} {y:g} {yaw:.6g}"'
         )
 
 

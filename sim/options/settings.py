@@ -145,7 +145,7 @@ PLANNER_OPTIONS = (
         "them to go straight on (velocity)", metavar="RULE", choices=PREDICTIONS,
     ),
     _number(
-        "speed-limit", "fastest way past bodies that move, 0 for three times the best speed", "M/S", 0.0, 1e3,
+        "speed-limit", "fastest way past bodies that move, 0 for five times the best speed", "M/S", 0.0, 1e3,
         "a faster robot crosses a room in a step", numeric=True,
     ),
     _setting("plant", "mujoco, or sde: the analytic equation", metavar="NAME", choices=PLANTS),

@@ -36,7 +36,9 @@ class World:
     def of(cls, scenario: Scenario) -> World:
         """That of a scenario whose scene was loaded loose."""
         model = scenario.loaded.model
-        found = {name: np.array(model.body_pos[body, :2]) for name, body in loose_bodies(model).items()}
+        own = {mover.name for mover in scenario.loaded.scene.movers}  # those go where their motions say
+        loose = {name: body for name, body in loose_bodies(model).items() if name not in own}
+        found = {name: np.array(model.body_pos[body, :2]) for name, body in loose.items()}
         return cls(scenario=scenario, places={**found, GOAL: scenario.loaded.scene.goal.center.astype(float)})
 
     @property
