@@ -102,6 +102,8 @@ def test_every_command_of_a_page_runs_in_the_order_of_the_page(page, folder, mon
         if SHOWN.search(line) or line in ELSEWHERE or (words[0] == "play" and "--headless" not in words):
             continue
         _optional(words)
+        if "--script" in words:
+            (folder / words[words.index("--script") + 1]).write_text('[{"at": 0.05, "push": [0.0, 0.2]}]')
         status = cli.main([*words, *_small(words)])
         assert status in ((0, 1) if words[0] in ("run", "sweep") else (0,)), capsys.readouterr().err
 
