@@ -21,7 +21,7 @@ from sim.recording import geoms
 from sim.recording.bodies import Bodies
 from sim.recording.look import Look
 
-SERIES = 3  # solids whose names differ by a number only, and that keep them
+SERIES = 6  # solids whose names differ by a number only, and that keep them
 TREES = 2  # lifted trees shown, one per obstacle
 
 
