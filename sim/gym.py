@@ -56,7 +56,7 @@ class Drive(gymnasium.Env[Array, Array]):
 
     Args:
         scene: built-in name or MJCF file.
-        robot, system, radius, start, goal: as the options of `pirrht run`.
+        robot, system, radius, margin, start, goal: as the options of `pirrht run`.
         noise: b; None: what the scene or the robot says, and likewise period [s], max_time [s], plant and phi.
         penalty: taken off at a collision where phi is infinite.
         bound: actions are clipped to [-bound, bound], and to what the robot's ctrlranges allow; infinite by default,
@@ -75,6 +75,7 @@ class Drive(gymnasium.Env[Array, Array]):
         robot: str | Path | None = None,
         system: str | System | None = None,
         radius: float | None = None,
+        margin: float | None = None,
         start: Sequence[float] | None = None,
         goal: Sequence[float] | None = None,
         noise: float | None = None,
@@ -90,7 +91,10 @@ class Drive(gymnasium.Env[Array, Array]):
             raise OptionError(f"render_mode is {render_mode!r}; there is none: film drives with `pirrht run --video`")
         if not bound > 0 or not penalty >= 0:
             raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
-        task = {"robot": robot, "system": system, "radius": radius, "start": start, "goal": goal, "preset": None}
+        task = {
+            "robot": robot, "system": system, "radius": radius, "margin": margin, "start": start, "goal": goal,
+            "preset": None,
+        }  # fmt: skip
         settings = {"noise": noise, "period": period, "max_time": max_time, "plant": plant, "phi": phi}
         given = {name: value for name, value in settings.items() if value is not None}
         self.scenario = prepare(scene, **task, given=given)  # type: ignore[arg-type]

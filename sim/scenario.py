@@ -320,6 +320,7 @@ def prepare(
     robot: str | Path | None = None,
     system: str | System | None = None,
     radius: float | None = None,
+    margin: float | None = None,
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
     preset: str | None = None,
@@ -339,7 +340,7 @@ def prepare(
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
     moves = None if system is None else chosen(system)
-    loaded = load(scene, robot=robot, radius=radius, start=start, goal=goal, system=moves, loose=loose)
+    loaded = load(scene, robot=robot, radius=radius, margin=margin, start=start, goal=goal, system=moves, loose=loose)
     kind = named(loaded.dynamics_name)
     said = given or {}
     overlay = kind.preset(preset)

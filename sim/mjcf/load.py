@@ -92,6 +92,7 @@ def load(
     *,
     robot: str | Path | None = None,
     radius: float | None = None,
+    margin: float | None = None,
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
     system: System | None = None,
@@ -103,6 +104,7 @@ def load(
         scene: a built-in name or the path of an MJCF file.
         robot: likewise; without it the scene's `pirrht_robot`, else the puck.
         radius: footprint [m]; without it the scene's `pirrht_radius`, else the robot's own.
+        margin: by which the footprint is larger than that [m]; without it the scene's `pirrht_margin`, else 0.
         start: x, y [m] and optionally heading [rad], in place of the site `start`.
         goal: x, y, radius [m], in place of the site `goal`.
         system: what moves, in place of the one that the robot names.
@@ -117,7 +119,8 @@ def load(
     if loose:
         loosen(spec)
     meant, about = _meant_robot(spec, path), _about(spec)
-    machine = read_robot(robot or meant, _radius(radius, defaults, path), system)
+    length, room = (_measure(name, given, defaults, path) for name, given in (("radius", radius), ("margin", margin)))
+    machine = read_robot(robot or meant, length, system, margin=room or 0.0)
     model = _join(spec, machine, path)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -191,11 +194,11 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Arra
     model.key_qpos[0] = data.qpos
 
 
-def _radius(given: float | None, defaults: dict[str, float], path: Path) -> float | None:
+def _measure(name: str, given: float | None, defaults: dict[str, float], path: Path) -> float | None:
     if given is None:
-        return defaults.get("radius")
+        return defaults.get(name)
     try:
-        return float(NUMERICS["radius"].check(given))
+        return float(NUMERICS[name].check(given))
     except OptionError as error:
         raise SceneError(f"{path}: {error}") from None
 

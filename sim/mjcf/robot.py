@@ -50,8 +50,11 @@ class Robot:
         self.spec.option.timestep = timestep
 
 
-def read_robot(which: str | Path, radius: float | None, system: System | None = None) -> Robot:
+def read_robot(which: str | Path, radius: float | None, system: System | None = None, *, margin: float = 0.0) -> Robot:
     """The robot of that name or path, with its footprint changed to `radius` > 0 [m] and its system if they are given.
+
+    Args:
+        margin: by which the footprint is larger than that, and than what collides [m].
 
     Raises:
         SceneError: the file breaks a convention, or the radius is too small for what the robot collides with.
@@ -68,6 +71,8 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     system = _named_system(spec, path) if system is None else system
     if radius is not None:
         _resize(spec, body, foot, radius)
+    if margin > 0.0:
+        _widen(body, foot, margin)
     model = compile_spec(spec, path)
     (_check_wheels if rolls(model) else _check_joints)(model, system, path)
     if named_here:  # another system may do without MuJoCo; `check_motion` sees to it where it does not
@@ -121,6 +126,17 @@ def _resize(spec: mujoco.MjSpec, body: mujoco.MjsBody, foot: mujoco.MjsGeom, rad
         for geom in part.geoms:
             geom.size = np.asarray(geom.size) * ratio
             geom.pos = np.asarray(geom.pos) * ratio
+
+
+def _widen(body: mujoco.MjsBody, foot: mujoco.MjsGeom, margin: float) -> None:
+    """Plans keep a distance [m]; where the footprint was what collides, a ball of its size inside it is now."""
+    if foot.contype or foot.conaffinity:
+        body.add_geom(
+            name="inner footprint", type=_GEOM.mjGEOM_SPHERE, size=foot.size, pos=foot.pos, group=foot.group,
+            rgba=foot.rgba, contype=foot.contype, conaffinity=foot.conaffinity, mass=foot.mass, density=foot.density,
+        )  # fmt: skip
+        foot.contype, foot.conaffinity, foot.mass, foot.density = 0, 0, 0.0, 0.0
+    foot.size = np.asarray(foot.size) + margin * np.array([1.0, 0.0, 0.0])
 
 
 def meant_system(which: str) -> str:

@@ -51,6 +51,11 @@ TASK = (
         "radius", "footprint radius of the robot", kind=float, metavar="M", numeric=True, unset="the robot's own",
         bounds=Bounds(low=1e-3, high=100.0, why="smaller ones are points, and larger ones fit into no scene"),
     ),
+    _task(
+        "margin", "room that plans leave around the robot, where there is some: its footprint grows by so much, what "
+        "collides of it does not", kind=float, metavar="M", numeric=True, unset="none, or the scene's",
+        bounds=Bounds(low=0.0, high=10.0, why="less is a bump, and no scene has more room"),
+    ),
     _task("start", "start: X Y [TH]", kind=float, count="+", metavar="X", unset="the scene's"),
     _task("goal", "goal disc", kind=float, count=3, metavar=("X", "Y", "R"), unset="the scene's"),
 )  # fmt: skip

@@ -75,7 +75,7 @@ def parse(
         methods: names with commas between them.
         noise: levels with commas between them; None: what each scene asks for.
         seeds: `A:B` for A to B-1, or one seed.
-        task: robot, radius, start, goal and preset, None where not said.
+        task: robot, system, radius, margin, start, goal and preset, None where not said.
         given: settings that all runs share, None where not said.
 
     Raises:

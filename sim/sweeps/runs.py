@@ -39,7 +39,7 @@ class Job:
     method: str
     noise: float | None  # None: what the scene asks for
     seed: int
-    task: Frozen  # robot, system, radius, start, goal, preset
+    task: Frozen  # robot, system, radius, margin, start, goal, preset
     given: Frozen  # settings that all runs share
     label: str = ""  # what tables call the scene; empty: as `scene`
     digest: str = ""  # of the files of scene and robot; empty: not looked at

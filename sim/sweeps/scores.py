@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.errors import OptionError
+from sim.options.table import TASKS
 from sim.scenario import Scenario
 from sim.sweeps import runs
 from sim.sweeps.columns import key_of
@@ -19,7 +20,6 @@ from sim.sweeps.manifests import wishes
 from sim.sweeps.runs import Job
 from sim.text import counted
 
-TASK = ("robot", "radius", "start", "goal", "preset")
 PLANT = ("max_time", "plant", "phi", "speed", "rho")  # settings by which drives of any controller must agree
 
 Keep = Callable[[Mapping[str, Any]], None]  # takes a record
@@ -88,8 +88,8 @@ def _under(job: Job, settings: Mapping[str, Any]) -> Job:
     values = {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}
     return replace(
         job,
-        task=tuple((name, values.get(name)) for name in TASK),
-        given=tuple((name, value) for name, value in values.items() if name not in TASK),
+        task=tuple((name, values.get(name)) for name in TASKS),
+        given=tuple((name, value) for name, value in values.items() if name not in TASKS),
     )
 
 

@@ -1,0 +1,88 @@
+"""A margin is room that plans keep: the footprint grows, the robot itself does not."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from plants import QUIET, scene_file
+
+from pirrht.errors import SceneError
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.systems.single_integrator import SingleIntegrator
+from sim.drive.executor import Executor
+from sim.mjcf import Loaded, load, robot_names
+from sim.scenario import prepare
+
+WALL = '<geom name="wall" type="box" size="0.05 3 0.3" pos="0.65 0 0.3"/>'  # face at 0.6
+
+
+def solids(loaded: Loaded) -> list[tuple]:
+    """Sizes and places of all of the robot that collides, in a row that names do not order."""
+    model = loaded.model
+    bits = (model.geom_contype | model.geom_conaffinity).astype(bool)
+    numbers = np.flatnonzero(loaded.robot_geoms & bits)
+    return sorted((int(model.geom_type[g]), *model.geom_size[g], *model.geom_pos[g]) for g in numbers)
+
+
+@pytest.mark.parametrize("robot", robot_names())
+def test_plans_take_the_robot_to_be_larger_and_what_it_weighs_and_collides_with_stays(robot):
+    plain, wide = load("slit", robot=robot), load("slit", robot=robot, margin=0.03)
+    assert wide.scene.robot_radius == pytest.approx(plain.scene.robot_radius + 0.03)
+    assert wide.scene.robot_height == plain.scene.robot_height
+    assert solids(wide) == solids(plain)
+    body = plain.model.body("robot/robot").id
+    for kind in ("body_mass", "body_inertia", "body_ipos"):
+        np.testing.assert_array_equal(getattr(wide.model, kind)[body], getattr(plain.model, kind)[body])
+
+
+def test_a_robot_whose_footprint_has_its_mass_keeps_it(tmp_path):
+    file = tmp_path / "ball.xml"
+    file.write_text("""
+        <mujoco model="ball">
+          <custom>
+            <text name="pirrht_dynamics" data="single_integrator"/>
+            <numeric name="pirrht_command" size="4" data="1 0 0 1"/>
+          </custom>
+          <worldbody>
+            <body name="robot">
+              <joint name="x" type="slide" axis="1 0 0"/>
+              <joint name="y" type="slide" axis="0 1 0"/>
+              <geom name="footprint" type="sphere" pos="0 0 0.1" size="0.1" mass="3"/>
+            </body>
+          </worldbody>
+          <actuator><velocity joint="x" kv="1500"/><velocity joint="y" kv="1500"/></actuator>
+        </mujoco>""")
+    found = [load(scene_file(tmp_path), robot=file, margin=margin).model for margin in (0.0, 0.05)]
+    for model in found:
+        assert mujoco.mj_getTotalmass(model) == pytest.approx(3.0)
+    np.testing.assert_array_equal(*(model.body_inertia for model in found))
+
+
+def test_it_drives_into_the_room_that_plans_keep_and_collides_where_it_is_itself(tmp_path):
+    loaded = load(scene_file(tmp_path, world=WALL), margin=0.2)
+    problem = Problem(dynamics=SingleIntegrator(b=QUIET), scene=loaded.scene, R=2.0 * np.eye(2))
+    plant = Executor(loaded, problem, period=1.3)
+    end = plant.advance(lambda x, s: np.array([0.5, 0.0]), np.random.default_rng(0))
+    assert end.outcome is Outcome.COLLISION
+    assert end.states[-2, 0] <= 0.5 + 1e-9 < end.states[-1, 0] + 2e-9
+
+
+def test_references_keep_the_margin():
+    given = {"vertices": 300}
+    scenario = prepare("slit", margin=0.04, given=given)
+    plain = prepare("slit", given=given)
+    for reference in scenario.references(scenario.grown_tree()):
+        points = np.vstack([scenario.start, reference.trajectory.path.tails[:, :2]])
+        ways = np.concatenate([np.linspace(a, b, 200) for a, b in zip(points, points[1:], strict=False)])
+        assert plain.space.collision.clearance(ways).min() > 0.039
+
+
+def test_a_scene_says_its_margin_and_who_starts_within_it_is_refused(tmp_path):
+    said = '<custom><numeric name="pirrht_margin" data="0.15"/></custom>'
+    assert load(scene_file(tmp_path, option=said)).scene.robot_radius == pytest.approx(0.25)
+    with pytest.raises(SceneError, match="margin"):
+        load("slit", margin=-0.1)
+    with pytest.raises(SceneError, match="--margin"):
+        prepare("slit", margin=0.2, start=(3.4, 1.95))
