@@ -220,7 +220,7 @@ def test_the_version_has_one_source(capsys):
         main(["--version"])
     assert end.value.code == 0
     assert capsys.readouterr().out == f"pirrht {pirrht.__version__}\n"
-    assert pirrht.__version__ not in (ROOT / "pyproject.toml").read_text()
+    assert f'"{pirrht.__version__}"' not in (ROOT / "pyproject.toml").read_text()
 
 
 def test_what_identifies_a_dataset_is_what_results_depend_on():
