@@ -41,12 +41,25 @@ class Subject:
         """Where the drive takes place."""
         return self.path_integral.space
 
+    @property
+    def moves(self) -> bool:
+        """Whether bodies move in the scene."""
+        return bool(self.space.scene.movers)
+
+    @cached_property
+    def rise(self) -> float:
+        """Height of a second in space and time [m]: at the best speed a way goes up as steeply as ahead."""
+        timed = self.path_integral.homology
+        return (self.space.moving if timed is None else timed.moving).speed
+
     @cached_property
     def lift(self) -> tuple[int, ...]:
         """Obstacles, from 0, whose H lifts a tree."""
         if self.look.lift is not None:
             return tuple(dict.fromkeys(k - 1 for k in self.look.lift))
         problem = self.path_integral.problem
+        if self.moves:  # a tree of many times, seen from above all of them at once, tells nothing
+            return ()
         return () if self.tree is None else telling(self.tree, problem.dynamics.state_of(problem.scene.start))
 
     @property
