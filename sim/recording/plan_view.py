@@ -68,7 +68,7 @@ class Pictures:
                 everything=subject.look.samples == "all",
             )
         exact = None if subject.grid is None else self._truth(subject.grid, plan, time)
-        why = reasons(plan, subject.path_integral, subject.solids, self._ways, exact)
+        why = reasons(plan, subject.path_integral, subject.solids, self._ways, exact, subject.bystanders)
         self._log("/why/page", rr.TextDocument(page(plan, why, time), media_type=rr.MediaType.MARKDOWN))
         for name in sorted(self._fans - found.keys()):
             self._log(_fan_path(name), rr.LineStrips3D(np.zeros((0, 2, 3), np.float32)))

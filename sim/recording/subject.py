@@ -19,6 +19,7 @@ from pirrht.tree.homology_tree import HomologyTree
 from sim.mjcf import Loaded
 from sim.recording import geoms
 from sim.recording.bodies import Bodies
+from sim.recording.bystanders import Bystanders
 from sim.recording.look import Look
 
 SERIES = 6  # solids whose names differ by a number only, and that keep them
@@ -85,6 +86,11 @@ class Subject:
     def bodies(self) -> Bodies:
         """Those of the robot, where they are at the start."""
         return Bodies(self.loaded)
+
+    @cached_property
+    def bystanders(self) -> Bystanders | None:
+        """The bodies that move, if there are any."""
+        return Bystanders(self.space.scene.movers, self.space.scene.footprint) if self.moves else None
 
     @cached_property
     def solids(self) -> tuple[str, ...]:

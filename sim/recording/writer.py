@@ -214,10 +214,9 @@ class Writer:
                 self.stream.columns(mover_path(mover.name), steps, times, columns)
 
     def _nearest(self, row: Row) -> str:
-        movers = self._subject.space.scene.movers
-        space = self._subject.space
-        if movers and space.clearance(row.state) > row.clearance + 1e-6:
-            return "a moving body" if len(movers) > 1 else movers[0].name
+        space, others = self._subject.space, self._subject.bystanders
+        if others is not None and space.clearance(row.state) > row.clearance + 1e-6:
+            return others.nearest(space.scene.movers, row.state[:2], row.time)[1]
         return met(space.collision, row.state[None, :2], self._subject.solids)[0]
 
     def _ahead(self, x: Array, u: Array) -> Array:
