@@ -16,7 +16,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.files import replaced
-from sim.drawing.colors import DRIVEN, MOVER, ClassColors, mix
+from sim.drawing.colors import DRIVEN, MOVER, ClassColors, Color, mix
 from sim.drawing.strokes import at_most
 from sim.drawing.tubes import foreseen
 from sim.drive.episode import Frame
@@ -30,7 +30,8 @@ RATE = 30  # pictures per second
 HOLD = 1.0  # how long the last picture stays [s]
 ELEVATION = 68.0  # of the eye [degrees]
 REFERENCE_POINTS, PATH_POINTS = 32, 300
-GROUND = (70, 76, 84)  # on which what is foreseen fades
+GROUND: Color = (206, 209, 207)  # into which what is foreseen fades
+FORESEEN = mix(MOVER, (0, 0, 0), 0.4)
 
 
 class Film:
@@ -155,7 +156,7 @@ class Film:
         if time < self._times[-1][-1]:
             for one in foreseen(plan.movers, plan.time):
                 if one.after > 0.0:
-                    shade = mix(GROUND, MOVER, one.strength)
+                    shade = mix(GROUND, FORESEEN, one.strength)
                     self._eye.line(_raised(one.ring, 0.01), shade, 0.008 * self._thick)
 
 
