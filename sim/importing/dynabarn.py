@@ -45,6 +45,7 @@ CUSTOM = (
     "<!-- The benchmark's robot drives at most 2 m/s; its circumscribed radius is 0.33 m. -->",
     '<numeric name="pirrht_radius" data="0.33"/>',
     '<numeric name="pirrht_noise" data="0.05"/>',
+    '<numeric name="pirrht_speed" data="2"/>',
     '<numeric name="pirrht_period" data="0.1"/>',
     '<numeric name="pirrht_dt" data="0.1"/>',
     '<numeric name="pirrht_samples" data="300"/>',

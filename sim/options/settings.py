@@ -29,7 +29,7 @@ def _number(name: str, text: str, unit: str, low: float, high: float, why: str, 
 
 PROBLEM_OPTIONS = (
     _number(
-        "speed", "speed V of a unicycle", "M/S", 1e-3, 1e3,
+        "speed", "speed V of a unicycle, best speed of a puck or rover", "M/S", 1e-3, 1e3,
         "slower cars never arrive, and faster ones cross a room in a step", group=PROBLEM, numeric=True, special=True,
     ),
     _number(

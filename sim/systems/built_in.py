@@ -41,6 +41,11 @@ def _second_order_car(settings: Settings) -> Any:
     return SecondOrderCar(b=settings.noise)
 
 
+def _at_speed(settings: Settings) -> float:
+    """The state cost rate at which a control cost v'v, of R = 2, asks for the speed of the settings."""
+    return settings.speed**2
+
+
 def _straight(problem: Any) -> Any:
     from pirrht.steering.straight_line import StraightLine
 
@@ -85,6 +90,8 @@ SYSTEMS = (
         dynamics=_point,
         steering=_straight,
         R=2.0 * np.eye(2),
+        urge=_at_speed,
+        heeds=("noise", "speed"),
         paper_samples=200,
         robots="puck",
         noise_in="in m/sqrt(s)",
@@ -128,6 +135,8 @@ SYSTEMS = (
         dynamics=_rover,
         steering=_driven,
         R=np.diag([2.0, 0.5]),
+        urge=_at_speed,
+        heeds=("noise", "speed"),
         states=POSE,
         defaults={"vertices": 2000, "samples": 300, "period": 0.05},
         paper_samples=300,

@@ -34,6 +34,7 @@ class System:
     pace: float | None = None  # of references without steering [m/s]; None: what the cost says
     q: float | Callable[..., float] | str = 1.0  # state cost rate [cost/s], likewise; or MODULE:NAME of a function
     q_min: float | None = None
+    urge: Callable[[Settings], float] | None = None  # that rate as settings have it, in place of q
     states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
     home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> `beyond` of `pirrht.control.mppi`; None: straight
@@ -117,7 +118,8 @@ class System:
                 f"system {self.name}: {type(dynamics).__name__} has the states {getattr(dynamics, 'states', None)} and "
                 f"the system says {self.states}; make them the same"
             )
-        return Problem(dynamics=dynamics, scene=scene, R=self.R, q=self._rate(), q_min=self.q_min, phi=settings.phi)
+        q = self._rate(settings)
+        return Problem(dynamics=dynamics, scene=scene, R=self.R, q=q, q_min=self.q_min, phi=settings.phi)
 
     def steered(self, problem: Any) -> Any:
         """The `pirrht.Steering` of a problem.
@@ -146,7 +148,9 @@ class System:
 
         return beyond
 
-    def _rate(self) -> float | Callable[..., float]:
+    def _rate(self, settings: Settings) -> float | Callable[..., float]:
+        if self.urge is not None:
+            return float(self._asked("urge", settings))
         if not isinstance(self.q, str):
             return self.q
         module, _, name = self.q.partition(":")

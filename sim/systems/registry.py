@@ -52,7 +52,6 @@ def refuse(system: System, given: Mapping[str, Any]) -> None:
     """
     for name in sorted(SPECIAL - set(system.heeds)):
         if given.get(name) is not None:
-            who = " or ".join(one.called for one in _known.values() if name in one.heeds)
-            raise OptionError(
-                f"--{name} is for {who or 'other systems'}, and this robot is a {system.called}; leave it out"
-            )
+            *others, last = [one.called for one in _known.values() if name in one.heeds] or ["other systems"]
+            who = " or ".join(filter(None, (", ".join(others), last)))
+            raise OptionError(f"--{name} is for {who}, and this robot is a {system.called}; leave it out")

@@ -195,11 +195,22 @@ def test_a_built_in_name_is_taken_and_another_one_may_be_given_anew(folder):
     assert register(raft()) is named("raft")
 
 
-@pytest.mark.parametrize(("option", "who"), [("speed", "unicycle"), ("rho", "unicycle")])
-def test_numbers_that_a_system_has_none_of_are_refused(option, who):
-    with pytest.raises(OptionError, match=f"--{option} is for {who}.*puck"):
-        prepare("slit", given={option: 2.0})
+@pytest.mark.parametrize(
+    ("option", "robot", "who"), [("speed", "hover", "puck, unicycle or rover"), ("rho", "puck", "unicycle")]
+)
+def test_numbers_that_a_system_has_none_of_are_refused(option, robot, who):
+    with pytest.raises(OptionError, match=f"--{option} is for {who}, and this robot is a {robot}"):
+        prepare("slit", robot=robot, given={option: 2.0})
     assert prepare("slit", robot="unicycle", given={option: 2.0}).settings != named("unicycle").settings
+
+
+@pytest.mark.parametrize("robot", ["puck", "rover"])
+def test_a_speed_is_the_one_at_which_references_are_driven(robot):
+    """Driving at v costs q + v'v, q/v + v a metre: least at v = sqrt(q)."""
+    for speed in (0.5, 1.0, 2.0):
+        scenario = prepare("slit", robot=robot, given={"speed": speed, "vertices": 60})
+        way = scenario.references(scenario.grown_tree())[0].trajectory
+        assert way.length / way.durations.sum() == pytest.approx(speed, rel=1e-9)
 
 
 def test_noise_that_a_system_has_in_itself_is_not_asked_for(folder):
