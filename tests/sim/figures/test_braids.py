@@ -106,7 +106,7 @@ def test_the_map_outlines_where_bodies_are_going_to_be():
 
 def test_the_map_of_a_plan_is_that_of_the_prompt_with_heading_and_names():
     axes, plain = plt.figure().add_subplot(), plt.figure().add_subplot()
-    scenario = prepare("pincer", given={"robot": "rover"})
+    scenario = prepare("pincer", robot="rover")
     draw.draw_scene(axes, scenario)
     map_of.draw(plain, scenario.loaded.scene)
     assert len(axes.patches) == len(plain.patches)
