@@ -24,19 +24,21 @@ class Bystanders:
         self._reach = np.array([reach_of(mover) for mover in movers])
         self._radius = footprint.radius
 
-    def nearest(self, movers: Sequence[Mover], place: Array, time: float) -> tuple[float, str]:
-        """Free distance of a robot at a place (2,) [m] and time [s] to the nearest body, and its name.
+    def nearest(self, movers: Sequence[Mover], places: Array, times: Array) -> list[tuple[float, str]]:
+        """Free distance of a robot at places (k, 2) [m] and times (k,) [s] to the nearest body, and its name.
 
         Args:
             movers: the same bodies, as they are taken to move.
         """
         if not movers:
-            return inf, ""
-        poses = np.array([mover.motion.pose(time) for mover in movers])
-        off = place - poses[:, :2]
-        gap = np.hypot(*off.T) - self._reach
-        found = [(self._free(j, off[j], float(poses[j, 2])), movers[j].name) for j in np.argsort(gap)[:ASKED].tolist()]
-        return min(found)
+            return [(inf, "")] * len(places)
+        poses = np.stack([mover.motion.pose(times) for mover in movers], axis=1)
+        off = places[:, None] - poses[..., :2]
+        near = np.argsort(np.linalg.norm(off, axis=2) - self._reach, axis=1, kind="stable")[:, :ASKED]
+        return [
+            min((self._free(j, away[j], float(yaws[j])), movers[j].name) for j in asked)
+            for asked, away, yaws in zip(near.tolist(), off, poses[..., 2], strict=True)
+        ]
 
     def _free(self, j: int, off: Array, yaw: float) -> float:
         c, s = cos(yaw), sin(yaw)

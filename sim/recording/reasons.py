@@ -147,7 +147,7 @@ def _places(
     if bystanders is not None:
         collision, times = path_integral.space.collision, plan.time + rollouts.leads.times[steps]
         free = collision.clearance(ends)
-        near = [bystanders.nearest(plan.movers, place, float(t)) for place, t in zip(ends, times, strict=True)]
+        near = bystanders.nearest(plan.movers, ends, times)
         hit = [who if gap < room else what for (gap, who), room, what in zip(near, free, hit, strict=True)]
     found, first = {}, 0
     for name, group in zip(ids, chosen, strict=True):

@@ -28,7 +28,7 @@ from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, OTHER_COLOR, ClassColors, Color, fade, mix
 from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
 from sim.drawing.tubes import CORNERS, MOST, ROUGH, Outline, Tube, tubes
-from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, Log
+from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, Log, all_named
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 
@@ -70,7 +70,10 @@ def stage(subject: Subject, log: Log) -> None:
     for mover in scene.movers:
         where = lift(mover.motion.pose(low)[:, :2], 0.05)
         name = mover.name.replace("_", " ")
-        log(f"{body_path(mover.name)}/name", rr.Points3D(where, radii=0.001, labels=[name], colors=[MOVER]))
+        log(
+            f"{body_path(mover.name)}/name",
+            rr.Points3D(where, radii=0.001, labels=[name], colors=[MOVER], show_labels=all_named(subject)),
+        )
     log(PATH, rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.02]))
     (x0, y0), (x1, y1) = scene.lower, scene.upper
     border = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)])

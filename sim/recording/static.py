@@ -53,7 +53,7 @@ def stage(subject: Subject, log: Log) -> None:
         mask = (shown | obstacles) & geoms.of_body(model, mover.name)
         for name, solid in geoms.solids(model, mask, body=mover.name).items():
             log(f"{mover_path(mover.name)}/{name}", solid)
-        label = {"labels": [mover.name.replace("_", " ")], "colors": [MOVER], "show_labels": True}
+        label = {"labels": [mover.name.replace("_", " ")], "colors": [MOVER], "show_labels": all_named(subject)}
         log(label_path(mover.name), rr.Points3D([(0, 0, 0)], radii=0.001, **label))
     if subject.grid is not None and not subject.grid.moves:
         for path, picture in on_floor(subject.grid, subject.space, 0.0):
@@ -93,6 +93,11 @@ def part_path(name: str) -> str:
 def mover_path(name: str) -> str:
     """The entity of a body that moves: its pose on the timeline, with its geoms below it."""
     return f"{MOVERS}/{rr.escape_entity_path_part(name)}"
+
+
+def all_named(subject: Subject) -> bool:
+    """Whether so few bodies move that all bear their names; more would hide the scene, and tell theirs when hovered."""
+    return len(subject.space.scene.movers) <= FEW
 
 
 def label_path(name: str) -> str:

@@ -216,7 +216,7 @@ class Writer:
     def _nearest(self, row: Row) -> str:
         space, others = self._subject.space, self._subject.bystanders
         if others is not None and space.clearance(row.state) > row.clearance + 1e-6:
-            return others.nearest(space.scene.movers, row.state[:2], row.time)[1]
+            return others.nearest(space.scene.movers, row.state[None, :2], np.array([row.time]))[0][1]
         return met(space.collision, row.state[None, :2], self._subject.solids)[0]
 
     def _ahead(self, x: Array, u: Array) -> Array:

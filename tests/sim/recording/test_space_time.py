@@ -212,8 +212,9 @@ def test_the_nearest_body_is_named_with_the_distance_that_the_crowd_tells():
 
     others, crowd = Bystanders(scene.movers, scene.footprint), Crowd(scene.movers, scene.footprint)
     rng = np.random.default_rng(0)
-    for place, time in zip(rng.uniform(scene.lower, scene.upper, (30, 2)), rng.uniform(0, 3, 30), strict=True):
-        free, name = others.nearest(scene.movers, place, float(time))
+    places, times = rng.uniform(scene.lower, scene.upper, (30, 2)), rng.uniform(0, 3, 30)
+    found = others.nearest(scene.movers, places, times)
+    for place, time, (free, name) in zip(places, times, found, strict=True):
         assert free == pytest.approx(crowd.clearance(place, float(time)), abs=1e-9)
         upper = max(scene.movers, key=lambda mover: float(mover.motion.pose(0.0)[1])).name
         assert (name == upper) == (place[1] > 2.55) or abs(place[1] - 2.55) < 0.1
