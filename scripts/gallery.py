@@ -1,6 +1,6 @@
 """Pictures of every scene for docs/gallery: a still and a short loop, both of one drive, as MuJoCo shows it.
 
-Robots know nothing of bodies that move until plans do, so scenes with such bodies are driven by the exact law.
+Two loops show what noise does to a choice: two drives of one scene side by side, with little noise and with much.
 """
 
 from __future__ import annotations
@@ -8,7 +8,8 @@ from __future__ import annotations
 import argparse
 import io
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,32 @@ from sim.scenario import Scenario, prepare
 STILL, LOOP = (960, 540), (400, 225)  # width and height of the pictures
 SHOTS, PAUSE = 32, 900  # pictures of a loop, and how long its last one stays [ms]
 SECONDS = 4.0  # of a loop
-NOISES = (0.1, 0.3)  # of the opening
+NOISES = (0.1, 0.3)  # of the value
 MOMENT = 0.45  # of the still, as a share of the drive
-OPENING, VALUE = "opening", "value"
+VALUE = "value"
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "gallery"
+NOTE = (
+    "thin: sampled futures; grey: those that hit something; outlines: where the door will be; bar: how probable each "
+    "way is"
+)
+DASHES = {"0,0": "through the gap", "-1,0": "around the wall"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """Two drives of a scene, with little noise and with much."""
+
+    scene: str
+    noises: tuple[float, float]
+    ways: Mapping[str, str]  # what to call classes, by id
+    seed: int = 0  # added to the one that is asked for
+    note: str | None = None  # what is to be seen in it
+
+
+PAIRS = {
+    "opening": Pair(scene="slit", noises=NOISES, ways=WAYS),
+    "closing_door-noise": Pair(scene="closing_door", noises=NOISES, ways=DASHES, note=NOTE),
+}
 HEAD = """# Gallery
 
 <!-- Made by scripts/gallery.py of the scenes themselves; a test holds the two against each other. -->
@@ -56,16 +79,20 @@ def _scenario(name: str, given: dict[str, Any]) -> Scenario:
     return prepare(name, given=given)
 
 
-def opening(file: Path, given: dict[str, Any], shots: int) -> None:
-    """The two drives of the README, little and much noise side by side, as a loop."""
+def side_by_side(pair: Pair, file: Path, given: dict[str, Any], shots: int) -> None:
+    """Two drives, with little and with much noise, as a loop."""
     from sim.figures import opening, snapshots
     from sim.figures.draw import pyplot
 
-    drives = [snapshots.drive(prepare("slit", given={**given, "noise": noise}), (0.0,)) for noise in NOISES]
+    seeded = {**given, "seed": given["seed"] + pair.seed}
+    scenarios = [prepare(pair.scene, given={**seeded, "noise": noise}) for noise in pair.noises]
+    drives = [snapshots.drive(scenario, (0.0,)) for scenario in scenarios]
     last = max(one.frames[-1].end_time for one in drives)
     labels = [f"{much} noise" for much in ("little", "much")]
     times = np.linspace(0.0, last, shots).tolist()
-    made = list(opening.pictures(pyplot("this script"), drives, labels=labels, times=times, ways=WAYS))
+    plt, look = pyplot("this script"), {"labels": labels, "times": times, "ways": pair.ways}
+    look |= {} if pair.note is None else {"note": pair.note}
+    made = list(opening.pictures(plt, drives, **look))
     height, width, _ = made[0].shape
     write_loop(made, file, size=(width, height), quality=45)
 
@@ -123,7 +150,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Make the pictures; the exit status is 2 for bad input."""
     parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
-        "scenes", nargs="*", metavar="SCENE", help=f"built-in scenes, {OPENING} or {VALUE} (all, and the page)"
+        "scenes", nargs="*", metavar="SCENE", help=f"built-in scenes, {', '.join(PAIRS)} or {VALUE} (all, and the page)"
     )
     parser.add_argument("-o", "--output", type=Path, default=FOLDER, metavar="DIR", help="folder (docs/gallery)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of trees, samples and drives (0)")
@@ -133,9 +160,9 @@ def main(words: Sequence[str] | None = None) -> int:
         options = parser.parse_args(words)
         options.output.mkdir(parents=True, exist_ok=True)
         given = {"seed": options.seed, "max_time": options.max_time}
-        for name in tqdm(options.scenes or (OPENING, VALUE, *scene_names()), desc="gallery", leave=False, disable=None):
-            if name == OPENING:
-                opening(options.output / f"{OPENING}.webp", given, max(2, options.shots))
+        for name in tqdm(options.scenes or (*PAIRS, VALUE, *scene_names()), desc="gallery", leave=False, disable=None):
+            if name in PAIRS:
+                side_by_side(PAIRS[name], options.output / f"{name}.webp", given, max(2, options.shots))
                 continue
             if name == VALUE:
                 value_map(options.output / f"{VALUE}.webp")

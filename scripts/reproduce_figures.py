@@ -1,12 +1,13 @@
-"""The paper's figures, made anew, and one more; each is written as soon as it is finished.
+"""The paper's figures, made anew, and two more; each is written as soon as it is finished.
 
 1  the tree in the H-augmented space, one panel per obstacle (Fig. 1)
 2  snapshots of drives of the point at b = 0.1 and 0.3 (Fig. 2)
 3  lengths of the car's best paths per class against the iteration, and its references (Fig. 3)
 4  snapshots of a drive of the car (Fig. 4)
 5  probability of each class at the start against b, sampled and by the grid
+6  the classes of `crossing` and `closing_door` in space and time, around what moves
 
-Those of the documents: --only 1,2,5 --format png --dpi 160 -o docs
+Those of the documents: --only 1,2,5,6 --format png --dpi 160 -o docs
 """
 
 from __future__ import annotations

@@ -227,6 +227,7 @@ class Controller(Policy):
             shares=None if law is None else law.weights(x, 0.0),
             followed=self._followed,
             space=self.space,
+            movers=self.movers,
         )
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:

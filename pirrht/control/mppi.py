@@ -119,6 +119,7 @@ class Mppi(Policy):
             instead=tape if estimate is None else None,
             time=self.drive.time,
             space=self.space,
+            movers=self.movers,
         )
         self._tape, self.drive.since_plan = plan.tape, 0.0
         return plan

@@ -69,4 +69,5 @@ class Optimal(Policy):
             time=now,
             exact=float(value),
             space=self.space,
+            movers=self.movers,
         )

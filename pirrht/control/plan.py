@@ -14,6 +14,7 @@ from pirrht.control import plan_view
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Mover
 from pirrht.tree.homology_tree import Reference
 
 
@@ -39,6 +40,7 @@ class Plan:
         time: of the drive when it was made, or for which [s].
         exact: v at the state [cost], where it is known without samples.
         space: the free space in which it was made, for pictures.
+        movers: bodies as it took them to move, on the drive's clock.
 
     Example:
         A plan says what to do now, `plan.control` (m,), and a little later, `plan.at(x, s)`:
@@ -65,6 +67,7 @@ class Plan:
     time: float = 0.0
     exact: float | None = None
     space: FreeSpace | None = None
+    movers: tuple[Mover, ...] = ()
 
     def __repr__(self) -> str:
         return plan_view.line(self)
@@ -131,7 +134,7 @@ class Plan:
         tape = self.tape[left] if passed < len(self.tape) else np.zeros_like(self.tape[-1:])
         return Plan(
             state=x, times=times, references=(), ids=(), estimate=None, fallback="no reference", instead=tape,
-            space=self.space,
+            time=self.time + s, space=self.space, movers=self.movers,
         )  # fmt: skip
 
     @property

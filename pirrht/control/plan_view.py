@@ -56,7 +56,8 @@ def draw(plan: Any, samples: int, axes: Any) -> Any:
     if plan.space is None:
         raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
     axes = axes_of.on(axes, "plan.plot")
-    ground.draw(axes, plan.space.scene)
+    ground.draw(axes, plan.space.scene, plan.time)
+    ground.foreseen(axes, plan.movers, plan.time)
     _samples(axes, plan, samples)
     by = weights(plan)
     labels = [f"{shown.turns(id)}: {shown.share(by[id]) if id in by else '-'}" for id in plan.ids]

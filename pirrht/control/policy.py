@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.prediction import Foreseen, Prediction
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Mover
 from pirrht.problem import Problem
 from pirrht.topology.driven import DrivenInTime, driven
 from pirrht.topology.homology import Homology
@@ -48,6 +50,7 @@ class Policy(ABC):
         space: the scene as it is, with the bodies in it as they move.
         homology: tells classes apart, those of drives among the rest.
         predict: what is taken to come of bodies that move; None: as they do.
+        movers: those bodies as the next plan takes them to move, on the drive's clock.
     """
 
     problem: Problem
@@ -56,6 +59,7 @@ class Policy(ABC):
     tree: HomologyTree | None = None  # None: it needs none
     predict: Prediction | None = None
     drive: Drive
+    movers: tuple[Mover, ...]
     _foreseen: Foreseen | None = None
 
     @abstractmethod
@@ -65,7 +69,7 @@ class Policy(ABC):
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
         self.drive = Drive(self.homology, x, time)
-        self._foreseen = None
+        self._foreseen, self.movers = None, self.space.scene.movers
         if self.predict is not None:
             self.predict.begin()
 
@@ -118,5 +122,7 @@ class Policy(ABC):
             shown = [one.homology.winding(path - [0.0, 0.0, one.since]) for one in (before, after)]
             offset = np.array(self.driven_class()) + shown[0] - shown[1]
         self._foreseen = after
+        foretold = after.space.scene.movers
+        self.movers = tuple(replace(m, motion=m.motion.after(-after.since)) for m in foretold)
         self.drive.path = DrivenInTime(after.homology, x, self.now, offset)
         return after

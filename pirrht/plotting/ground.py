@@ -1,28 +1,30 @@
-"""The map that everything is drawn on: workspace, obstacles seen from above, start and goal."""
+"""The map that everything is drawn on: workspace, obstacles seen from above, what moves, start and goal."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Kind, Obstacle, Scene
 
 FLOOR, BORDER, WALL, GOAL, GOAL_EDGE, INK = "#f7f7f5", "#777777", "#4d5866", "#8fd19e", "#3c8f52", "#222222"
+MOVER = "#80609e"
 ROUND = 64  # corners of what is round
+MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which a body that moves is outlined where it is taken to be [s]
 
 
-def draw(axes: Any, scene: Scene) -> None:
-    """A scene to scale; what moves stands where it does at 0 s, lighter."""
+def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
+    """A scene to scale, what moves where it is at a time [s]."""
     from matplotlib.patches import Circle, Polygon, Rectangle
 
     axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc=FLOOR, ec=BORDER, lw=1, zorder=0))
     for obstacle in scene.obstacles:
         axes.add_patch(Polygon(outline(obstacle), closed=True, fc=WALL, ec="none", zorder=3))
-    for mover in scene.movers:
-        for solid in mover.at(0.0):
-            axes.add_patch(Polygon(outline(solid), closed=True, fc=WALL, ec="none", alpha=0.6, zorder=3))
+    bodies(axes, scene.movers, time)
     axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
     axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec=INK, lw=1.2, zorder=5))
     margin = 0.02 * float((scene.upper - scene.lower).max())
@@ -33,6 +35,32 @@ def draw(axes: Any, scene: Scene) -> None:
         xlabel="x [m]",
         ylabel="y [m]",
     )
+
+
+def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0) -> None:
+    """Bodies that move, where they are at a time [s]."""
+    from matplotlib.patches import Polygon
+
+    for mover in movers:
+        for solid in mover.at(time):
+            axes.add_patch(Polygon(outline(solid), closed=True, fc=MOVER, ec="none", alpha=0.7, zorder=zorder))
+
+
+def foreseen(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
+    """Outlines of bodies where they are taken to be soon after a time [s], the paler the later."""
+    from matplotlib.patches import Polygon
+
+    for mover in movers:
+        for after, strength in fading(mover, time):
+            for solid in mover.at(time + after):
+                look = {"fill": False, "ec": MOVER, "lw": 0.9, "alpha": strength, "zorder": zorder}
+                axes.add_patch(Polygon(outline(solid), closed=True, **look))
+
+
+def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
+    """How long after a time [s] to outline a body, and how strongly; not at all where it stands still by then."""
+    last = [after for after in MOMENTS if time + after - MOMENTS[0] < mover.motion.last]
+    return [(after, 1.0 - 0.8 * after / (MOMENTS[-1] + MOMENTS[0])) for after in last]
 
 
 def outline(obstacle: Obstacle) -> Array:

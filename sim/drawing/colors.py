@@ -33,6 +33,7 @@ METHODS: tuple[Color, ...] = (  # of methods, none of which is the colour of a c
 EARLY = 3 * len(PALETTE)  # colours that look like no other: the palette, its tints and its shades
 OTHER_COLOR: Color = (187, 187, 187)
 DEAD_COLOR: Color = (112, 116, 122)
+MOVER: Color = (186, 148, 230)  # outlines of bodies that move
 DRIVEN: Color = (255, 200, 60)  # the driven path
 
 

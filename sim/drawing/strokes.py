@@ -62,6 +62,20 @@ def fine(reference: Reference) -> Array:
     return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
 
 
+def timed(reference: Reference, now: float) -> Array:
+    """The path of a reference of a plan made at a time [s] in space and time, (k, 3) [m, m, s].
+
+    One that has no times of its own goes at an even pace.
+    """
+    knots = getattr(reference.trajectory.path, "knots", None)
+    if knots is not None and knots.shape[1] == 3:
+        return np.column_stack([knots[:, :2], knots[:, 2] - knots[0, 2] + now])
+    line = reference.trajectory.points
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    whole = float(reference.trajectory.durations.sum())
+    return np.column_stack([line, now + whole * along / max(float(along[-1]), 1e-9)])
+
+
 def even(points: Array, count: int) -> Array:
     """A polyline (k, 2) cut anew into `count` points at equal distances, (count, 2)."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
@@ -120,6 +134,7 @@ class Fan:
     """Sampled paths of one class, or of those that died."""
 
     strips: Floats  # (k, l, 3)
+    moments: Array  # (k, l) when each point is reached, from the plan on [s]
     opacity: Array  # (k,) grows with the weight
 
 
@@ -149,9 +164,9 @@ def fans(
     for name, group in chosen.items():
         opacity = np.sqrt(estimate.weight[group] / top)
         order = np.argsort(opacity, kind="stable")  # the heavy ones are drawn last, on top
-        strips = _strips(path_integral, estimate, group[order], length)
+        strips, moments = _strips(path_integral, estimate, group[order], length)
         strips[..., 2] += 0.02 * opacity[order, None].astype(np.float32)
-        drawn[name] = Fan(strips=strips, opacity=opacity[order])
+        drawn[name] = Fan(strips=strips, moments=moments, opacity=opacity[order])
     return drawn
 
 
@@ -173,12 +188,12 @@ def _pick(group: Indices, weight: Array, count: int) -> Indices:
     return np.sort(np.concatenate([heavy, even]))
 
 
-def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, length: int) -> Floats:
-    """Paths of chosen samples with `length` points each, (k, length, 3)."""
+def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, length: int) -> tuple[Floats, Array]:
+    """Paths of chosen samples with `length` points each, (k, length, 3), and when they are there [s], (k, length)."""
     states, steps = path_integral.replay.trace(estimate.rollouts, chosen)
     times = estimate.rollouts.leads.times  # steps may be unequal; points are even in time
     at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
-    return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02)
+    return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02), times[at]
 
 
 def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import replaced
-from pirrht.plotting.ground import outline as outline
+from pirrht.plotting import ground
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.drawing.colors import ClassColors, title
@@ -75,29 +75,15 @@ def draw_convergence(
 
 
 def draw_scene(axes: Any, scenario: Scenario) -> None:
-    """Workspace, obstacles seen from above, start and goal."""
-    from matplotlib.patches import Circle, Polygon, Rectangle
-
+    """Workspace, obstacles seen from above, start and heading, goal, and what moves at 0 s, by name."""
     scene = scenario.loaded.scene
-    axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc="#f7f7f5", ec="#777777", lw=1))
-    for obstacle in scene.obstacles:
-        axes.add_patch(Polygon(outline(obstacle), closed=True, fc="#4d5866", ec="none"))
+    ground.draw(axes, scene)
     for mover in scene.movers:
-        for solid in mover.at(0.0):
-            axes.add_patch(Polygon(outline(solid), closed=True, fc="#80609e", ec="none", alpha=0.7))
         x, y, _ = mover.motion.pose(0.0)
         axes.text(x, y, mover.name, fontsize=7, ha="center", va="center", color="white", zorder=6)
-    axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc="#8fd19e", ec="#3c8f52", lw=1, zorder=1))
-    axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec="black", lw=1.2, zorder=4))
-    heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
     if scenario.problem.dynamics.angles:
+        heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
         axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})
-    axes.set_aspect("equal")
-    margin = 0.02 * float((scene.upper - scene.lower).max())
-    axes.set_xlim(scene.lower[0] - margin, scene.upper[0] + margin)
-    axes.set_ylim(scene.lower[1] - margin, scene.upper[1] + margin)
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
 
 
 def number_obstacles(axes: Any, scenario: Scenario) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError
-from sim.figures import lengths, lifted, shares, snapshots, style
+from sim.figures import braids, lengths, lifted, shares, snapshots, style
 from sim.figures.effort import Effort, Tick
 
 NOISES = (0.1, 0.3)  # of the drives of Fig. 2
@@ -55,12 +55,17 @@ def _shares(plt: Any, effort: Effort, tick: Tick) -> Any:
     return shares.draw(plt, shares.work(effort, tick))
 
 
+def _braids(plt: Any, effort: Effort, tick: Tick) -> Any:
+    return braids.draw(plt, braids.work(effort, tick))
+
+
 FIGURES = {
     1: Entry(name="fig1-tree", text="the tree in the H-augmented space", pieces=lambda _: 1, draw=_tree),
     2: Entry(name="fig2-drives", text="drives with little and much noise", pieces=lambda _: len(NOISES), draw=_points),
     3: Entry(name="fig3-lengths", text="path lengths per class and iteration", pieces=lambda _: 1, draw=_lengths),
     4: Entry(name="fig4-car", text="a drive of the car", pieces=lambda _: 1, draw=_car),
     5: Entry(name="fig5-shares", text="class shares against noise", pieces=lambda e: len(e.noises), draw=_shares),
+    6: Entry(name="fig6-braids", text="classes in space and time", pieces=lambda _: len(braids.SCENES), draw=_braids),
 }
 
 

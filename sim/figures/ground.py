@@ -8,19 +8,27 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Scene
+from pirrht.plotting import ground
+from pirrht.plotting.ground import outline
 from sim.figures import style
-from sim.figures.draw import outline
 
 
-def draw(axes: Any, scene: Scene) -> None:
-    """Obstacles, goal and the border of the workspace, seen from above, to scale."""
+def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] = ()) -> None:
+    """Obstacles, goal and the border of the workspace, seen from above, to scale; what moves as it is at a time [s].
+
+    Args:
+        foreseen: bodies that are outlined where they are taken to be soon.
+    """
     from matplotlib.patches import Circle, Polygon, Rectangle
 
     size = scene.upper - scene.lower
     axes.add_patch(Rectangle(tuple(scene.lower), *size, fc=style.FLOOR, ec=style.BORDER, lw=0.6, zorder=0))
     for obstacle in scene.obstacles:
         axes.add_patch(Polygon(outline(obstacle), closed=True, fc=style.WALL, ec="none", zorder=6))
+    ground.bodies(axes, scene.movers, time, zorder=6)
+    ground.foreseen(axes, foreseen, time, zorder=5.9)
     goal = tuple(scene.goal.center)
     axes.add_patch(Circle(goal, scene.goal.radius, fc=style.GOAL, ec=style.GOAL_EDGE, lw=0.7, zorder=1))
     axes.set_aspect("equal")

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.plotting.ground import outline
 from pirrht.tree.homology_tree import HomologyTree, Reference
 from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, title
 from sim.figures import style
-from sim.figures.draw import outline
 from sim.figures.effort import Effort, Tick
 from sim.scenario import Scenario
 

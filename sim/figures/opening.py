@@ -14,7 +14,9 @@ from sim.figures.snapshots import Drive
 
 WIDTH, DPI = 7.6, 100  # of a picture [in], and its dots per inch
 MARGIN = 0.9  # of the workspace that is left out above and below [m]
-NOTE = "thin: sampled futures in the colour of their way; grey: those that end in a wall; bar: how probable each way is"
+NOTE = (
+    "thin: sampled futures in the colour of their way; grey: those that end in a wall; {}bar: how probable each way is"
+)
 
 
 def pictures(
@@ -24,12 +26,14 @@ def pictures(
     labels: Sequence[str],
     times: Sequence[float],
     ways: Mapping[str, str],
+    note: str = NOTE,
 ) -> Iterator[NDArray[np.uint8]]:
     """Pictures (height, width, 3) of all drives at each time [s]; a drive that is over shows its end.
 
     Args:
         labels: what each drive is called, above it.
         ways: what classes are called, by id; others by their titles.
+        note: what there is to be seen, below the pictures.
     """
     scene = drives[0].scenario.loaded.scene
     margin = np.array([0.0, MARGIN])
@@ -47,7 +51,7 @@ def pictures(
             axes.set_title(f"{label}, {_shares(one, time, ways)}", fontsize=9, loc="left", pad=4)
             ground.frame(axes, low, high)
             axes.set_axis_off()
-        figure.text(0.01, 0.03 / height, NOTE, fontsize=8.5, color=style.INK)
+        figure.text(0.01, 0.03 / height, note, fontsize=8.5, color=style.INK)
         yield _pixels(figure)
         plt.close(figure)
 
@@ -65,7 +69,7 @@ def _one(axes: Any, one: Drive, time: float, colors: ClassColors, height: float)
         snapshots.weights(axes, one.frames[step], colors, 1.6 * height)
         return
     scene = one.scenario.loaded.scene
-    ground.draw(axes, scene)
+    ground.draw(axes, scene, one.frames[-1].end_time)
     path = one.driven(len(one.frames))
     axes.plot(*path.T, color=style.INK, lw=0.8, zorder=8)
     ground.robot(axes, scene, one.frames[-1].advance.states[-1])

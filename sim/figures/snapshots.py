@@ -89,7 +89,7 @@ def _extent(drives: Sequence[Drive], whole: bool) -> tuple[Array, Array]:
 def panel(axes: Any, one: Drive, step: int, colors: ClassColors) -> None:
     """The plan at a step, and the path driven to it."""
     scene, frame = one.scenario.loaded.scene, one.frames[step]
-    ground.draw(axes, scene)
+    ground.draw(axes, scene, frame.plan.time, frame.plan.movers)
     _samples(axes, one, frame, colors)
     for reference, name in list(zip(frame.plan.references, frame.plan.ids, strict=True))[::-1]:
         line = strokes.even(reference.trajectory.points, CURVE)

@@ -1,4 +1,7 @@
-"""A drive as a film: MuJoCo's scene with references and driven path drawn in, at the pace of the drive."""
+"""A drive as a film: MuJoCo's scene with references, driven path and what is foreseen of bodies that move drawn in.
+
+It runs at the pace of the drive.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,9 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.files import replaced
-from sim.drawing.colors import DRIVEN, ClassColors
+from sim.drawing.colors import DRIVEN, MOVER, ClassColors, Color, mix
 from sim.drawing.strokes import at_most
+from sim.drawing.tubes import foreseen
 from sim.drive.episode import Frame
 from sim.film.offscreen import Offscreen, Picture
 from sim.mjcf import Loaded
@@ -26,6 +30,8 @@ RATE = 30  # pictures per second
 HOLD = 1.0  # how long the last picture stays [s]
 ELEVATION = 68.0  # of the eye [degrees]
 REFERENCE_POINTS, PATH_POINTS = 32, 300
+GROUND: Color = (206, 209, 207)  # into which what is foreseen fades
+FORESEEN = mix(MOVER, (0, 0, 0), 0.4)
 
 
 class Film:
@@ -64,7 +70,7 @@ class Film:
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
         self._stance, self._colors = stance_of(loaded.model, loaded.states), ClassColors()
         movers = loaded.scene.movers
-        self._mocap = Mocap(loaded.model, movers) if movers else None
+        self._movers, self._mocap = movers, Mocap(loaded.model, movers) if movers else None
         self._states: list[Array] = []
         self._times: list[Array] = []
         self._plans: list[tuple[float, Plan]] = []
@@ -129,7 +135,9 @@ class Film:
         mujoco.mj_forward(self._model, self._data)
         self._eye.pose(self._data)
         begun = [began for began, _ in self._plans]
-        self._references(self._plans[int(np.searchsorted(begun, time + 1e-9, side="right")) - 1][1])
+        plan = self._plans[int(np.searchsorted(begun, time + 1e-9, side="right")) - 1][1]
+        self._references(plan)
+        self._bodies(plan, float(times[now]))
         self._eye.line(_raised(at_most(states[: now + 1, :2], PATH_POINTS), 0.03), DRIVEN, 0.015 * self._thick)
         return self._eye.draw()
 
@@ -139,6 +147,17 @@ class Film:
             radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
             points = at_most(reference.trajectory.points, REFERENCE_POINTS)
             self._eye.line(_raised(points, 0.02), self._colors[name], radius * self._thick)
+
+    def _bodies(self, plan: Plan, time: float) -> None:
+        """Names of the bodies that move, and outlines of where the plan takes them to be soon."""
+        for mover in self._movers:
+            top = max(float(solid.position[2]) for solid in mover.solids)
+            self._eye.label(np.array([*mover.motion.pose(time)[:2], top]), mover.name.replace("_", " "))
+        if time < self._times[-1][-1]:
+            for one in foreseen(plan.movers, plan.time):
+                if one.after > 0.0:
+                    shade = mix(GROUND, FORESEEN, one.strength)
+                    self._eye.line(_raised(one.ring, 0.01), shade, 0.008 * self._thick)
 
 
 def _raised(points: Array, z: float) -> Array:

@@ -68,6 +68,16 @@ class Offscreen:
             shape.emission = 0.2
             self._scene.ngeom += 1
 
+    def label(self, place: Array, text: str) -> None:
+        """Add a text at a place (3,)."""
+        if self._scene.ngeom == MOST:
+            return
+        shape = self._scene.geoms[self._scene.ngeom]
+        ink = np.ones(4, np.float32)
+        mujoco.mjv_initGeom(shape, mujoco.mjtGeom.mjGEOM_LABEL, np.zeros(3), place, np.eye(3).ravel(), ink)
+        shape.label = text
+        self._scene.ngeom += 1
+
     def draw(self) -> Picture:
         """The picture."""
         self._gl.make_current()

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import rerun.blueprint as rrb
 
 from pirrht.geometry.scene import Scene
+from sim.recording import spacetime
 from sim.recording.camera import ABOVE, FOLLOWING
+from sim.recording.static import MOVERS, label_path
 from sim.recording.subject import Subject
 
 BACKGROUND = (20, 22, 26)
 
 
 def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
-    """Tabs Drive, Why, About and, if there is a tree, Tree; `live` has the time cursor follow the data."""
+    """Tabs Drive, Why, About, where bodies move Space-time, and if a tree is lifted, Tree.
+
+    Args:
+        live: have the time cursor follow the data.
+    """
     scene = subject.space.scene
-    tabs = [_drive(), _why(truth=subject.look.truth)]
+    tabs = [_drive(scene), _why(truth=subject.look.truth)]
+    if subject.moves:
+        tabs.append(_space_time(subject))
     if subject.lifted:
         views = [_tree(scene, path, title, subject.turn) for _, path, title in subject.lifted]
         tabs.append(rrb.Horizontal(*views, name="Tree"))
@@ -31,11 +40,10 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     )
 
 
-def _drive() -> rrb.Container:
+def _drive(scene: Scene) -> rrb.Container:
     """With the robot, from above, and below them what the plan rests on and what happened."""
-    close = _space(
-        "With the robot", rrb.EyeControls3D(tracking_entity=FOLLOWING), ["/world/scene/names", "/world/names", ABOVE]
-    )
+    names = ["/world/scene/names", "/world/names", *(label_path(mover.name) for mover in scene.movers)]
+    close = _space("With the robot", rrb.EyeControls3D(tracking_entity=FOLLOWING), [*names, ABOVE])
     chart = _space("From above", rrb.EyeControls3D(tracking_entity=ABOVE), [FOLLOWING])
     words = rrb.Horizontal(_page(), _log(), column_shares=[5, 3])
     return rrb.Vertical(rrb.Horizontal(close, chart), words, row_shares=[5, 3], name="Drive")
@@ -104,6 +112,26 @@ def _tree(scene: Scene, path: str, title: str, turn: float) -> rrb.View:
         eye_controls=_eye(scene, turn),
         overrides={f"{path}/growth": _so_far()},
     )
+
+
+def _space_time(subject: Subject) -> rrb.Container:
+    """The map as floor, time upward."""
+    scene = subject.space.scene
+    height = float(np.hypot(*(scene.goal.center - scene.start[:2])))  # of the straight way at the best speed
+    far = 1.25 * max(float((scene.upper - scene.lower).max()), height)
+    x, y = (float(v) for v in 0.5 * (scene.lower + scene.upper))
+    view = rrb.Spatial3DView(
+        origin="/",
+        contents=[f"{spacetime.FOLDER}/**", "/world/scene/**", "- /world/scene/names", f"- {MOVERS}/**"],
+        name="Time upward: classes around the ways of what moves",
+        background=list(BACKGROUND),
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            position=(x + 0.5 * far, y - far, 0.85 * far), look_target=(x, y, 0.35 * height), eye_up=(0.0, 0.0, 1.0)
+        ),
+        overrides={path: _so_far() for path in spacetime.growing(scene)},
+    )
+    return rrb.Horizontal(view, name="Space-time")
 
 
 def _so_far() -> rrb.VisibleTimeRanges:

@@ -15,9 +15,22 @@ where the way is dear, in bands of equal cost; **small arrows** on it: the optim
 heading the best heading. In the table *exact* is each class' share of psi, by paths drawn under the optimal control."""
 
 
+MOVING = """
+
+**Pale outlines**: where the plan takes bodies that move to be in half a second, in one, and so on, the paler the later;
+a plan that knows how they move is right about it, one that sees how fast they are takes them to go straight on.
+
+**Space-time**: the same with time upward. The floor is the map, the thin frame above it is now, and the yellow thread
+tells when the robot was where. Each **purple tube** is where a body is at every time; grey walls stand, and the goal is
+the green pillar. The best paths of the classes are braids around the tubes: what passes a body before it runs on one
+side of its tube, what passes behind it on the other. Thin: the heaviest samples. At the best speed a path rises as
+steeply as it goes ahead; upright it waits."""
+
+
 def legend(subject: Subject) -> str:
     """What the colours and lines of the drive mean, and the settings, in Markdown."""
     optimum = OPTIMAL if subject.look.truth else ""
+    moving = MOVING if subject.moves else ""
     rows = "\n".join(f"| {name} | {_text(value)} |" for name, value in properties(subject.settings).items())
     return f"""\
 **Thick lines**: the best path of each homology class, with its share of the weight.
@@ -32,7 +45,7 @@ In a fallback, what is followed instead.
 
 Plans and samples are drawn {subject.look.hz:g} times a second; the panel *Why* says of which moment they are.
 
-**Yellow line**: the path driven.
+**Yellow line**: the path driven.{moving}
 
 A class such as `0,-1` counts whole turns around obstacles 1, 2, ... against the straight
 line to the goal, counter-clockwise positive; with many obstacles `+5 -12` names those with a turn.

@@ -11,8 +11,10 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.exact.desirability import Desirability
 from sim.drawing import averages, strokes
-from sim.drawing.colors import DEAD_COLOR, ClassColors, Color, fade, mix, title
+from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, title
 from sim.drawing.strokes import at_most, lift, packed
+from sim.drawing.tubes import foreseen
+from sim.recording import spacetime
 from sim.recording.reasons import reasons, words_of
 from sim.recording.static import CONTROL, FLOOR
 from sim.recording.stream import Stream
@@ -41,6 +43,7 @@ class Pictures:
         self._fans: set[str] = set()
         self._ways: dict[str, str] = {}  # classes in words
         self._now = (0, 0.0)
+        self.in_time = spacetime.SpaceTime(stream, subject, colors) if subject.moves else None
 
     def said(self, name: str) -> str:
         """What was last said of where a class leads; nothing if it was never drawn."""
@@ -65,7 +68,7 @@ class Pictures:
                 everything=subject.look.samples == "all",
             )
         exact = None if subject.grid is None else self._truth(subject.grid, plan, time)
-        why = reasons(plan, subject.path_integral, subject.solids, self._ways, exact)
+        why = reasons(plan, subject.path_integral, subject.solids, self._ways, exact, subject.bystanders)
         self._log("/why/page", rr.TextDocument(page(plan, why, time), media_type=rr.MediaType.MARKDOWN))
         for name in sorted(self._fans - found.keys()):
             self._log(_fan_path(name), rr.LineStrips3D(np.zeros((0, 2, 3), np.float32)))
@@ -76,6 +79,20 @@ class Pictures:
             look = {"colors": packed(fade(color, FLOOR, opacity)), "radii": 0.006}
             self._log(_fan_path(name), rr.LineStrips3D(fan.strips, **look))
         self._fans = set(found)
+        if self.in_time is not None:
+            self._foreseen(self.in_time, plan, found)
+
+    def _foreseen(self, in_time: spacetime.SpaceTime, plan: Plan, fans: dict[str, strokes.Fan]) -> None:
+        """Where the plan takes bodies to be, on the map and in space and time."""
+        soon = foreseen(plan.movers, plan.time)
+        later = [one for one in soon if one.after > 0.0]
+        shades = packed(fade(MOVER, FLOOR, np.array([one.strength for one in later]))) if later else None
+        rings = [lift(one.ring, 0.03) for one in later]
+        self._log("/world/foreseen", rr.LineStrips3D(rings, colors=shades, radii=0.008))
+        weights = plan.estimate.class_weights if plan.estimate else {}
+        told = [n for i, n in enumerate(plan.ids) if (weights.get(n, 0.0) >= TOLD if weights else i < LIFTED)]
+        labels = {name: self._label(plan, plan.ids.index(name), weights.get(name, 0.0)) for name in told}
+        in_time.draw(plan, soon, fans, labels, self._now)
 
     def _truth(self, grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
         """What the grid gives to each class; where bodies move also what it says of the floor now."""
@@ -87,8 +104,9 @@ class Pictures:
     def _room(self, plan: Plan, points: int) -> int:
         """Points that samples may have in a picture, beside those of the references."""
         trees, K = len(self._subject.lifted), len(plan.references)
-        chunks = 5 + 3 * trees + K + 2
+        chunks = 5 + 3 * trees + K + 2 + (5 if self._subject.moves else 0)
         others = points + WAYS * averages.POINTS + 2 * trees * min(K, LIFTED) * LIFTED_POINTS
+        others += spacetime.points(self._subject, K)
         left = PICTURE_BYTES - CHUNK_BYTES * chunks - MOVER_BYTES * len(self._subject.space.scene.movers)
         return max(0, left // POINT_BYTES - others)
 

@@ -18,6 +18,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.outcome import Outcome
 from sim.drawing.sides import sides
 from sim.drawing.ways import worded
+from sim.recording.bystanders import Bystanders
 
 TRACED, NEAREST = 48, 3  # samples whose ends are looked at, obstacles that are asked how near they are
 CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much
@@ -59,6 +60,7 @@ def reasons(
     names: Names,
     ways: dict[str, str],
     exact: Mapping[str, float] | None = None,
+    bystanders: Bystanders | None = None,
 ) -> list[Reason]:
     """One for each class of a plan, in the order of its references; none in a fallback.
 
@@ -66,12 +68,13 @@ def reasons(
         names: what to call the solids of the scene.
         ways: the classes in words (`words_of`).
         exact: share of psi of each class by the grid, if there is one.
+        bystanders: the bodies that move, which samples may hit too.
     """
     estimate = plan.estimate
     if estimate is None or not plan.ids:
         return []
     alive, late = arriving(estimate, plan.ids), _late(estimate, plan.ids)
-    places = _places(estimate, path_integral, plan.ids, names)
+    places = _places(plan, estimate, path_integral, names, bystanders)
     drawn = sum(part.size for part in estimate.parts)
     found = []
     for reference, name in zip(plan.references, plan.ids, strict=True):
@@ -124,9 +127,12 @@ def _late(estimate: Estimate, ids: Names) -> dict[str, float]:
     return {name: float(late[h] / number[h]) for h, name in enumerate(ids) if number[h]}
 
 
-def _places(estimate: Estimate, path_integral: PathIntegral, ids: Names, names: Names) -> dict[str, Counter[str]]:
+def _places(
+    plan: Plan, estimate: Estimate, path_integral: PathIntegral, names: Names, bystanders: Bystanders | None
+) -> dict[str, Counter[str]]:
     """What the samples drawn around each reference hit, of as many as are worth a look."""
-    rollouts, chosen = estimate.rollouts, []
+    rollouts, ids = estimate.rollouts, plan.ids
+    chosen: list[NDArray[np.int64]] = []
     slices = _slices(rollouts.leads.first, len(ids))
     each = max(4, TRACED // max(1, len(ids)))
     for a, b in slices:
@@ -138,6 +144,11 @@ def _places(estimate: Estimate, path_integral: PathIntegral, ids: Names, names: 
     states, steps = path_integral.replay.trace(rollouts, every)
     ends = states[np.arange(len(every)), steps, :2]
     hit = met(path_integral.space.collision, ends, names)
+    if bystanders is not None:
+        collision, times = path_integral.space.collision, plan.time + rollouts.leads.times[steps]
+        free = collision.clearance(ends)
+        near = bystanders.nearest(plan.movers, ends, times)
+        hit = [who if gap < room else what for (gap, who), room, what in zip(near, free, hit, strict=True)]
     found, first = {}, 0
     for name, group in zip(ids, chosen, strict=True):
         found[name] = Counter(hit[first : first + len(group)])

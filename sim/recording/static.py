@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from sim.drawing import strokes
-from sim.drawing.colors import DRIVEN, mix
+from sim.drawing.colors import DRIVEN, MOVER, mix
 from sim.drawing.strokes import lift, packed
 from sim.recording import geoms
 from sim.recording.bodies import ROOT
@@ -21,6 +21,7 @@ from sim.recording.truth_view import OPTIMUM, on_floor
 
 TREE_EDGES = 8000
 BODY = "/world/robot/body"
+MOVERS = "/world/scene/movers"
 TILES = 24  # along the longer side of the floor at most
 FEW = 8  # obstacles that bear their names on the map, not only their numbers
 LEVELS, DASHES = (0.5, 1.0, 1.5), 16  # of H that are marked; dashes over the obstacle that a tree is lifted by
@@ -52,6 +53,8 @@ def stage(subject: Subject, log: Log) -> None:
         mask = (shown | obstacles) & geoms.of_body(model, mover.name)
         for name, solid in geoms.solids(model, mask, body=mover.name).items():
             log(f"{mover_path(mover.name)}/{name}", solid)
+        label = {"labels": [mover.name.replace("_", " ")], "colors": [MOVER], "show_labels": all_named(subject)}
+        log(label_path(mover.name), rr.Points3D([(0, 0, 0)], radii=0.001, **label))
     if subject.grid is not None and not subject.grid.moves:
         for path, picture in on_floor(subject.grid, subject.space, 0.0):
             log(path, picture)
@@ -89,7 +92,17 @@ def part_path(name: str) -> str:
 
 def mover_path(name: str) -> str:
     """The entity of a body that moves: its pose on the timeline, with its geoms below it."""
-    return f"/world/scene/movers/{rr.escape_entity_path_part(name)}"
+    return f"{MOVERS}/{rr.escape_entity_path_part(name)}"
+
+
+def all_named(subject: Subject) -> bool:
+    """Whether so few bodies move that all bear their names; more would hide the scene, and tell theirs when hovered."""
+    return len(subject.space.scene.movers) <= FEW
+
+
+def label_path(name: str) -> str:
+    """The entity of a moving body's name, which moves along."""
+    return f"{mover_path(name)}/name"
 
 
 def _arrows(*, truth: bool) -> rr.Arrows3D:

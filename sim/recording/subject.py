@@ -19,6 +19,7 @@ from pirrht.tree.homology_tree import HomologyTree
 from sim.mjcf import Loaded
 from sim.recording import geoms
 from sim.recording.bodies import Bodies
+from sim.recording.bystanders import Bystanders
 from sim.recording.look import Look
 
 SERIES = 6  # solids whose names differ by a number only, and that keep them
@@ -41,12 +42,25 @@ class Subject:
         """Where the drive takes place."""
         return self.path_integral.space
 
+    @property
+    def moves(self) -> bool:
+        """Whether bodies move in the scene."""
+        return bool(self.space.scene.movers)
+
+    @cached_property
+    def rise(self) -> float:
+        """Height of a second in space and time [m]: at the best speed a way goes up as steeply as ahead."""
+        timed = self.path_integral.homology
+        return (self.space.moving if timed is None else timed.moving).speed
+
     @cached_property
     def lift(self) -> tuple[int, ...]:
         """Obstacles, from 0, whose H lifts a tree."""
         if self.look.lift is not None:
             return tuple(dict.fromkeys(k - 1 for k in self.look.lift))
         problem = self.path_integral.problem
+        if self.moves:  # a tree of many times, seen from above all of them at once, tells nothing
+            return ()
         return () if self.tree is None else telling(self.tree, problem.dynamics.state_of(problem.scene.start))
 
     @property
@@ -72,6 +86,11 @@ class Subject:
     def bodies(self) -> Bodies:
         """Those of the robot, where they are at the start."""
         return Bodies(self.loaded)
+
+    @cached_property
+    def bystanders(self) -> Bystanders | None:
+        """The bodies that move, if there are any."""
+        return Bystanders(self.space.scene.movers, self.space.scene.footprint) if self.moves else None
 
     @cached_property
     def solids(self) -> tuple[str, ...]:

@@ -6,6 +6,8 @@
 /world/robot/parts/NAME  pose of a wheel in the root
 /world/eyes/following    an eye that follows the robot
 /world/scene/movers/NAME  pose of a body that moves, at every step as long as it does; one row more for the end
+/world/foreseen  outlines of bodies that move, where the plan takes them to be soon
+/spacetime    the drive with time upward, where bodies move; described in `spacetime.py`
 /world/path   position after every physics step
 /why/weight   of all other classes and of each of a few classes as they gain weight; `switch` below it where another
               class has come to weigh most
@@ -37,6 +39,7 @@ from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import lift
 from sim.mjcf.mocap import Mocap
+from sim.recording import spacetime
 from sim.recording.camera import FOLLOWING, Following
 from sim.recording.components import columns
 from sim.recording.happenings import Happenings
@@ -77,6 +80,8 @@ class Writer:
         self.stream.properties(properties(subject.settings), name=subject.name)
         self._place()  # before there is anything to see: what has no place yet would stand at the origin
         stage(subject, self.stream.static)
+        if subject.moves:
+            spacetime.stage(subject, self.stream.static)
         self._plots.begin()
 
     def _place(self) -> None:
@@ -159,11 +164,24 @@ class Writer:
         self._columns(FOLLOWING, rows, rr.Transform3D.columns(translation=seen[0], quaternion=seen[1]))
         pieces = [lift(np.vstack([r.state[:2], r.states[:, :2]]), 0.06) for r in rows]
         self._columns("/world/path", rows, rr.LineStrips3D.columns(strips=pieces))
+        if self._pictures.in_time is not None:
+            self._in_time(self._pictures.in_time, rows)
         last = rows[-1]
         if last.outcome is not None and len(last.states):
             self._bodies.roll(last.states, self._headings(last.states))
             for path, pose in self._bodies_at(last.states[-1:]):
                 self.stream.columns(path, [last.step + 1], [last.time + last.duration], pose)
+
+    def _in_time(self, in_time: spacetime.SpaceTime, rows: Sequence[Row]) -> None:
+        """The path in space and time, and where the robot is on it, to the end of the last step."""
+        steps, times = [r.step for r in rows], [r.time for r in rows]
+        ends = [np.append((r.states[-1] if len(r.states) else r.state)[:2], r.time + r.duration) for r in rows]
+        pieces = [np.vstack([np.append(r.state[:2], r.time), end]) for r, end in zip(rows, ends, strict=True)]
+        in_time.thread(steps, times, pieces)
+        last = rows[-1]
+        at = [piece[0] for piece in pieces] + ([ends[-1]] if last.outcome is not None else [])
+        steps += [last.step + 1] if last.outcome is not None else []
+        in_time.steps(steps, [place[2] for place in at], np.array(at))
 
     def _wheels(self, rows: Sequence[Row]) -> None:
         """How the wheels stand at each step; they roll over all physics steps."""
@@ -196,10 +214,9 @@ class Writer:
                 self.stream.columns(mover_path(mover.name), steps, times, columns)
 
     def _nearest(self, row: Row) -> str:
-        movers = self._subject.space.scene.movers
-        space = self._subject.space
-        if movers and space.clearance(row.state) > row.clearance + 1e-6:
-            return "a moving body" if len(movers) > 1 else movers[0].name
+        space, others = self._subject.space, self._subject.bystanders
+        if others is not None and space.clearance(row.state) > row.clearance + 1e-6:
+            return others.nearest(space.scene.movers, row.state[None, :2], np.array([row.time]))[0][1]
         return met(space.collision, row.state[None, :2], self._subject.solids)[0]
 
     def _ahead(self, x: Array, u: Array) -> Array:

@@ -19,6 +19,7 @@ from pirrht.control.controller import Controller
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
+from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.tree.homology_tree import HomologyTree
@@ -54,6 +55,23 @@ class Drive:
 
     def frames(self, max_time: float = MAX_TIME) -> Iterator[Frame]:
         return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time)
+
+
+class Moving(Drive):
+    """A scene with bodies that move, planned in with few vertices and samples."""
+
+    def __init__(self, scene: Path | str, *, vertices: int = 5, samples: int = 20) -> None:
+        self.loaded = load(scene)
+        self.scene = self.loaded.scene
+        self.space = FreeSpace.of(self.scene)
+        problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=self.scene, R=2 * np.eye(2))
+        steering = InTime.of(problem)
+        self.tree = HomologyTree(self.space, steering, limit=0.8, rng=np.random.default_rng(0))
+        self.tree.grow(vertices)
+        sampling = Sampling(samples=samples)
+        self.controller = Controller(problem, self.space, self.tree, sampling, rng=np.random.default_rng(0))
+        self.plant = Executor(self.loaded, problem, period=2 * PERIOD)
+        self.plant_rng = np.random.default_rng(0)
 
 
 def timed(frames: Iterable[Frame]) -> Iterator[Frame]:

@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from drives import Drive, columns, rerun, timed
+from drives import Moving, columns, rerun, timed
 from moving_scenes import body, moving_scene, rows
 
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.problem import Problem
-from pirrht.steering.in_time import InTime
-from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.tree.homology_tree import HomologyTree
-from sim.drive.executor import Executor
 from sim.film.film import Film
-from sim.mjcf import load
 
-PERIOD, MAX_TIME = 0.02, 0.4
+MAX_TIME = 0.4
 FOLDER = "/world/scene/movers"
 PAINT = '<geom name="paint" type="box" size=".1 .1 .1" pos="0 .4 0" contype="0" conaffinity="0"/>'
 WORLD = (
@@ -34,21 +23,6 @@ CUSTOM = (
     + rows("slide", "0 3 -1 0  0.1 4 -1 0")
     + rows("late", "0 4 3 0  9 4 3 0")
 )
-
-
-class Moving(Drive):
-    """An open field with bodies that move."""
-
-    def __init__(self, path: Path) -> None:
-        self.loaded = load(path)
-        self.scene = self.loaded.scene
-        self.space = FreeSpace.of(self.scene)
-        problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=self.scene, R=2 * np.eye(2))
-        self.tree = HomologyTree(self.space, InTime(), limit=0.8, rng=np.random.default_rng(0))
-        self.tree.grow(5)
-        self.controller = Controller(problem, self.space, self.tree, Sampling(samples=20), rng=np.random.default_rng(0))
-        self.plant = Executor(self.loaded, problem, period=PERIOD)
-        self.plant_rng = np.random.default_rng(0)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,103 @@
+"""Tubes and outlines of moving bodies are where the bodies are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from discs import block, disc
+from moving import moved, oblique
+
+from pirrht.arrays import Array
+from pirrht.geometry.crowd import reach_of
+from pirrht.geometry.motion import Mover
+from pirrht.plotting.ground import MOMENTS, outline
+from sim.drawing.tubes import CORNERS, MOST, OFF, foreseen, outlines, tubes
+
+PATROL = moved("patrol", [(0, 1, 1, 0), (1, 3, 1, 2), (1.5, 3, 2, 2)], block("b", 0.2, 0, (0.5, 0.1)), repeat=True)
+BODIES = [*oblique().movers, PATROL, replace(PATROL, motion=PATROL.motion.after(0.7))]
+
+
+def gap(ring: Array, true: Array) -> float:
+    """How far corners of a true outline are from a drawn one at most [m]."""
+    ends = np.roll(ring, -1, axis=0)
+    side = ends - ring
+    share = np.clip(np.sum((true[:, None] - ring) * side, axis=2) / np.sum(side**2, axis=1), 0.0, 1.0)
+    return float(np.linalg.norm(true[:, None] - ring - share[..., None] * side, axis=2).min(axis=1).max())
+
+
+@pytest.mark.parametrize("mover", BODIES)
+def test_a_tube_is_where_its_body_is_at_every_time(mover: Mover):
+    found = tubes(mover, 0.3, 7.0)
+    assert found[0].times[0] == 0.3
+    assert found[-1].times[-1] == 7.0
+    tolerance = OFF + reach_of(mover) * (1.0 - np.cos(np.pi / CORNERS)) + 1e-9
+    for time in np.random.default_rng(0).uniform(0.3, 7.0, 200):
+        (tube,) = [one for one in found if one.times[0] <= time <= one.times[-1]]
+        (solid,) = mover.at(float(time))
+        assert gap(tube.at(float(time)), outline(solid)) <= tolerance
+
+
+def test_a_tube_is_cut_where_its_body_starts_over_elsewhere():
+    found = tubes(PATROL, 0.0, 4.0)
+    assert [(one.times[0], one.times[-1]) for one in found] == [(0.0, 1.5), (1.5, 3.0), (3.0, 4.0)]
+    np.testing.assert_allclose(found[1].rings[0], found[0].rings[0])
+    assert np.abs(found[0].rings[-1] - found[1].rings[0]).max() > 1.0
+
+
+def test_a_body_that_has_stopped_goes_on_upright():
+    mover = oblique().movers[0]
+    last = mover.motion.last
+    (tube,) = tubes(mover, last, last + 3.0)
+    assert len(tube.times) == 2
+    np.testing.assert_array_equal(tube.rings[0], tube.rings[1])
+
+
+def test_the_triangles_of_a_tube_close_its_side():
+    (tube,) = tubes(PATROL, 0.0, 1.0)
+    k, c = tube.rings.shape[:2]
+    edges = {}
+    for face in tube.faces:
+        for a, b in zip(face, np.roll(face, -1), strict=True):
+            edges[frozenset((int(a), int(b)))] = edges.get(frozenset((int(a), int(b))), 0) + 1
+    open_ends = {edge for edge, count in edges.items() if count == 1}
+    rims = [[{i, (i + 1) % c} for i in range(c)], [{(k - 1) * c + i, (k - 1) * c + (i + 1) % c} for i in range(c)]]
+    assert open_ends == {frozenset(one) for rim in rims for one in rim}
+    assert set(edges.values()) == {1, 2}
+
+
+def test_outlines_ahead_are_where_the_motion_leads_and_the_later_the_weaker():
+    mover, now = moved("m", [(0, 1, 1, 0), (9, 10, 1, 3)], block("b", 0, 0, (0.4, 0.1))), 0.7
+    found = foreseen([mover], now)
+    assert [one.after for one in found] == [0.0, *MOMENTS]
+    strengths = [one.strength for one in found]
+    assert strengths == sorted(strengths, reverse=True)
+    assert strengths[0] == 1.0
+    assert min(strengths) > 0.1
+    for one in found:
+        (solid,) = mover.at(now + one.after)
+        np.testing.assert_allclose(one.ring[0], one.ring[-1])
+        assert gap(one.ring[:-1], outline(solid)) < 1e-9
+
+
+def test_what_stands_by_then_is_outlined_once_where_it_comes_to_stand():
+    mover = moved("m", [(0, 1, 1, 0), (1.2, 2, 1, 0)], disc("d", 0, 0, 0.2))
+    assert [one.after for one in foreseen([mover], 0.0)] == [0.0, 0.5, 1.0, 1.5]
+    assert [one.after for one in foreseen([mover], 5.0)] == [0.0]
+    np.testing.assert_allclose(foreseen([mover], 0.0)[-1].ring.mean(axis=0)[0], 2.0, atol=0.02)
+
+
+def test_many_bodies_have_no_more_corners_than_a_picture_may_take():
+    rows = [(0, 1, 1, 0), (9, 10, 1, 0)]
+    few, many = (foreseen([moved(f"{k}", rows, disc("d", 0, 0, 0.2)) for k in range(n)], 0.0) for n in (2, 24))
+    assert sum(len(one.ring) - 1 for one in many) <= MOST
+    assert len({one.after for one in many}) >= 3
+    assert len(few[0].ring) > len(many[0].ring)
+
+
+def test_outlines_turn_with_their_body():
+    mover = moved("m", [(0, 0, 0, 0), (1, 0, 0, np.pi / 2)], block("b", 1.0, 0, (0.2, 0.1)))
+    (rings,) = outlines(mover, np.array([0.0, 1.0]))
+    np.testing.assert_allclose(rings[0].mean(axis=0), [1, 0], atol=1e-9)
+    np.testing.assert_allclose(rings[1].mean(axis=0), [0, 1], atol=1e-9)

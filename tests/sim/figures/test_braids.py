@@ -1,0 +1,135 @@
+"""Pictures of scenes with moving bodies: bodies where they are, braids around their tubes, two noise levels."""
+
+from __future__ import annotations
+
+import gallery
+import numpy as np
+import pytest
+from discs import disc
+from moving import hall, moved
+
+from pirrht.plotting import ground as map_of
+from pirrht.plotting.ground import outline
+from sim.drawing.strokes import timed
+from sim.drawing.tubes import tubes
+from sim.figures import braids, draw, ground, snapshots
+from sim.figures.effort import Effort
+from sim.mjcf import load
+from sim.scenario import prepare
+
+SMALL = Effort(vertices=120, samples=20, max_time=0.1)
+plt = pytest.importorskip("matplotlib.pyplot")
+ROWS = [(0, 3, 1, 0), (4, 3, 5, 0)]
+
+
+@pytest.fixture(scope="module")
+def shown():
+    return braids.work(SMALL, lambda: None)
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+def filled(axes):
+    """Corners of the areas of a map in the colour of what moves."""
+    from matplotlib.colors import to_hex
+
+    patches = [p for p in axes.patches if p.get_fill() and to_hex(p.get_facecolor()) == map_of.MOVER]
+    return [patch.get_xy()[:-1] for patch in patches]
+
+
+def outlined(axes):
+    """Corners and strengths of what is only outlined in it."""
+    from matplotlib.colors import to_hex
+
+    patches = [p for p in axes.patches if not p.get_fill() and to_hex(p.get_edgecolor()) == map_of.MOVER]
+    return [(patch.get_xy()[:-1], patch.get_alpha()) for patch in patches]
+
+
+def test_a_panel_per_scene_has_a_braid_per_class_from_the_start_at_0_to_the_goal(shown):
+    figure = braids.draw(plt, shown)
+    assert len(figure.axes) == len(braids.SCENES) == len(shown)
+    for axes, one in zip(figure.axes, shown, strict=True):
+        assert [axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()] == ["$x$ [m]", "$y$ [m]", "$t$ [s]"]
+        assert len(one.references) >= 2
+        goal = one.scenario.loaded.scene.goal
+        for reference in one.references:
+            way = timed(reference, 0.0)
+            np.testing.assert_allclose(way[0], [*one.scenario.start[:2], 0.0])
+            assert np.linalg.norm(way[-1, :2] - goal.center) <= goal.radius + 0.02
+            assert axes.get_zlim()[1] >= way[-1, 2]
+        told = " ".join(text.get_text() for text in axes.texts)
+        assert all(f"{reference.cost:.2f}" in told for reference in one.references)
+
+
+def test_what_lies_behind_a_tube_is_hidden_and_what_lies_before_it_is_not():
+    (tube,) = tubes(moved("m", [(0, 3, 3, 0)], disc("d", 0, 0, 0.3)), 0.0, 5.0)
+    towards = braids._towards_eye(5.0)
+    for off, behind in ((-1.0, True), (-0.5, True), (0.5, False), (1.0, False)):
+        point = np.array([3.0, 3.0, 2.0]) + off * towards
+        assert bool(braids.hidden(point[None], [tube], 5.0)[0]) is behind
+    assert not braids.hidden(np.array([[1.0, 3.0, 2.0], [3.0, 4.0, 4.9]]), [tube], 5.0).any()
+
+
+def test_a_tube_has_one_sheet_towards_the_eye_and_one_away():
+    ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
+    side = np.array([True, False, False, True])
+    np.testing.assert_array_equal(ring[braids._around(side)], [[0, 1], [0, 0], [1, 0]])
+    np.testing.assert_array_equal(braids._around(~side), [1, 2, 3])
+
+
+def test_the_map_shows_bodies_where_they_are_at_the_time():
+    scene = hall("h", [moved("m", ROWS, disc("d", 0, 0, 0.3))])
+    for time in (0.0, 2.5):
+        for draws in (map_of.draw, ground.draw):
+            axes = plt.figure().add_subplot()
+            draws(axes, scene, time)
+            (corners,) = filled(axes)
+            (solid,) = scene.movers[0].at(time)
+            np.testing.assert_allclose(corners, outline(solid))
+
+
+def test_the_map_outlines_where_bodies_are_going_to_be():
+    scene = hall("h", [moved("m", ROWS, disc("d", 0, 0, 0.3))])
+    axes = plt.figure().add_subplot()
+    ground.draw(axes, scene, 1.0, scene.movers)
+    found = outlined(axes)
+    assert len(found) == len(map_of.MOMENTS)
+    for (corners, _), after in zip(found, map_of.MOMENTS, strict=True):
+        np.testing.assert_allclose(corners.mean(axis=0), [3.0, 2.0 + after], atol=1e-6)
+    strengths = [strength for _, strength in found]
+    assert strengths == sorted(strengths, reverse=True)
+
+
+def test_the_map_of_a_plan_is_that_of_the_prompt_with_heading_and_names():
+    axes, plain = plt.figure().add_subplot(), plt.figure().add_subplot()
+    scenario = prepare("pincer", robot="rover")
+    draw.draw_scene(axes, scenario)
+    map_of.draw(plain, scenario.loaded.scene)
+    assert len(axes.patches) == len(plain.patches)
+    assert axes.get_xlim() == plain.get_xlim()
+    texts = [text.get_text() for text in axes.texts]
+    assert {"low", "high"} <= set(texts)
+    assert len(texts) == 3  # the arrow of the heading is a text without words
+
+
+def test_a_snapshot_shows_the_body_where_it_is_then_and_where_the_plan_takes_it():
+    one = snapshots.drive(SMALL.scenario("crossing"), (0.0, 1.0))
+    figure = snapshots.draw(plt, [one], labels=[""], width=7.0, whole=True)
+    (mover,) = load("crossing").scene.movers
+    for axes, step in zip(figure.axes, one.shown, strict=True):
+        (corners,) = filled(axes)
+        (solid,) = mover.at(one.frames[step].time)
+        np.testing.assert_allclose(corners, outline(solid))
+        assert len(outlined(axes)) == len(map_of.MOMENTS)
+
+
+def test_pairs_of_drives_name_classes_that_there_are():
+    for pair in gallery.PAIRS.values():
+        scenario = prepare(pair.scene, given={"vertices": 150})
+        tree = scenario.grown_tree()
+        asked = np.array([*scenario.start[:2], 0.0]) if scenario.moving else scenario.start
+        assert set(pair.ways) <= {reference.id for reference in tree.references(asked)}
