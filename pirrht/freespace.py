@@ -113,5 +113,5 @@ def _check_task(scene: Scene, collision: Collision) -> None:
         if clearance <= 0.0:
             raise SceneError(
                 f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g}) is in collision for a robot of radius "
-                f"{scene.robot_radius:g} (it lacks {-clearance:.3g} m); move it or choose a smaller --radius or --margin"
+                f"{scene.robot_radius:g} (it lacks {-clearance:.3g} m); move it or choose less --radius or --margin"
             )
