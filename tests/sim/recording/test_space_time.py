@@ -259,11 +259,10 @@ def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_pat
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["crossing", "closing_door", "pincer"])
 def test_a_recording_among_moving_bodies_takes_half_a_megabyte_a_second(tmp_path, name):
-    scenario = prepare(name, given={"max_time": 1.5})
+    scenario = prepare(name)  # to the end: a drive's first moments cost more, for then tubes are drawn
     tree = scenario.grown_tree()
     driver, file = scenario.driver(tree), tmp_path / "drive.rrd"
     with Recorder(scenario.loaded, tree, driver.path_integral, Sinks(file=file), settings={}) as recorder:
         for frame in timed(scenario.drive(scenario.plant(), driver)):
             recorder.log(frame)
-    static = 80_000  # the robot's meshes, the floor, the words
-    assert file.stat().st_size - static < 500_000 * frame.end_time
+    assert file.stat().st_size < 500_000 * frame.end_time
