@@ -83,7 +83,7 @@ def _table(reasons: Sequence[Reason]) -> str:
         f"|---|--:|--:|--:|{exact[1]}--:|---|---|",
     ]
     for r in rows[:ROWS]:
-        value = f"{r.value:.2f} ± {r.error:.2f}" if isfinite(r.value) else "none arrives"
+        value = _valued(r)
         dying = f"{100 * r.dying:.0f} %" + (f", {100 * r.late:.0f} % late" if r.late >= 0.005 else "")
         told = [share(r.exact or 0.0)] if known else []
         cells = (
@@ -98,6 +98,12 @@ def _table(reasons: Sequence[Reason]) -> str:
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _valued(reason: Reason) -> str:
+    if not isfinite(reason.value):
+        return "none arrives"
+    return f"{reason.value:.2f} ± {reason.error:.2f}" if isfinite(reason.error) else f"{reason.value:.2f} by one sample"
 
 
 def _foot(plan: Plan, time: float) -> str:

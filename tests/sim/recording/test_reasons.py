@@ -129,6 +129,8 @@ def test_the_page_tells_of_a_fallback_and_of_too_few_samples(planned):
     assert "Only 3.0 effective samples: a guess" in page(weak, list(found.values()), 0.0)
     known = replace(lost, fallback=None, exact=8.5)
     assert "Exact value 8.50" in page(known, [], 0.0)
+    alone = replace(next(iter(found.values())), value=8.25, error=float("inf"))
+    assert "8.25 by one sample" in page(plan, [alone], 0.0)
 
 
 def test_names_of_a_long_series_and_missing_ones_give_way_to_the_number_on_the_map():
