@@ -399,7 +399,7 @@ def optimiser(kind: Kind) -> Optimiser:
         """Whether the first `length` steps of states (T+1, n), straight or bows, touch nothing; `times` (T+1,) [s]."""
         f, turn = np.zeros((2, n)), 0.0
         if moving:
-            held, listed = np.empty(HELD), np.empty(setup.traffic.lead.shape[0], np.int64)
+            held, listed = np.empty(HELD), np.empty(setup.traffic.J, np.int64)
         for i in range(length):
             x, y, dx, dy = states[i, 0], states[i, 1], states[i + 1, 0] - states[i, 0], states[i + 1, 1] - states[i, 1]
             if bows:

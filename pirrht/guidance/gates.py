@@ -42,7 +42,7 @@ def gates_of(setup: object, places: Array, times: Array, noise: float, within: f
 @kernel
 def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
     """Fill `out` (k, WALLS, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
-    near = np.zeros((setup.traffic.lead.shape[0], 5))
+    near = np.zeros((setup.traffic.J, 5))
     for i in range(places.shape[0]):
         x, y = places[i]
         c, nx, ny, d, mx, my = two_walls(setup.arena.field, x, y)

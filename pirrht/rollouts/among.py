@@ -15,7 +15,20 @@ import numpy as np
 
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import normals, uniform
-from pirrht.geometry.traffic import WALL, clearance_of_body, moving_walls, outside_of, piece_of, wall_of_body
+from pirrht.geometry.traffic import (
+    FASTEST,
+    JUMPING,
+    LEAD,
+    PERIOD,
+    WALL,
+    clearance_of_body,
+    disc_of,
+    moving_walls,
+    of_body,
+    outside_of,
+    piece_of,
+    wall_of_body,
+)
 from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_crossing
 
 SKIN = 0.4  # bodies are listed so much further away than they have to be [m]
@@ -41,11 +54,12 @@ def surely(held, speed, x, y, t):  # type: ignore[no-untyped-def]
 def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-def]
     """List bodies that may be so near (x, y) [m] at t [s]: numbers to `listed` (J,); returns how many."""
     count, until = 0, math.inf
-    for j in range(traffic.lead.shape[0]):
+    for j in range(traffic.J):
         ox, oy, _, _, _, _, _ = piece_of(traffic, j, t)
-        if traffic.jumping[j]:
-            laps = max(math.floor((t + traffic.lead[j]) / traffic.period[j]) + 1.0, 1.0)
-            until = min(until, laps * traffic.period[j] - traffic.lead[j])
+        if of_body(traffic, j, JUMPING) > 0.0:
+            lead, period = of_body(traffic, j, LEAD), of_body(traffic, j, PERIOD)
+            laps = max(math.floor((t + lead) / period) + 1.0, 1.0)
+            until = min(until, laps * period - lead)
         if outside_of(traffic, j, ox, oy, x, y) < within:
             listed[count] = j
             count += 1
@@ -82,6 +96,17 @@ def _know(traffic, j, k, x, y, near):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _with_wall(c, nx, ny, d, mx, my, e, ex, ey, widest):  # type: ignore[no-untyped-def]
+    """The two nearest of two walls in order and a third, which is not taken to be nearer than `widest` [m]."""
+    e, ex, ey = np.float32(max(e, widest)), np.float32(ex), np.float32(ey)
+    if e < c:
+        return e, ex, ey, c, nx, ny
+    if e < d:
+        return c, nx, ny, e, ex, ey
+    return c, nx, ny, d, mx, my
+
+
+@inlined
 def with_moving(walls, near, count, widest):  # type: ignore[no-untyped-def]
     """The two nearest walls, as `two_walls` gives them, of two that stand and those that move; none nearer than widest.
 
@@ -90,12 +115,9 @@ def with_moving(walls, near, count, widest):  # type: ignore[no-untyped-def]
     c, nx, ny, d, mx, my = walls
     for k in range(count):
         if near[k, KNOWN] == 1.0:
-            e, ex, ey = np.float32(near[k, D]), np.float32(near[k, NX]), np.float32(near[k, NY])
-            e = max(e, widest)
-            if e < c:
-                c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
-            elif e < d:
-                d, mx, my = e, ex, ey
+            c, nx, ny, d, mx, my = _with_wall(
+                c, nx, ny, d, mx, my, near[k, D], near[k, NX], near[k, NY], np.float64(widest)
+            )
     return c, nx, ny, d, mx, my
 
 
@@ -106,13 +128,9 @@ def walls_among(traffic, walls, x, y, t, within, widest):  # type: ignore[no-unt
     Bodies farther than `within` are not asked, and none is taken to be nearer than `widest` [m].
     """
     c, nx, ny, d, mx, my = walls
-    near = np.empty((traffic.lead.shape[0], WALL))
+    near = np.empty((traffic.J, WALL))
     for k in range(moving_walls(traffic, x, y, t, within, near)):
-        e, ex, ey = np.float32(max(near[k, 0], widest)), np.float32(near[k, 1]), np.float32(near[k, 2])
-        if e < c:
-            c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
-        elif e < d:
-            d, mx, my = e, ex, ey
+        c, nx, ny, d, mx, my = _with_wall(c, nx, ny, d, mx, my, near[k, 0], near[k, 1], near[k, 2], widest)
     return c, nx, ny, d, mx, my
 
 
@@ -150,7 +168,7 @@ def met_on_bridge(traffic, listed, count, near, x, y, mx, my, dt, cov, line, wei
         j, c = listed[k], near[k, D]
         px, py = near[k, OX] + dt * near[k, VX], near[k, OY] + dt * near[k, VY]
         way = math.sqrt((mx - x - px + near[k, OX]) ** 2 + (my - y - py + near[k, OY]) ** 2)
-        way += abs(near[k, TURN]) * dt * traffic.radius[j]
+        way += abs(near[k, TURN]) * dt * disc_of(traffic, j)
         d = outside_of(traffic, j, px, py, mx, my)
         if c > 0.0 and d > 0.0 and 2.0 * c * d >= reach and c + d > way:
             continue
@@ -188,7 +206,7 @@ def _behind_body(traffic, j, near, k, x, y, mx, my, dt, c, d, way):  # type: ign
         )  # fmt: skip
         if e <= 0.0:
             return c * (1.0 - 1.0 / share)
-        share += max(e, CLOSE * traffic.bodies.radius) / way
+        share += max(e, CLOSE * traffic.robot) / way
     return d
 
 
@@ -227,14 +245,14 @@ def met_on_way(traffic, listed, count, x, y, mx, my, turn, t, dt, stop):  # type
         for k in range(count):
             j = listed[k]
             ox, oy, yaw, _, _, _, ends = piece_of(traffic, j, t + share * dt)
-            speed = pace + traffic.fastest[j] * dt
+            speed = pace + of_body(traffic, j, FASTEST) * dt
             c = outside_of(traffic, j, ox, oy, px, py)
             if c <= speed * ahead:
                 c = clearance_of_body(traffic, j, ox, oy, yaw, px, py)
             if c <= 0.0:
                 return share
-            ahead = min(ahead, max(c, CLOSE * traffic.bodies.radius) / max(speed, LEAST))
-            if traffic.jumping[j]:
+            ahead = min(ahead, max(c, CLOSE * traffic.robot) / max(speed, LEAST))
+            if of_body(traffic, j, JUMPING) > 0.0:
                 ahead = min(ahead, max((ends - t) / dt - share, 0.0) + BEYOND)
         if share >= stop:
             return NEVER

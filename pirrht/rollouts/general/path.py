@@ -223,7 +223,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         column, carried, wide = np.empty((m, 1)), np.empty((m, 1)), np.zeros((H, 2 * m))
         home, white, drawn = np.zeros(m), np.zeros(2 * m), np.zeros(2 * m)
         stage, lost, pushed = np.empty(H, np.int64), np.empty(H, np.bool_), np.empty(m)
-        bodies = setup.traffic.lead.shape[0] if moving else 0
+        bodies = setup.traffic.J if moving else 0
         held, listed, near = np.empty(HELD), np.empty(bodies, np.int64), np.empty((bodies, NEAR))
         among = held, listed, near, np.empty((leads.marks.weight.shape[0], 2))
         laws = wide, home, white, drawn
