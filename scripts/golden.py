@@ -133,7 +133,7 @@ def _discs() -> Iterator[str]:
 def _cli(line: str, *more: str) -> None:
     command = [sys.executable, "-m", "sim.cli", *line.split(), *more]
     done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode not in (0, 1):
+    if done.returncode not in (0, 1) or done.stderr.startswith("Traceback") or "No module named" in done.stderr:
         raise SystemExit(f"pirrht {line}: {done.stderr}")
 
 

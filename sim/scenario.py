@@ -114,10 +114,6 @@ class Scenario:
         vertices = min(self.settings.vertices, QUICK)
         return ByVelocity(self.space, self._in_time, grown if trees else None, vertices=vertices)
 
-    def asked(self, x: Array, time: float = 0.0) -> Array:
-        """The state x (n,) as trees are asked about it: a place and a time (3,) [m, m, s] where bodies move."""
-        return np.array([x[0], x[1], time]) if self.moving else x
-
     def seeds(self) -> tuple[np.random.SeedSequence, ...]:
         """Independent seeds of the tree, the sampler and the plant."""
         tree, sampler, plant = np.random.SeedSequence(self.settings.seed).spawn(3)
@@ -169,7 +165,7 @@ class Scenario:
         Raises:
             NoReference: no class reaches the goal.
         """
-        return tree.references(self.asked(self.start), polished=self.settings.polish)
+        return tree.references(tree.homology.asked(self.start, 0.0), polished=self.settings.polish)
 
     def truth(self) -> Desirability:
         """The exact solution: in continuous time, or for steps of dt if exit is judged at their ends.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,12 +10,13 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
+from pirrht.control.aside import Aside
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.feedback import ClassMixture, ClassPool
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
-from pirrht.control.prediction import Prediction
+from pirrht.control.prediction import Prediction, Way
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.batches import sample
@@ -38,7 +38,6 @@ from pirrht.tree.homology_tree import HomologyTree, Reference
 
 BETWEEN = ("classes", "hold")
 ELSEWHEN = 0.1  # a drive that begins so much later is another one [s]
-LEAST = 0.15  # of the samples of a class go around its guide, and beside it
 ANEW = 400  # vertices that a tree then gains
 
 
@@ -105,8 +104,8 @@ class Controller(Policy):
                 f"{type(tree.steering).__name__} knows no times, and bodies move in the scene; grow the tree with "
                 "InTime.of(problem)"
             )
-        known = 3 if problem.scene.movers else problem.dynamics.n  # of a place and a time, or of a state
-        if tree is not None and len(tree.steering.vertex_of(np.zeros(known))) != tree.steering.n:
+        zero = np.zeros(problem.dynamics.n)
+        if tree is not None and len(tree.steering.vertex_of(tree.homology.asked(zero, 0.0))) != tree.steering.n:
             moves, bends = type(problem.dynamics).__name__, type(tree.steering).__name__
             raise OptionError(
                 f"{bends} connects states of {tree.steering.n} numbers and {moves} has {problem.dynamics.n}; "
@@ -117,8 +116,7 @@ class Controller(Policy):
         if homology is None:
             homology = homology_of(problem, space) if tree is None else tree.homology
         self.homology = homology
-        timed = homology if isinstance(homology, TimedHomology) else None
-        self.path_integral = PathIntegral(problem, space, sampling, homology=timed)
+        self.path_integral = PathIntegral(problem, space, sampling, homology=homology)
         if tree is not None and not (tree.steering.drives or self.path_integral.leads_itself):
             raise OptionError(
                 f"{type(problem.dynamics).__name__} has no steering of its own, and its references no controls that "
@@ -142,9 +140,9 @@ class Controller(Policy):
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
         self._guides: dict[tuple[int, ...], Any] = {}  # by class of driven path and guide together
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
-        self._aim(self._here(x))
-        self._aside: dict[str, float] = {}  # by class, the share of samples beside its guide
-        self._way: Array | None = None  # of the last favourite, (k, 3) [m, m, s] on the drive's clock
+        self._aim(self.homology.asked(x, time))
+        self._aside = Aside(self.path_integral)
+        self._way = Way()
 
     def _aim(self, here: Array) -> None:
         """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
@@ -170,7 +168,7 @@ class Controller(Policy):
         if x.shape != (self.problem.dynamics.n,):
             moves = f"{type(self.problem.dynamics).__name__} ({', '.join(self.problem.dynamics.states)})"
             raise OptionError(f"the state has the shape {x.shape}; {moves} has {self.problem.dynamics.n} numbers")
-        foreseen = self._look(x, self._left(x))
+        foreseen = self._look(x, self._way.left(x, self.drive.time))
         if foreseen is not None:
             self.tree = self.tree and foreseen.tree
             self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
@@ -185,22 +183,9 @@ class Controller(Policy):
                 return self._previous.rest(x, self.drive.since_plan)
         plan = self._around(x, references, left)
         self._previous, self.drive.since_plan = plan, 0.0
-        self._note(plan)
+        if self._foreseen is not None:
+            self._way.note(plan)
         return plan
-
-    def _note(self, plan: Plan) -> None:
-        """Keep the way of the plan's favourite, by which classes are known again when something else is foreseen."""
-        chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
-        if self._foreseen is not None and chosen is not None:
-            way = chosen.trajectory
-            times = self.drive.time + np.concatenate([[0.0], np.cumsum(way.durations)])[: len(way.path.tails)]
-            self._way = np.column_stack([way.path.tails[:, :2], times])
-
-    def _left(self, x: Array) -> Array | None:
-        """What is left of it from x (n,) on, (k, 3) [m, m, s]."""
-        if self._way is None:
-            return None
-        return np.vstack([[*x[:2], self.drive.time], self._way[self._way[:, 2] > self.drive.time]])
 
     def _blame_speed(self, x: Array) -> None:
         """Where a state (n,) without references would have some at rest, say so.
@@ -259,29 +244,8 @@ class Controller(Policy):
             Proposal(lead=a, count=n, name=i, key=k) for a, n, i, k in zip(leads, counts, names, keys, strict=True)
         ]
         if self.method.mixes:
-            proposals = self._beside(x, proposals, trajectories)
+            proposals = self._aside.split(x, proposals, trajectories, self.now)
         return Batch(state=x, times=times, proposals=tuple(proposals), time=self.now)
-
-    def _beside(self, x: Array, proposals: list[Proposal], trajectories: list[Trajectory]) -> list[Proposal]:
-        """The same samples, some of each class around what goes beside its guide, by what those weighed last."""
-        pairs = zip(proposals, trajectories, strict=True)
-        found = [(one, self.path_integral.beside(x, trajectory, self.now)) for one, trajectory in pairs]
-        kept, more = [], []
-        for one, other in found:
-            count = 0 if other is None else round(self._aside.get(one.name, 0.5) * one.count)
-            kept.append(replace(one, count=one.count - count))
-            if other is not None:
-                more.append(replace(one, lead=other, count=count))
-        return kept + more
-
-    def _weighed(self, batch: Batch, estimate: Estimate) -> None:
-        """Note for each class the share of what goes beside its guide."""
-        weights: dict[str, list[float]] = {}
-        for one, weight in zip(batch.proposals, estimate.proposal_weights, strict=True):
-            weights.setdefault(one.name, []).append(weight)
-        for name, found in weights.items():
-            if len(found) == 2 and sum(found) > 0.0:
-                self._aside[name] = float(np.clip(found[1] / sum(found), LEAST, 1.0 - LEAST))
 
     def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
         """What samples say; None if none survives."""
@@ -295,7 +259,7 @@ class Controller(Policy):
         if self.method.alone and ids:
             estimate = self._alone(estimate, ids, batch.classes)
         if self.method.mixes:
-            self._weighed(batch, estimate)
+            self._aside.learn(batch, estimate)
         guided = self.path_integral.guidance is not None and ids
         return None if guided and estimate.survivors == 0 else estimate
 
@@ -319,7 +283,7 @@ class Controller(Policy):
             return []
         driven = np.array(self.driven_class())
         before = {integers(np.asarray(whole) - driven): path for whole, path in self._paths.items()}
-        found = self.tree.references(self._here(x), polished=self.polished, before=before)
+        found = self.tree.references(self.homology.asked(x, self.now), polished=self.polished, before=before)
         classes = self._from_start(found)
         self._paths = {whole: one.path for whole, one in zip(classes, found, strict=True)}
         kept = [] if self.method.most is not None else self._kept(x, set(classes))
@@ -341,13 +305,9 @@ class Controller(Policy):
                 references.append(Reference(winding=winding, signature=signature, trajectory=rest))
         return references
 
-    def _here(self, x: Array) -> Array:
-        """The state x (n,) as the tree is asked: where bodies move, a place and the time (3,) [m, m, s]."""
-        return np.array([x[0], x[1], self.now]) if isinstance(self.homology, TimedHomology) else x
-
     def _signature(self, x: Array, winding: tuple[int, ...]) -> Array:
         homology = self.homology if self._foreseen is None else self._foreseen.homology
-        return homology.signature(self._here(x), winding)
+        return homology.signature(homology.asked(x, self.now), winding)
 
     def _leads(
         self, x: Array, times: Array, references: list[Reference], names: list[str]

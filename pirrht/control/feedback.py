@@ -31,9 +31,7 @@ STALE = 0.05  # classes that no sample was of for so long are forgotten [s]
 BOUND = 2.0  # earlier plans count at most exp(BOUND) times as much as the last one
 FADED = -60.0  # classes whose desirability is below the largest by so many nats are forgotten
 
-Push = Callable[
-    [Array, float], Array
-]  # what the nearest walls add to every class' control (m,) at (n,), s [s] after the plan
+Push = Callable[[Array, float], Array]  # what the nearest walls add to the controls (m,) at (n,), s [s] after the plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

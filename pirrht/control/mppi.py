@@ -75,9 +75,8 @@ class Mppi(Policy):
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
         self.problem, self.space, self.rng = problem, space, rng
         self.homology, self.predict = homology or homology_of(problem, space), predict
-        timed = self.homology if isinstance(self.homology, TimedHomology) else None
         self.path_integral = PathIntegral(
-            problem, space, sampling, beyond=beyond or straight_home(problem), homology=timed
+            problem, space, sampling, beyond=beyond or straight_home(problem), homology=self.homology
         )
         self.times = self.path_integral.steps(horizon)
         self.begin(problem.dynamics.state_of(problem.scene.start))
@@ -104,12 +103,9 @@ class Mppi(Policy):
             self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
         tape = shifted(self.times, self._tape, self.times + self.drive.since_plan)
         proposal = Proposal(lead=Tape(self.times, tape), count=self.path_integral.sampling.samples)
-        batch, seed = (
-            Batch(state=x, times=self.times, proposals=(proposal,), time=self.now),
-            int(self.rng.integers(2**63)),
-        )
+        batch = Batch(state=x, times=self.times, proposals=(proposal,), time=self.now)
         try:
-            estimate = sample(self.path_integral, batch, seed, left=left)
+            estimate = sample(self.path_integral, batch, int(self.rng.integers(2**63)), left=left)
         except NoSurvivingSample:
             estimate = None
         plan = Plan(

@@ -109,7 +109,7 @@ class Policy(ABC):
         """
         if self.predict is None:
             return None
-        before, after = self._foreseen, self.predict.at(x, self.drive.known, self.drive.time)
+        before, after = self._foreseen, self.predict.at(x, self.drive.known)
         if after is before:
             return None
         offset = None

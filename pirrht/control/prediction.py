@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control.plan import Plan
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.passages import Passages
@@ -41,8 +42,8 @@ class Prediction(Protocol):
     def begin(self) -> None:
         """Forget what was foretold; a new drive begins."""
 
-    def at(self, x: Array, seen: float, time: float) -> Foreseen:
-        """What is foretold to a robot that has seen all until `seen` and plans at x (n,) for a time [s]."""
+    def at(self, x: Array, seen: float) -> Foreseen:
+        """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,)."""
 
 
 class ByVelocity:
@@ -72,8 +73,8 @@ class ByVelocity:
         """Forget what was foretold; a new drive begins."""
         self._last = None
 
-    def at(self, x: Array, seen: float, time: float) -> Foreseen:
-        """What is foretold to a robot that has seen all until `seen` and plans at x (n,) for a time [s]."""
+    def at(self, x: Array, seen: float) -> Foreseen:
+        """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,)."""
         if self._last is None or not self._holds(self._last, seen):
             self._last = self._foretold(x, seen)
         return self._last
@@ -110,3 +111,24 @@ def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
     pose, velocity = mover.motion.pose(time), mover.motion.velocity(time)
     rows = np.array([[0.0, *pose], [horizon, *(pose + horizon * velocity)]])
     return replace(mover, motion=Motion(rows=rows))
+
+
+@dataclass(slots=True)
+class Way:
+    """Where the last plan's favourite leads, by which classes are known again when something else is foretold."""
+
+    rows: Array | None = None  # (k, 3) [m, m, s] on the drive's clock
+
+    def note(self, plan: Plan) -> None:
+        """Take the way of a plan's favourite."""
+        chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
+        if chosen is not None:
+            way = chosen.trajectory
+            times = plan.time + np.concatenate([[0.0], np.cumsum(way.durations)])[: len(way.path.tails)]
+            self.rows = np.column_stack([way.path.tails[:, :2], times])
+
+    def left(self, x: Array, time: float) -> Array | None:
+        """What is left of it from x (n,) at a time [s] on, (k, 3) [m, m, s]."""
+        if self.rows is None:
+            return None
+        return np.vstack([[*x[:2], time], self.rows[self.rows[:, 2] > time]])

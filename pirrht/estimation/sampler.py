@@ -38,6 +38,7 @@ from pirrht.rollouts.records import FINER, LAW, Kernels, Leads, MovingSetup, Ori
 from pirrht.rollouts.ways import no_ways
 from pirrht.steering.in_time import homology_of
 from pirrht.steering.trajectory import Trajectory
+from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.marks import NO_MARKS, Marks
 
@@ -56,7 +57,7 @@ class PathIntegral:
     Args:
         beyond: costs (k,) [cost] of going on from states (k, n) at the end of the grid; None: a path that has not
             arrived by then weighs nothing.
-        homology: of paths in space and time, where bodies move; None: with bases at the best speed.
+        homology: of the problem's paths; None: where bodies move, with bases at the best speed.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class PathIntegral:
         sampling: Sampling,
         *,
         beyond: Callable[[Array], Array] | None = None,
-        homology: TimedHomology | None = None,
+        homology: Homology | TimedHomology | None = None,
     ) -> None:
         self.problem, self.space, self.sampling, self.beyond = problem, space, sampling, beyond
         self.temperature = problem.temperature

@@ -39,6 +39,10 @@ class Homology:
         """Number of topological obstacles."""
         return int(self.markers.shape[0])
 
+    def asked(self, x: Array, time: float) -> Array:
+        """The state (n,) itself, at whatever time; where bodies move it is a place and a time."""
+        return x
+
     def straight(self, points: Array) -> Array:
         """H of the straight lines from points (k, 2) [m] to the goal point, (k, M) [turns], without the leading 1."""
         out = np.empty((len(points), self.M))

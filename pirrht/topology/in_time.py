@@ -40,6 +40,10 @@ class TimedHomology:
         """Odd integers r (M,) such that a class has the additive key sum k_l r_l (mod 2^64)."""
         return hash_weights(self.M)
 
+    def asked(self, x: Array, time: float) -> Array:
+        """The state x (n,) at a time [s] as classes are told by: a place and the time, (3,) [m, m, s]."""
+        return np.array([x[0], x[1], time])
+
     def straight(self, points: Array) -> Array:
         """H of the bases until they arrive, from points (k, 3) [m, m, s], (k, M) [turns], without the leading 1.
 

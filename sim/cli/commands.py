@@ -62,7 +62,7 @@ def plan(arguments: argparse.Namespace) -> int:
     convergence = None
     if arguments.convergence:
         tree, convergence = _watched(scenario)
-        references = tree.references(scenario.asked(scenario.start), polished=scenario.settings.polish)
+        references = scenario.references(tree)
     else:
         tree, references = _planned(scenario)
     seconds = clock() - began

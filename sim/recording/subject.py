@@ -130,7 +130,7 @@ def _stem(name: str) -> str:
 
 def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
     """Obstacles, from 0, by which the shortest classes from x (n,) differ, before all others."""
-    lengths = tree.lengths(x if len(x) >= tree.steering.n else np.append(x[:2], 0.0))
+    lengths = tree.lengths(tree.homology.asked(x, 0.0))
     windings = sorted(lengths, key=lambda winding: lengths[winding])
     standing = tree.space.homology.M
     apart = [k for w in windings[1:] for k in np.flatnonzero(np.not_equal(w, windings[0])).tolist() if k < standing]

@@ -69,16 +69,16 @@ def test_a_body_that_is_foretold_goes_straight_on_from_where_it_is():
 def test_nothing_is_foretold_anew_before_a_body_moves_otherwise():
     space = FreeSpace.of(hall("turning", [moved("walker", TURNING, disc("disc", 0.0, 0.0, 0.3))]))
     prediction = by_velocity(space)
-    first = prediction.at(START, 0.0, 0.0)
-    assert prediction.at(START, 0.9, 0.9) is first
-    second = prediction.at(START, 1.1, 1.1)
+    first = prediction.at(START, 0.0)
+    assert prediction.at(START, 0.9) is first
+    second = prediction.at(START, 1.1)
     assert second is not first
     assert second.since == 1.1
     assert second.tree is not None
     assert second.tree.size == 200
-    assert prediction.at(START, 1.9, 1.9) is second
+    assert prediction.at(START, 1.9) is second
     prediction.begin()
-    assert prediction.at(START, 0.0, 0.0) is not second
+    assert prediction.at(START, 0.0) is not second
 
 
 @pytest.mark.parametrize("name", ["crossing", "pincer"])

@@ -132,10 +132,13 @@ def test_the_page_tells_of_a_fallback_and_of_too_few_samples(planned):
 
 
 def test_names_of_a_long_series_and_missing_ones_give_way_to_the_number_on_the_map():
-    given = ["table", "", "post_1", "post_2", "post_3", "post_4", "left_door", "table 2"]
-    number = dict(enumerate([1, 2, 3, 4, 5, 6, 7, 8]))
+    posts = [f"post_{k}" for k in range(1, 8)]
+    given = ["table", "", *posts, "left_door", "table 2"]
+    number = {i: i + 1 for i in range(len(given))}
     named = called(given, number)
-    assert named == ["table", "obstacle 2", *(f"obstacle {k}" for k in (3, 4, 5, 6)), "left door", "table 2"]
+    assert named == ["table", "obstacle 2", *(f"obstacle {k}" for k in range(3, 10)), "left door", "table 2"]
+    few = ["south wall 1", "south wall 2", "south wall 3", "south wall 4"]
+    assert called(few, {i: i + 1 for i in range(4)}) == few
 
 
 def step(time, weights, clearance=1.0, outcome=None):

@@ -1,0 +1,51 @@
+"""Samples of one class around its guide and beside it, shared by what each weighed last."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.guidance.leads import Batch, Proposal
+from pirrht.steering.trajectory import Trajectory
+
+LEAST = 0.15  # of the samples of a class go around its guide, and beside it
+
+
+@dataclass(slots=True)
+class Aside:
+    """Splits the samples of a class where `PathIntegral.beside` has something for them to follow besides its guide."""
+
+    path_integral: PathIntegral
+    shares: dict[str, float] = field(default_factory=dict)  # of samples beside the guide, by class
+
+    def split(
+        self, x: Array, proposals: Sequence[Proposal], trajectories: Sequence[Trajectory], time: float
+    ) -> list[Proposal]:
+        """As many samples of each class as before, some of them around what goes beside its guide.
+
+        Args:
+            trajectories: the references from x (n,), one for each proposal.
+            time: now, on the clock of what moves [s].
+        """
+        kept, more = [], []
+        for one, trajectory in zip(proposals, trajectories, strict=True):
+            other = self.path_integral.beside(x, trajectory, time)
+            count = 0 if other is None else round(self.shares.get(one.name, 0.5) * one.count)
+            kept.append(replace(one, count=one.count - count))
+            if other is not None:
+                more.append(replace(one, lead=other, count=count))
+        return kept + more
+
+    def learn(self, batch: Batch, estimate: Estimate) -> None:
+        """Note for each class what the samples beside its guide weighed."""
+        weights: dict[str, list[float]] = {}
+        for one, weight in zip(batch.proposals, estimate.proposal_weights, strict=True):
+            weights.setdefault(one.name, []).append(weight)
+        for name, found in weights.items():
+            if len(found) == 2 and sum(found) > 0.0:
+                self.shares[name] = float(np.clip(found[1] / sum(found), LEAST, 1.0 - LEAST))
