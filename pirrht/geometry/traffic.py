@@ -7,6 +7,7 @@ a motion is known by the pose at a time, the rates at which it changes, and unti
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,12 +23,16 @@ from pirrht.geometry.shapes import offset_of, outside
 REACH = 8.0  # no clearance above so many robot radii is told ...
 LEAST = 1.0  # ... and one of so many meters, if that is more [m]
 WALL = 5  # numbers of a wall that moves
-BODY = 5  # numbers of a body: how much later than now its rows' clock is [s], after which it starts over [s] (0: never),
+BODY = (
+    5  # numbers of a body: how much later than now its rows' clock is [s], after which it starts over [s] (0: never),
+)
 # whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
 LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
 PARTS = 4  # of a body: where its rows begin and end, and its solids
 ROW = 7  # numbers of a row: t [s], x, y [m], yaw [rad], and the rates of these until the next [1/s]
-SOLID = 15  # numbers of a solid: MuJoCo's sizes, its place in the body's frame, and its axes there as columns, row by row
+SOLID = (
+    15  # numbers of a solid: MuJoCo's sizes, its place in the body's frame, and its axes there as columns, row by row
+)
 TABLE = 4  # of a solid: form or -1, where its lattice begins in the table, and how many points that has along x and y
 
 
@@ -52,7 +57,7 @@ class Flow(NamedTuple):
 class Traffic(Flow):
     """The same together with the arrays that the addresses point to."""
 
-    arrays: tuple[Array | IntArray, ...]
+    arrays: Sequence[Array | IntArray]
     radius: Array  # (J,) of the disc around a body's origin outside of which the robot's centre is free [m]
     fastest: Array  # (J,) speed of any point of a body at most, jumps aside [m/s]
 
@@ -74,17 +79,19 @@ class Traffic(Flow):
             rows.append(_with_rates(motion.rows))
         bodies = gathered([(), *(mover.solids for mover in movers)], footprint, reach)
         solids = bodies.solids
-        solid = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])
+        shapes = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])
         form = np.column_stack([solids.form, bodies.first, bodies.shape])
-        arrays = body, parts, np.vstack([np.zeros((0, ROW)), *rows]), solid, form, bodies.corner, bodies.table
+        every = np.vstack([np.zeros((0, ROW)), *rows])
+        arrays = body, parts, every, shapes, form, bodies.corner, bodies.table
         speed = float(body[:, FASTEST].max(initial=0.0))
         return cls._holding(arrays, (bodies.pitch, bodies.height, bodies.radius, speed, reach))
 
     @classmethod
-    def _holding(cls, arrays: tuple[Array | IntArray, ...], numbers: tuple[float, ...]) -> Traffic:
+    def _holding(cls, arrays: Sequence[Array | IntArray], numbers: Sequence[float]) -> Traffic:
         arrays = tuple(map(np.ascontiguousarray, arrays))
-        traffic = cls(len(arrays[0]), *(array.ctypes.data for array in arrays), *numbers)
-        traffic.arrays, traffic.radius, traffic.fastest = arrays, arrays[0][:, RADIUS], arrays[0][:, FASTEST]
+        body = np.asarray(arrays[0], dtype=float)
+        traffic = cls(len(body), *(array.ctypes.data for array in arrays), *numbers)
+        traffic.arrays, traffic.radius, traffic.fastest = arrays, body[:, RADIUS], body[:, FASTEST]
         return traffic
 
     def after(self, time: float) -> Traffic:
@@ -167,7 +174,7 @@ def _in_solid(traffic, k, u, v):  # type: ignore[no-untyped-def]
 
 @inlined
 def _clearance_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
-    """Clearance of the robot at (u, v) [m] in the frame of a body from its solid k, minus its radius deep inside [m]."""
+    """Clearance of the robot at (u, v) [m] in the frame of a body from its solid k [m], minus its radius inside."""
     form = load_int64(traffic.form, TABLE * k)
     if form < 0:
         return _in_table(traffic, k, u, v)[0] - traffic.robot
@@ -197,7 +204,7 @@ def _in_table(traffic, k, u, v):  # type: ignore[no-untyped-def]
 
 @kernel
 def _slope_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
-    """In the frame of a body, the vector (x, y) to (u, v) [m] from the nearest point of its solid k seen from above [m].
+    """The vector (x, y) to (u, v) [m] from the nearest point of solid k seen from above [m], in the frame of its body.
 
     And the gradient (x, y) of the distance; all are zero inside.
     """

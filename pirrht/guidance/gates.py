@@ -24,6 +24,7 @@ APART = 0.5  # walls are different if the cosine of the angle between them is le
 CARELESS = 3.0  # a gate with a greater z is none
 BEYOND = 10.0  # reaches from where on walls do not push
 LEAST_GAP = 0.1  # of the reach: nearer walls are taken to push no harder where a guide passes
+SLIGHTLY = 1e-9  # share by which rounding may make a wall seem nearer
 SOONEST = 0.05  # a wall is a gate from so far ahead [s]
 
 
@@ -56,26 +57,31 @@ def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
 @kernel
 def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
     """Fill gates (k, GATES, GATE): direction (x, y), z of the guide itself, and what z changes by per meter."""
-    last = times.shape[0]
+    last, count = times.shape[0], 0
+    most = last * WALLS
+    place, clear, nx, ny = np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
+    for k in range(1, last):  # of most walls nobody who passes need care
+        near = CARELESS * noise * math.sqrt(times[k] - times[0]) * (1.0 + SLIGHTLY)
+        for w in range(WALLS):
+            if walls[k, w, 0] < near and walls[k, w, 1] ** 2 + walls[k, w, 2] ** 2 >= 0.5:  # others are out of reach
+                place[count], clear[count] = k, walls[k, w, 0]
+                nx[count], ny[count] = walls[k, w, 1], walls[k, w, 2]
+                count += 1
+    begin = 0
     for i in range(last):
+        while begin < count and times[place[begin]] - times[i] < SOONEST:
+            begin += 1
         for g in range(GATES):
             best = CARELESS
-            for k in range(i + 1, last):
-                ahead = times[k] - times[i]
-                if ahead < SOONEST:
+            for e in range(begin, count):
+                per = 1.0 / (noise * math.sqrt(times[place[e]] - times[i]))
+                z = clear[e] * per
+                if not z < best:
                     continue
-                per = 1.0 / (noise * math.sqrt(ahead))
-                for w in range(WALLS):
-                    z = walls[k, w, 0] * per
-                    if not z < best:
-                        continue
-                    nx, ny = walls[k, w, 1], walls[k, w, 2]
-                    if nx * nx + ny * ny < 0.5:  # nothing is in reach
-                        continue
-                    if g > 0 and nx * gates[i, 0, 0] + ny * gates[i, 0, 1] > APART:
-                        continue
-                    best = z
-                    gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3] = nx, ny, z, per
+                if g > 0 and nx[e] * gates[i, 0, 0] + ny[e] * gates[i, 0, 1] > APART:
+                    continue
+                best = z
+                gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3] = nx[e], ny[e], z, per
             if best == CARELESS:
                 break
 

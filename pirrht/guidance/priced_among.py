@@ -146,7 +146,7 @@ def expand_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square, 
 def touches(traffic, x, y, mx, my, turn, t, dt, held, listed):  # type: ignore[no-untyped-def]
     """Whether a step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] touches a body that moves.
 
-    It turns by so much in all [rad]; `held` (HELD,) and `listed` (J,) are scratch.
+    It turns by so much in all [rad]; `held` is what earlier steps have left (`held_of`), `listed` (J,) is scratch.
     """
     way = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
     count = listing(traffic, x, y, t, way, held, listed)

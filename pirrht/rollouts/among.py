@@ -34,8 +34,10 @@ from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_cr
 SKIN = 0.4  # bodies are listed so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met
 CLOSE = 0.1  # of the robot's radius: sweeps advance at least by so much
+ROUNDING = 1e-9  # of clearances that are known from before [m]
 BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
 HELD = 5  # numbers of a list: distance within which all are on it, where and when that was known, until when it serves
+SEEN = 5  # and of each body, after these: a clearance at least [m], where, when, and until when that tells anything [s]
 NEAR = 13  # numbers of a listed body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
 # pose [m], [rad] and its rates, until when these are right [s], whether the first five are known
 D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, UNTIL, KNOWN = range(NEAR)
@@ -50,17 +52,44 @@ def surely(held, speed, x, y, t):  # type: ignore[no-untyped-def]
     return held[0] - away - speed * abs(t - held[3])
 
 
+@inlined
+def forget(held):  # type: ignore[no-untyped-def]
+    """A list is no use any more, nor is what is known of any body: another path begins."""
+    held[4] = -math.inf
+    for k in range(HELD + SEEN - 1, held.shape[0], SEEN):
+        held[k] = -math.inf
+
+
+@inlined
+def held_of(bodies):  # type: ignore[no-untyped-def]
+    """Room for what is known of so many bodies; nothing is."""
+    held = np.zeros(HELD + SEEN * bodies)
+    forget(held)
+    return held
+
+
 @kernel
 def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-def]
-    """List bodies that may be so near (x, y) [m] at t [s]: numbers to `listed` (J,); returns how many."""
+    """List bodies that may be so near (x, y) [m] at t [s]: numbers to `listed` (J,); returns how many.
+
+    Those that surely are not, by what `held` knows of them from before, are not asked where they are.
+    """
     count, until = 0, math.inf
     for j in range(traffic.J):
-        ox, oy, _, _, _, _, _ = piece_of(traffic, j, t)
+        at, ends = HELD + SEEN * j, math.inf
         if of_body(traffic, j, JUMPING) > 0.0:
             lead, period = of_body(traffic, j, LEAD), of_body(traffic, j, PERIOD)
             laps = max(math.floor((t + lead) / period) + 1.0, 1.0)
-            until = min(until, laps * period - lead)
-        if outside_of(traffic, j, ox, oy, x, y) < within:
+            ends = laps * period - lead
+            until = min(until, ends)
+        if held[at + 3] <= t < held[at + 4]:
+            away = math.sqrt((x - held[at + 1]) * (x - held[at + 1]) + (y - held[at + 2]) * (y - held[at + 2]))
+            if held[at] - away - of_body(traffic, j, FASTEST) * abs(t - held[at + 3]) > within + ROUNDING:
+                continue
+        ox, oy, _, _, _, _, _ = piece_of(traffic, j, t)
+        d = outside_of(traffic, j, ox, oy, x, y)
+        held[at], held[at + 1], held[at + 2], held[at + 3], held[at + 4] = d, x, y, t, ends
+        if d < within:
             listed[count] = j
             count += 1
     held[0], held[1], held[2], held[3], held[4] = within, x, y, t, until

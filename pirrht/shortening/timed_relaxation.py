@@ -218,7 +218,7 @@ def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def relax(around, numbers, knots, margin, thin):  # type: ignore[no-untyped-def]
+def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
     """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
 
     Args:
@@ -227,6 +227,7 @@ def relax(around, numbers, knots, margin, thin):  # type: ignore[no-untyped-def]
         knots: their places and times, which increase [m, m, s].
         margin: clearance that is wanted [m].
         thin: radius of the robot [m].
+        first: number of the first of WEIGHTS; a path that costs nearly the least needs the last only.
     """
     n, fastest = 2 * (knots.shape[0] - 1), 0.0
     matrix, border, slope, none = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1), np.empty(0)
@@ -234,7 +235,8 @@ def relax(around, numbers, knots, margin, thin):  # type: ignore[no-untyped-def]
     for j in range(around.traffic.J):
         fastest = max(fastest, of_body(around.traffic, j, FASTEST))
     bodies = np.empty(around.traffic.J, np.int64)
-    for weight in WEIGHTS:
+    for k in range(first, len(WEIGHTS)):
+        weight = WEIGHTS[k]
         near = bodies[: _around(around, knots, bodies)]
         for _ in range(STEPS):
             before = modelled(around, near, numbers, knots, weight, margin, matrix, border, slope)

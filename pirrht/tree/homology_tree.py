@@ -15,8 +15,7 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.shortening.chain import resumed
-from pirrht.shortening.shorten import polish, searches
+from pirrht.shortening.shorten import polish, resume, resumes
 from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Steering
@@ -242,8 +241,8 @@ class HomologyTree:
 
         Args:
             x: a state of the system, of which vertices may have but a part (`Steering.vertex_of`).
-            before: polished paths by winding, from a state not far from x: where shortening is a search, it goes over
-                their corners only, unless the tree's own path is cheaper even before it is shortened.
+            before: polished paths by winding, from a state not far from x: where that is faster shortening goes on from
+                them, unless the tree's own path is cheaper even before it is shortened.
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
@@ -256,7 +255,7 @@ class HomologyTree:
         if count == 0:
             raise NoReference(x.tolist(), vertices=self.size, limit=self.limit)
         order = np.argsort(best.cost[:count], kind="stable")
-        known = before if before and polished and searches(self.steering) else {}
+        known = before if before and polished and resumes(self.steering) else {}
         references = [self._reference(x, edges, int(best.edge[i]), int(best.slot[i]), polished, known) for i in order]
         return sorted(references, key=lambda reference: reference.cost)
 
@@ -418,11 +417,13 @@ class HomologyTree:
 
     def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
         """The cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
-        found = resumed(x, path, self.steering, self.space)
+        found = resume(x, path, self.steering, self.checker)
         if found is None:
             return None
         count = len(found.cost)
         edges = self.checker.inspect(found, np.arange(count) == count - 1)
+        if not edges.free.all():
+            return None
         turns = np.sum([edges.turns.dense(i, self.homology.M) for i in range(count)], axis=0)
         return found if integers(turns) == winding else None
 

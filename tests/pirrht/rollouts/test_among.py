@@ -22,7 +22,7 @@ from pirrht.guidance.following import Follow
 from pirrht.guidance.leads import Batch, Proposal
 from pirrht.guidance.priced_among import touches
 from pirrht.problem import Problem
-from pirrht.rollouts.among import HELD, NEVER, listing, met_on_way, surely
+from pirrht.rollouts.among import NEVER, held_of, listing, met_on_way, surely
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
@@ -46,7 +46,7 @@ RESTART = 0.9  # when one of them is suddenly elsewhere [s]
 def test_a_straight_way_is_met_where_fcl_says():
     world, rng = busy(), np.random.default_rng(0)
     traffic, crowd, met = Traffic.of(world), Crowd(world.movers, world.footprint), 0
-    held, listed = np.empty(HELD), np.empty(traffic.J, np.int64)
+    held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
     for _ in range(300):
         a, t, dt = rng.uniform([1.0, 0.5], [5.0, 3.5]), rng.uniform(0.0, 2.0), rng.uniform(0.05, 0.3)
         b = a + rng.uniform(-0.3, 0.3, 2)
@@ -73,7 +73,7 @@ def test_a_straight_way_is_met_where_fcl_says():
 def test_a_list_serves_as_long_as_it_says():
     world, rng = busy(), np.random.default_rng(1)
     traffic, crowd = Traffic.of(world), Crowd(world.movers, world.footprint)
-    held, listed = np.empty(HELD), np.empty(traffic.J, np.int64)
+    held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
     served = 0
     for _ in range(200):
         x, t, within = rng.uniform([0.0, 0.0], [6.0, 5.0]), rng.uniform(0.0, 2.0), rng.uniform(0.2, 1.5)
