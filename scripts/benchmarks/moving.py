@@ -47,7 +47,9 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
     for steps, found in rates.items():
         for name, (spent, rate) in found.items():
             bare = found["one guide, none" if "guide" in name else "none"][1]  # of the same without bodies
-            table.append(row(f"rollouts, {steps} steps, {name}", spent, bare / rate, rate=f"{rate / 1e6:.2f} M steps/s"))
+            table.append(
+                row(f"rollouts, {steps} steps, {name}", spent, bare / rate, rate=f"{rate / 1e6:.2f} M steps/s")
+            )
     seconds = planning(scenarios[0])
     table.append(row(f"planning {VERTICES} vertices", seconds))
     spent, classes = control_steps(scenarios, options.drive)
@@ -59,7 +61,7 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
     late, plans = late_plans(scenarios, options.drive)
     table.append(["late plans at 10 Hz, recording", f"{100.0 * late / plans:.2g}", "%", "-", "-", f"{late} of {plans}"])
     return table, {
-        "rollouts": {steps: {k: v[1] for k, v in found.items()} for steps, found in rates.items()},
+        "rollouts": {steps: {k: v[1] for k, v in known.items()} for steps, known in rates.items()},
         "planning": seconds,
         "control_step": {name: [float(np.median(t)), float(np.percentile(t, 99))] for name, t in spent.items()},
         "late": [late, plans],
@@ -88,7 +90,7 @@ def plan_batch(scenario: Scenario) -> tuple[Batch, PathIntegral]:
     controller = scenario.controller(scenario.grown_tree())
     assert isinstance(controller, Controller)
     assert controller.tree is not None
-    references = controller.tree.references(scenario.asked(scenario.start))
+    references = controller.tree.references(controller.homology.asked(scenario.start, 0.0))
     return controller.batch(scenario.start, references), controller.path_integral
 
 
