@@ -14,8 +14,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
-from pirrht.geometry.traffic import moving_walls
-from pirrht.rollouts.among import walls_among
+from pirrht.geometry.traffic import WALL
+from pirrht.rollouts.among import held_of, walls_along, with_walls
 from pirrht.rollouts.first_exit import two_walls
 from pirrht.rollouts.gates import GATE, GATES, gate_slope, mills
 
@@ -43,13 +43,14 @@ def gates_of(setup: object, places: Array, times: Array, noise: float, within: f
 @kernel
 def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
     """Fill `out` (k, WALLS, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
-    near = np.zeros((setup.traffic.J, 5))
+    J, many = setup.traffic.J, 0
+    held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(places.shape[0]):
         x, y = places[i]
         c, nx, ny, d, mx, my = two_walls(setup.arena.field, x, y)
         out[i, 0, 0], out[i, 0, 1], out[i, 0, 2] = c, nx, ny
         out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = d, mx, my
-        count = moving_walls(setup.traffic, x, y, times[i], within, near)
+        many, count = walls_along(setup.traffic, x, y, times[i], within, held, listed, many, near)
         for k in range(min(count, WALLS - 2)):
             out[i, 2 + k] = near[k, :3]
 
@@ -99,10 +100,13 @@ def pushes_of(setup: object, places: Array, times: Array, reach: float) -> tuple
 
 @kernel
 def _pushes(setup, places, times, reach, slopes, bends):  # type: ignore[no-untyped-def]
+    J, many, within = setup.traffic.J, 0, BEYOND * reach
+    held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(places.shape[0]):
         x, y = places[i]
         standing = two_walls(setup.arena.field, x, y)
-        c, nx, ny, d, mx, my = walls_among(setup.traffic, standing, x, y, times[i], BEYOND * reach, 0.0)
+        many, count = walls_along(setup.traffic, x, y, times[i], within, held, listed, many, near)
+        c, nx, ny, d, mx, my = with_walls(standing, near, count, 0.0)
         for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
             near_by = max(float(gap), LEAST_GAP * reach)
             push = reach / (near_by * (near_by + reach))

@@ -28,10 +28,11 @@ from pirrht.geometry.traffic import (
     outside_of,
     piece_of,
     wall_of_body,
+    walls_of_some,
 )
 from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_crossing
 
-SKIN = 0.4  # bodies are listed so much further away than they have to be [m]
+SKIN = 0.8  # bodies are listed so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met
 CLOSE = 0.1  # of the robot's radius: sweeps advance at least by so much
 ROUNDING = 1e-9  # of clearances that are known from before [m]
@@ -39,7 +40,8 @@ BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
 HELD = 5  # numbers of a list: distance within which all are on it, where and when that was known, until when it serves
 SEEN = 5  # and of each body, after these: a clearance at least [m], where, when, and until when that tells anything [s]
 NEAR = 13  # numbers of a listed body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
-# pose [m], [rad] and its rates, until when these are right [s], whether the first five are known
+# pose [m], [rad] and its rates, until when these are right [s], and what is known: 1 all of this, 0 all but the wall, -1
+# only a lower bound of the clearance
 D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, UNTIL, KNOWN = range(NEAR)
 
 
@@ -68,6 +70,14 @@ def held_of(bodies):  # type: ignore[no-untyped-def]
     return held
 
 
+@inlined
+def _at_least(traffic, j, held, x, y, t):  # type: ignore[no-untyped-def]
+    """A lower bound of the clearance of (x, y) [m] at t [s] from body j by what is known of it [m]."""
+    at = HELD + SEEN * j
+    away = math.sqrt((x - held[at + 1]) * (x - held[at + 1]) + (y - held[at + 2]) * (y - held[at + 2]))
+    return held[at] - away - of_body(traffic, j, FASTEST) * abs(t - held[at + 3]) - ROUNDING
+
+
 @kernel
 def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-def]
     """List bodies that may be so near (x, y) [m] at t [s]: numbers to `listed` (J,); returns how many.
@@ -82,10 +92,8 @@ def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-
             laps = max(math.floor((t + lead) / period) + 1.0, 1.0)
             ends = laps * period - lead
             until = min(until, ends)
-        if held[at + 3] <= t < held[at + 4]:
-            away = math.sqrt((x - held[at + 1]) * (x - held[at + 1]) + (y - held[at + 2]) * (y - held[at + 2]))
-            if held[at] - away - of_body(traffic, j, FASTEST) * abs(t - held[at + 3]) > within + ROUNDING:
-                continue
+        if held[at + 3] <= t < held[at + 4] and _at_least(traffic, j, held, x, y, t) > within:
+            continue
         ox, oy, _, _, _, _, _ = piece_of(traffic, j, t)
         d = outside_of(traffic, j, ox, oy, x, y)
         held[at], held[at + 1], held[at + 2], held[at + 3], held[at + 4] = d, x, y, t, ends
@@ -97,22 +105,32 @@ def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-
 
 
 @kernel
-def look_around(traffic, listed, count, x, y, t, within, near):  # type: ignore[no-untyped-def]
+def look_around(traffic, listed, count, x, y, t, within, held, near):  # type: ignore[no-untyped-def]
     """Write how listed bodies are at t [s] to `near` (J, NEAR), from (x, y) [m] those that may be `within` a distance.
 
+    Of others it is only told how far they are at least, by what `listing` has left in `held`.
     Returns: least clearance of these [m], and until when all of them keep their velocities [s].
     """
     least, until = traffic.reach, math.inf
     for k in range(count):
         j = listed[k]
-        ox, oy, yaw, vx, vy, turn, ends = piece_of(traffic, j, t)
-        near[k, OX], near[k, OY], near[k, YAW] = ox, oy, yaw
-        near[k, VX], near[k, VY], near[k, TURN], near[k, UNTIL] = vx, vy, turn, ends
-        near[k, D], near[k, KNOWN] = outside_of(traffic, j, ox, oy, x, y), 0.0
+        near[k, D], near[k, KNOWN] = _at_least(traffic, j, held, x, y, t), -1.0
+        if near[k, D] >= within:
+            continue
+        _see(traffic, j, k, x, y, t, near)
         if near[k, D] < within:
             _know(traffic, j, k, x, y, near)
-            least, until = min(least, near[k, D]), min(until, ends)
+            least, until = min(least, near[k, D]), min(until, near[k, UNTIL])
     return least, until
+
+
+@inlined
+def _see(traffic, j, k, x, y, t, near):  # type: ignore[no-untyped-def]
+    """Write how body j, the k-th on the list, is at t [s], and how far about from (x, y) [m]."""
+    ox, oy, yaw, vx, vy, turn, ends = piece_of(traffic, j, t)
+    near[k, OX], near[k, OY], near[k, YAW] = ox, oy, yaw
+    near[k, VX], near[k, VY], near[k, TURN], near[k, UNTIL] = vx, vy, turn, ends
+    near[k, D], near[k, KNOWN] = outside_of(traffic, j, ox, oy, x, y), 0.0
 
 
 @inlined
@@ -156,11 +174,28 @@ def walls_among(traffic, walls, x, y, t, within, widest):  # type: ignore[no-unt
 
     Bodies farther than `within` are not asked, and none is taken to be nearer than `widest` [m].
     """
-    c, nx, ny, d, mx, my = walls
     near = np.empty((traffic.J, WALL))
-    for k in range(moving_walls(traffic, x, y, t, within, near)):
+    return with_walls(walls, near, moving_walls(traffic, x, y, t, within, near), widest)
+
+
+@inlined
+def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
+    """The same from what `moving_walls` has written to `near` (J, WALL)."""
+    c, nx, ny, d, mx, my = walls
+    for k in range(count):
         c, nx, ny, d, mx, my = _with_wall(c, nx, ny, d, mx, my, near[k, 0], near[k, 1], near[k, 2], widest)
     return c, nx, ny, d, mx, my
+
+
+@inlined
+def walls_along(traffic, x, y, t, within, held, listed, count, near):  # type: ignore[no-untyped-def]
+    """What `moving_walls` writes, at one place and time after the other; how many bodies are listed, and are written.
+
+    `held`, `listed` and `count` are what the last call has left.
+    """
+    if surely(held, traffic.speed, x, y, t) < within:
+        count = listing(traffic, x, y, t, within + SKIN, held, listed)
+    return count, walls_of_some(traffic, listed, count, x, y, t, within, near)
 
 
 @inlined
@@ -184,17 +219,24 @@ def facing_among(near, count, cov):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def met_on_bridge(traffic, listed, count, near, x, y, mx, my, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
-    """Which listed body a noisy step from (x, y) to (mx, my) [m] of dt [s] meets, and when.
+def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
+    """Which listed body a noisy step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] meets, and when.
 
     Args: as of `bridge_exit`; `near` is what `look_around` says at the beginning of the step.
     Returns: next state of the random sequence, share of the step until then or NEVER, place of the body on the list,
         and the logarithm of the probability that none is met, where that is weighed [nats].
     """
     reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
+    length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y))
     alive, worst, which, from_, to, spread = 1.0, 2.0, 0, 0.0, 0.0, 0.0
     for k in range(count):
         j, c = listed[k], near[k, D]
+        if near[k, KNOWN] < 0.0:
+            d = c - length - of_body(traffic, j, FASTEST) * dt
+            if d > 0.0 and 2.0 * c * d >= reach:
+                continue
+            _see(traffic, j, k, x, y, t, near)
+            c = near[k, D]
         px, py = near[k, OX] + dt * near[k, VX], near[k, OY] + dt * near[k, VY]
         way = math.sqrt((mx - x - px + near[k, OX]) ** 2 + (my - y - py + near[k, OY]) ** 2)
         way += abs(near[k, TURN]) * dt * disc_of(traffic, j)

@@ -23,7 +23,11 @@ from pirrht.topology.in_time import whole_turns
 
 # Legs of a round, and clearances that are wanted [m]; the first with which all legs are certified counts.
 ROUNDS = (24, (1e-2, 3e-2)), (40, (1e-3, 4e-3, 1.5e-2))
-AGAIN = 4e-3  # and where an earlier path is made taut again [m]
+AGAIN = (
+    4e-3,
+    1.5e-2,
+    0.0,
+)  # and where an earlier path is made taut again; with 0 it stays as it is but for its start [m]
 SOON = 0.5  # of the mean duration of its legs: a knot that is so near in time is left out
 BENDS = 0.6  # share of the knots of the second round that go where the path bends
 
@@ -45,17 +49,23 @@ def taut_in_time(path: Legs, steering: InTime, space: FreeSpace) -> Legs:
 def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Legs | None:
     """What is left of a path that was taut, from a place and a time x (3,) [m, m, s] near it, and taut again.
 
-    Nothing is certified, nor is its class. None if nothing is left.
+    Its class is not looked at. None if nothing is left, or something has come into the way.
     """
     goal, knots = checker.space.scene.goal, path.knots
     soon = x[2] + SOON * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
     knots = np.vstack([x, knots[knots[:, 2] > soon]])
     if len(knots) < 2:
         return None
-    relax(checker.around, steering.compiled.numbers, knots, AGAIN, checker.space.scene.robot_radius, len(WEIGHTS) - 1)
-    knots[-1, :2] = _into(knots[-1, :2], goal)
-    found: Legs = checker.until_goal(steering.connect(knots[:-1], knots[1:]))
-    return found
+    for margin in AGAIN:
+        moved = knots.copy()
+        if margin > 0.0:
+            numbers, radius = steering.compiled.numbers, checker.space.scene.robot_radius
+            relax(checker.around, numbers, moved, margin, radius, len(WEIGHTS) - 1)
+        moved[-1, :2] = _into(moved[-1, :2], goal)
+        found: Legs = checker.until_goal(steering.connect(moved[:-1], moved[1:]))
+        if checker.inspect(found, np.arange(len(found.cost)) == len(found.cost) - 1).free.all():
+            return found
+    return None
 
 
 def _into(place: Array, goal: Goal) -> Array:

@@ -65,10 +65,7 @@ def resumes(steering: Steering) -> bool:
 
 
 def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any:
-    """The cheapest path from x (n,) near an earlier one, into the goal; None if there is none.
-
-    Nothing is certified, nor is its class.
-    """
+    """The cheapest path from x (n,) near an earlier one, into the goal, whatever its class; None if there is none."""
     if isinstance(steering, InTime):
         return in_time.resumed(x, path, steering, checker)
     return chain.resumed(x, path, steering, checker.space)

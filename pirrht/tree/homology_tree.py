@@ -422,8 +422,6 @@ class HomologyTree:
             return None
         count = len(found.cost)
         edges = self.checker.inspect(found, np.arange(count) == count - 1)
-        if not edges.free.all():
-            return None
         turns = np.sum([edges.turns.dense(i, self.homology.M) for i in range(count)], axis=0)
         return found if integers(turns) == winding else None
 

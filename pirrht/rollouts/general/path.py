@@ -325,7 +325,9 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             close = listing(traffic, x[0], x[1], now, within + SKIN, held, listed)
                         gone, until_change = traffic.reach, np.inf
                         if close > 0:
-                            gone, until_change = look_around(traffic, listed, close, x[0], x[1], now, within, near)
+                            gone, until_change = look_around(
+                                traffic, listed, close, x[0], x[1], now, within, held, near
+                            )
                 if noisy_position and least < left:
                     scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
                     gap = before[0]
@@ -536,7 +538,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                         more = np.inf if now + dt > held[4] + SOON and not noisy_position else way + spread + SKIN
                         close = listing(traffic, x[0], x[1], now, more, held, listed)
                         if noisy_position:
-                            look_around(traffic, listed, close, x[0], x[1], now, spread, near)
+                            look_around(traffic, listed, close, x[0], x[1], now, spread, held, near)
                 if not setup.bridge:
                     exit, share = endpoint_exit(arena, moved[0], moved[1])
                     if moving and traffic_clearance(setup.traffic, moved[0], moved[1], now + dt) <= 0.0:
@@ -549,8 +551,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     )
                     if moving and close > 0:
                         state, hit, body, alive = met_on_bridge(
-                            traffic, listed, close, near, x[0], x[1], moved[0], moved[1], dt, cov, along_line, weighed,
-                            state,
+                            traffic, listed, close, near, x[0], x[1], moved[0], moved[1], now, dt, cov, along_line,
+                            weighed, state,
                         )  # fmt: skip
                         if hit <= 1.0 and (exit == INSIDE or hit < share):
                             exit, share, by_body = COLLISION, hit, True
