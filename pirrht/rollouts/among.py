@@ -40,8 +40,8 @@ BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
 HELD = 5  # numbers of a list: distance within which all are on it, where and when that was known, until when it serves
 SEEN = 5  # and of each body, after these: a clearance at least [m], where, when, and until when that tells anything [s]
 NEAR = 13  # numbers of a listed body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
-# pose [m], [rad] and its rates, until when these are right [s], and what is known: 1 all of this, 0 all but the wall, -1
-# only a lower bound of the clearance
+# pose [m], [rad] and its rates, until when these are right [s], and what is known: 1 all of this, 0 all but the wall,
+# -1 only a lower bound of the clearance
 D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, UNTIL, KNOWN = range(NEAR)
 
 

@@ -44,12 +44,10 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
         scenario.controller(scenario.grown_tree()).plan(scenario.start)  # compiles, and loads what is compiled
     rates = {steps: rollouts(scenarios[0].with_settings(steps=steps)) for steps in ("fitted", "uniform")}
     table = []
-    for steps, found in rates.items():
-        for name, (spent, rate) in found.items():
-            bare = found["one guide, none" if "guide" in name else "none"][1]  # of the same without bodies
-            table.append(
-                row(f"rollouts, {steps} steps, {name}", spent, bare / rate, rate=f"{rate / 1e6:.2f} M steps/s")
-            )
+    for steps, known in rates.items():
+        for name, (taken, rate) in known.items():
+            over = known["one guide, none" if "guide" in name else "none"][1] / rate  # the same without bodies
+            table.append(row(f"rollouts, {steps} steps, {name}", taken, over, rate=f"{rate / 1e6:.2f} M steps/s"))
     seconds = planning(scenarios[0])
     table.append(row(f"planning {VERTICES} vertices", seconds))
     spent, classes = control_steps(scenarios, options.drive)

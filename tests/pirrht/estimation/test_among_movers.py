@@ -206,7 +206,7 @@ def test_a_plan_without_time_draws_a_quarter_of_its_samples_and_one_with_time_al
     integral = sampler(SCENES["crossing"]())
     times = integral.steps(3.0)
     tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
-    proposals = tuple(Proposal(lead=tape, count=count, key=k) for k, (tape, count) in enumerate(zip(tapes, (400, 40))))
+    proposals = tuple(Proposal(lead=tape, count=count) for tape, count in zip(tapes, (400, 40), strict=True))
     batch = Batch(state=np.array([5.0, 2.5]), times=times, proposals=proposals)
     assert [part.size for part in sample(integral, batch, 0, left=lambda: 0.0).parts] == [110]
     assert [part.size for part in sample(integral, batch, 0).parts] == [440]
