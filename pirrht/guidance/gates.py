@@ -75,7 +75,10 @@ def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
         for g in range(GATES):
             best = CARELESS
             for e in range(begin, count):
-                per = 1.0 / (noise * math.sqrt(times[place[e]] - times[i]))
+                ahead = times[place[e]] - times[i]
+                if clear[e] > 0.0 and clear[e] * clear[e] > best * best * noise * noise * ahead * (1.0 + SLIGHTLY):
+                    continue  # without a root: no better
+                per = 1.0 / (noise * math.sqrt(ahead))
                 z = clear[e] * per
                 if not z < best:
                     continue
