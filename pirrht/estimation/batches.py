@@ -19,7 +19,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.leads import Batch
 
 FILLED = 0.6  # of the time left is used by the next round, since the pace changes; with the last, it is all used
-FIRST = 0.25  # of the samples of a plan come first where bodies move, lest what else a plan needs makes them late
+FIRST = 0.1  # of the samples of a plan come first where bodies move, lest what else a plan needs makes them late
 MOST = 150_000  # samples of a plan, however much time there is: weighing more of them takes longer than it is worth
 
 

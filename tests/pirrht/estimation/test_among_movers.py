@@ -202,13 +202,13 @@ def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
             assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
 
 
-def test_a_plan_without_time_draws_a_quarter_of_its_samples_and_one_with_time_all():
+def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all():
     integral = sampler(SCENES["crossing"]())
     times = integral.steps(3.0)
     tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
     proposals = tuple(Proposal(lead=tape, count=count) for tape, count in zip(tapes, (400, 40), strict=True))
     batch = Batch(state=np.array([5.0, 2.5]), times=times, proposals=proposals)
-    assert [part.size for part in sample(integral, batch, 0, left=lambda: 0.0).parts] == [110]
+    assert [part.size for part in sample(integral, batch, 0, left=lambda: 0.0).parts] == [44]
     assert [part.size for part in sample(integral, batch, 0).parts] == [440]
     assert (
         sum(part.size for part in sample(integral, batch, 0, left=iter(np.linspace(9.0, 0.0, 9)).__next__).parts) > 440
