@@ -1,7 +1,8 @@
 """Figures of speed and quality, each a table and, with --json, a file.
 
     python scripts/benchmark.py speed       rollouts and planning beside JAX, pytorch_mppi and OMPL (if installed:
-                                            pip install 'pirrht[bench]'), control step, recording; or one --part of it
+                                            pip install 'pirrht[bench]'), control step, recording; or one --part of it;
+                                            --part moving: among 24 bodies that move
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
     python scripts/benchmark.py ess         effective samples along a drive, and log psi against a million; --robot R
@@ -26,7 +27,7 @@ from sim.text import table, width
 
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
-    "speed": (None, "rollouts", "planners", "drive", "systems"),
+    "speed": (None, "rollouts", "planners", "drive", "systems", "moving"),
     "calibration": (None, "car"),
     "mass": (None, "line"),
 }
@@ -38,14 +39,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=TABLES)
     parser.add_argument("--scene", help="built-in name or MJCF file (the table's own)")
-    parser.add_argument("--robot", help="of `ess` (unicycle), of `mass` (hover), of `speed --part systems` (hover)")
+    parser.add_argument(
+        "--robot", help="of `ess` (unicycle), `mass` and `speed --part systems` (hover), `--part moving` (puck)"
+    )
     parser.add_argument("--drive", type=float, default=2.0, help="simulated seconds of the drives that are timed (2)")
     parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` and `ess` (1)")
     parser.add_argument(
         "--part",
         help="of `quality`: "
         + ", ".join(map(str, PARTS["quality"]))
-        + "; of `speed`: rollouts, planners, drive (all), systems; of `calibration`: car; of `mass`: line",
+        + "; of `speed`: rollouts, planners, drive (all), systems, moving; of `calibration`: car; of `mass`: line",
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
     parser.add_argument("--png", type=Path, help="draw `calibration`, or the parts samples and drives of `quality`")

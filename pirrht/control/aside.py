@@ -26,15 +26,16 @@ class Aside:
     def split(
         self, x: Array, proposals: Sequence[Proposal], trajectories: Sequence[Trajectory], time: float
     ) -> list[Proposal]:
-        """As many samples of each class as before, some of them around what goes beside its guide.
+        """As many samples of each class as before, some of those with the most around what goes beside its guide.
 
         Args:
             trajectories: the references from x (n,), one for each proposal.
             time: now, on the clock of what moves [s].
         """
         kept, more = [], []
+        most = max((one.count for one in proposals), default=0)  # others can hardly carry weight
         for one, trajectory in zip(proposals, trajectories, strict=True):
-            other = self.path_integral.beside(x, trajectory, time)
+            other = self.path_integral.beside(x, trajectory, time) if one.count == most else None
             count = 0 if other is None else round(self.shares.get(one.name, 0.5) * one.count)
             kept.append(replace(one, count=one.count - count))
             if other is not None:

@@ -19,6 +19,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.leads import Batch
 
 FILLED = 0.6  # of the time left is used by the next round, since the pace changes; with the last, it is all used
+FIRST = 0.1  # of the samples of a plan come first where bodies move, lest what else a plan needs makes them late
 MOST = 150_000  # samples of a plan, however much time there is: weighing more of them takes longer than it is worth
 
 
@@ -38,10 +39,12 @@ def sample(integral: PathIntegral, batch: Batch, seed: int, *, left: Callable[[]
     def draw(number: NDArray[np.int64]) -> None:
         parts.append(integral.rollout(batch.counting(number.tolist()), _seed(seed, len(parts))))
 
-    before = 0.0 if left is None else left()
-    draw(number)
-    if left is not None:
-        _until(left, before - left(), number, draw)
+    if left is None:
+        draw(number)
+    else:
+        part, before = FIRST if integral.moving else 1.0, left()
+        draw(np.maximum(1, np.rint(part * number)).astype(np.int64))
+        _until(left, (before - left()) / part, part, number, draw)
     drawn, most = 1.0, max(1.0, settings.most / settings.samples)
     while settings.target is not None and drawn < most and not _known(integral, parts, settings.target):
         more = min(drawn, most - drawn)
@@ -51,14 +54,18 @@ def sample(integral: PathIntegral, batch: Batch, seed: int, *, left: Callable[[]
 
 
 def _until(
-    left: Callable[[], float], pace: float, number: NDArray[np.int64], draw: Callable[[NDArray[np.int64]], None]
+    left: Callable[[], float],
+    pace: float,
+    drawn: float,
+    number: NDArray[np.int64],
+    draw: Callable[[NDArray[np.int64]], None],
 ) -> None:
-    """Draw rounds of `number` (H,) samples and more while time is left; `pace` is what the first of them took [s]."""
-    drawn, most = 1.0, MOST / float(number.sum())
+    """Draw rounds of samples while time is left: of `number` (H,) so many times as many are drawn, each `pace` [s]."""
+    least, most = drawn, MOST / float(number.sum())
     while drawn < most:
         before = left()
         more = min(2.0 * drawn, most - drawn, FILLED * before / max(pace, 1e-6))
-        if more < 1.0:  # as few as that are not worth their overhead
+        if more < least:  # as few as that are not worth their overhead
             return
         draw(np.rint(more * number).astype(np.int64))
         pace, drawn = (before - left()) / more, drawn + more

@@ -89,6 +89,7 @@ class PathIntegral:
         start = problem.dynamics.state_of(problem.scene.start)
         self._everywhere = Scales.of(problem, start) if constant else None
         self._beyond, self._soft = self._set_back(start)
+        self._last: tuple[Batch | None, Leads | None] = None, None  # what was packed last
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
     def _set_back(self, x: Array) -> tuple[float, Arena]:
@@ -288,7 +289,16 @@ class PathIntegral:
         return Scales.of(self.problem, x) if self._everywhere is None else self._everywhere
 
     def _packed(self, batch: Batch) -> Leads:
-        """The tables that kernels read."""
+        """The tables that kernels read; those of the last batch if only the numbers of samples differ."""
+        known, leads = self._last
+        first = np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64)
+        if leads is None or not _alike(known, batch):
+            leads = self._tables(batch)
+        self._last = batch, leads
+        return leads._replace(first=first)
+
+    def _tables(self, batch: Batch) -> Leads:
+        """The same of a batch."""
         x, times, m = batch.state, batch.times, self.problem.dynamics.m
         H, T = len(batch.proposals), len(times) - 1
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
@@ -299,7 +309,7 @@ class PathIntegral:
             drift=np.zeros((H, T, m)),
             times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64),
-            first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64),
+            first=np.zeros(H + 1, dtype=np.int64),
             ways=no_ways(H, C, NODES, scales.decay),
             reach=self._reach(scales),
             beyond=self._beyond,
@@ -337,6 +347,14 @@ class PathIntegral:
         if isinstance(self.guidance, AnyGuidance):
             return np.zeros((H, T * FINER, self.guidance.law_width))
         return np.zeros((H, T, LAW))
+
+
+def _alike(one: Batch | None, other: Batch) -> bool:
+    """Whether two batches differ in nothing but numbers of samples."""
+    if one is None or one.state is not other.state or one.times is not other.times or one.time != other.time:
+        return False
+    pairs = zip(one.proposals, other.proposals, strict=False)
+    return len(one.proposals) == len(other.proposals) and all(a.lead is b.lead for a, b in pairs)
 
 
 def _bends(line: Array) -> Array:

@@ -59,7 +59,7 @@ def _walk(grid, gain, markers, tracks, goal, x0, t0, longest, arrival, seed, tur
     Of the standstill after arrival, that of the path counts where it comes before the base's `arrival` [s], and that of
     the base, with the opposite sign, where the path comes later.
     """
-    M, J = markers.shape[0], tracks.period.shape[0]
+    M, J = markers.shape[0], tracks.J
     slope, state = np.zeros(2), np.zeros(3)
     b = grid.step.b
     pose = np.empty((grid.begin.shape[1], 4))

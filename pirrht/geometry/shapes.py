@@ -65,7 +65,7 @@ def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
 
 
 @inlined
-def _outside(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
+def outside(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
     """Distance from a solid to a point in its own frame, at most 0 inside [m]."""
     if form == 0:
         x, y, z = max(abs(x) - a, 0.0), max(abs(y) - b, 0.0), max(abs(z) - c, 0.0)
@@ -95,11 +95,11 @@ def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     """Distance from solid m of `Solids`, which has a closed form, to a point (x, y, z) [m]; 0 inside."""
     size = solids.size[m]
     x, y, z = _in_frame(solids, m, x, y, z)
-    return max(_outside(solids.form[m], size[0], size[1], size[2], x, y, z), 0.0)
+    return max(outside(solids.form[m], size[0], size[1], size[2], x, y, z), 0.0)
 
 
 @inlined
-def _offset(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
+def offset_of(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
     """Vector from a solid's nearest point to a point outside, in the solid's own frame [m]."""
     if form == 0:
         return x - min(max(x, -a), a), y - min(max(y, -b), b), z - min(max(z, -c), c)
@@ -118,7 +118,7 @@ def offset_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     """The same as a planar vector (x, y) from the solid's nearest point [m], for points outside only."""
     size, R = solids.size[m], solids.rotation[m]
     x, y, z = _in_frame(solids, m, x, y, z)
-    ex, ey, ez = _offset(solids.form[m], size[0], size[1], size[2], x, y, z)
+    ex, ey, ez = offset_of(solids.form[m], size[0], size[1], size[2], x, y, z)
     return R[0, 0] * ex + R[0, 1] * ey + R[0, 2] * ez, R[1, 0] * ex + R[1, 1] * ey + R[1, 2] * ez
 
 

@@ -12,7 +12,7 @@ import math
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
 from pirrht.geometry.field import clearance
-from pirrht.geometry.traffic import clearance_of_body, piece_of
+from pirrht.geometry.traffic import clearance_of_body, disc_of, inexact, piece_of
 
 STRIDE = 5e-3  # of a march on where nothing is certain [m]
 CLOSE = 1e-5  # where distances are closed forms a march may come so close before it is uncertain [m]
@@ -43,7 +43,7 @@ def certify_way(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 def certify_leg(traffic, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """FREE, BLOCKED or UNSURE for the straight way from (ax, ay) [m] at s [s] to (bx, by) at t, by all of `Traffic`."""
     verdict = FREE
-    for j in range(traffic.lead.shape[0]):
+    for j in range(traffic.J):
         one = certify_past(traffic, j, ax, ay, s, bx, by, t)
         if one == BLOCKED:
             return BLOCKED
@@ -60,9 +60,9 @@ def certify_past(traffic, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-d
     while True:
         ox, oy, yaw, vx, vy, turn, until = piece_of(traffic, j, now)
         x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + MOMENT), t)
-        begin, leaves = within(x - ox, y - oy, ux - vx, uy - vy, end - now, traffic.radius[j] + LEAST_STEP)
+        begin, leaves = within(x - ox, y - oy, ux - vx, uy - vy, end - now, disc_of(traffic, j) + LEAST_STEP)
         if begin <= leaves:
-            pace = math.hypot(ux - vx, uy - vy) + abs(turn) * traffic.radius[j]
+            pace = math.hypot(ux - vx, uy - vy) + abs(turn) * disc_of(traffic, j)
             one = _marched(traffic, j, ox, oy, yaw, vx, vy, turn, x, y, ux, uy, begin, leaves, pace)
             if one == BLOCKED:
                 return BLOCKED
@@ -100,9 +100,8 @@ def _marched(traffic, j, ox, oy, yaw, vx, vy, turn, x, y, ux, uy, now, end, pace
         pace: by which clearances change at most [m/s].
     """
     error, least, verdict = 0.0, CLOSE, FREE
-    for k in range(traffic.solid[j], traffic.solid[j + 1]):
-        if traffic.bodies.solids.form[k] < 0:
-            error, least = traffic.bodies.pitch, LEAST_STEP
+    if inexact(traffic, j):
+        error, least = traffic.pitch, LEAST_STEP
     while True:
         px, py, qx, qy = ox + now * vx, oy + now * vy, x + now * ux, y + now * uy
         c = clearance_of_body(traffic, j, px, py, yaw + now * turn, qx, qy) - error

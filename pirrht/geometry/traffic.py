@@ -7,67 +7,117 @@ a motion is known by the pose at a time, the rates at which it changes, and unti
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
+from pirrht.compiled.addresses import load_float64, load_int64
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.bodies import Bodies, clearance_and_slope_of, clearance_of, gathered
+from pirrht.geometry.bodies import gathered
 from pirrht.geometry.crowd import jumps, reach_of, speed_bound
 from pirrht.geometry.scene import Scene
+from pirrht.geometry.shapes import offset_of, outside
 
 REACH = 8.0  # no clearance above so many robot radii is told ...
 LEAST = 1.0  # ... and one of so many meters, if that is more [m]
 WALL = 5  # numbers of a wall that moves
+BODY = (
+    5  # numbers of a body: how much later than now its rows' clock is [s], after which it starts over [s] (0: never),
+)
+# whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
+LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
+PARTS = 4  # of a body: where its rows begin and end, and its solids
+ROW = 7  # numbers of a row: t [s], x, y [m], yaw [rad], and the rates of these until the next [1/s]
+SOLID = (
+    15  # numbers of a solid: MuJoCo's sizes, its place in the body's frame, and its axes there as columns, row by row
+)
+TABLE = 4  # of a solid: form or -1, where its lattice begins in the table, and how many points that has along x and y
 
 
-class Traffic(NamedTuple):
-    """J bodies that move: their solids, the rows of their motions, and what bounds both."""
+class Flow(NamedTuple):
+    """J bodies that move, as numbers and addresses that kernels can take cheaply."""
 
-    bodies: Bodies  # the solids of body j are those of owner 1 + j
-    solid: IntArray  # (J + 1,) where the solids of each body begin
-    row: IntArray  # (J + 1,) where the rows of each body begin
-    rows: Array  # (k, 4) t [s], x, y [m], yaw [rad] of all bodies
-    lead: Array  # (J,) how much later than now the rows' clock is [s]
-    period: Array  # (J,) after which a motion starts over [s]; 0 where it does not
-    jumping: NDArray[np.bool_]  # (J,) whether it does so elsewhere than it ends
+    J: int  # number of bodies
+    body: int  # address of float64 (J, BODY)
+    parts: int  # address of int64 (J, PARTS)
+    rows: int  # address of float64 (k, ROW), of all bodies
+    solid: int  # address of float64 (K, SOLID)
+    form: int  # address of int64 (K, TABLE)
+    corner: int  # address of float64 (K, 2): where the lattice of a solid without a closed form begins [m]
+    table: int  # address of float64: distances on these lattices, one after the other [m]
+    pitch: float  # spacing of all lattices [m]
+    height: float  # of the robot's centre [m]
+    robot: float  # radius [m]
+    speed: float  # the greatest of any point of any body, jumps aside [m/s]
+    reach: float  # clearances are told up to this [m]
+
+
+class Traffic(Flow):
+    """The same together with the arrays that the addresses point to."""
+
+    arrays: Sequence[Array | IntArray]
     radius: Array  # (J,) of the disc around a body's origin outside of which the robot's centre is free [m]
     fastest: Array  # (J,) speed of any point of a body at most, jumps aside [m/s]
-    speed: float  # the greatest of these [m/s]
-    reach: float  # clearances are told up to this [m]
 
     @classmethod
     def of(cls, scene: Scene) -> Traffic:
         """What moves in a scene; J may be 0."""
         movers, footprint = scene.movers, scene.footprint
         reach = max(REACH * footprint.radius, LEAST)
-        motions = [mover.motion for mover in movers]
-        reaches = [reach_of(mover) for mover in movers]
-        fastest = np.array([speed_bound(m, r) for m, r in zip(motions, reaches, strict=True)], dtype=float)
-        return cls(
-            bodies=gathered([(), *(mover.solids for mover in movers)], footprint, reach),
-            solid=np.cumsum([0, *(len(mover.solids) for mover in movers)]),
-            row=np.cumsum([0, *(len(motion.rows) for motion in motions)]),
-            rows=np.ascontiguousarray(np.vstack([np.zeros((0, 4)), *(motion.rows for motion in motions)])),
-            lead=np.array([motion.lead for motion in motions], dtype=float),
-            period=np.array([motion.rows[-1, 0] if motion.repeat else 0.0 for motion in motions], dtype=float),
-            jumping=np.array([jumps(motion) for motion in motions], dtype=np.bool_),
-            radius=np.array(reaches, dtype=float) + footprint.radius,
-            fastest=fastest,
-            speed=float(fastest.max(initial=0.0)),
-            reach=reach,
-        )
+        body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
+        row = solid = 0
+        for j, mover in enumerate(movers):
+            motion, far = mover.motion, reach_of(mover)
+            body[j] = (
+                motion.lead, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + footprint.radius,
+                speed_bound(motion, far),
+            )  # fmt: skip
+            parts[j] = row, row + len(motion.rows), solid, solid + len(mover.solids)
+            row, solid = row + len(motion.rows), solid + len(mover.solids)
+            rows.append(_with_rates(motion.rows))
+        bodies = gathered([(), *(mover.solids for mover in movers)], footprint, reach)
+        solids = bodies.solids
+        shapes = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])
+        form = np.column_stack([solids.form, bodies.first, bodies.shape])
+        every = np.vstack([np.zeros((0, ROW)), *rows])
+        arrays = body, parts, every, shapes, form, bodies.corner, bodies.table
+        speed = float(body[:, FASTEST].max(initial=0.0))
+        return cls._holding(arrays, (bodies.pitch, bodies.height, bodies.radius, speed, reach))
 
-    @property
-    def J(self) -> int:
-        """Number of bodies."""
-        return len(self.lead)
+    @classmethod
+    def _holding(cls, arrays: Sequence[Array | IntArray], numbers: Sequence[float]) -> Traffic:
+        arrays = tuple(map(np.ascontiguousarray, arrays))
+        body = np.asarray(arrays[0], dtype=float)
+        traffic = cls(len(body), *(array.ctypes.data for array in arrays), *numbers)
+        traffic.arrays, traffic.radius, traffic.fastest = arrays, body[:, RADIUS], body[:, FASTEST]
+        return traffic
 
     def after(self, time: float) -> Traffic:
         """The same on a clock that starts at a time [s] of this one's."""
-        return self._replace(lead=self.lead + time)
+        later = self.arrays[0].copy()
+        later[:, LEAD] += time
+        return self._holding((later, *self.arrays[1:]), (self.pitch, self.height, self.robot, self.speed, self.reach))
+
+
+def _with_rates(rows: Array) -> Array:
+    """Rows (k, 4) of a motion with the rates at which it leaves each, (k, ROW); it stays at the last."""
+    steps = np.diff(rows, axis=0)
+    rates = np.vstack([steps[:, 1:] * (1.0 / steps[:, :1]), np.zeros((1, 3))])
+    return np.hstack([rows, rates])
+
+
+@inlined
+def of_body(traffic, j, what):  # type: ignore[no-untyped-def]
+    """One of the numbers of body j."""
+    return load_float64(traffic.body, BODY * j + what)
+
+
+@inlined
+def disc_of(traffic, j):  # type: ignore[no-untyped-def]
+    """Radius of the disc around the origin of body j outside of which the robot's centre is free [m]."""
+    return load_float64(traffic.body, BODY * j + RADIUS)
 
 
 @inlined
@@ -76,30 +126,25 @@ def piece_of(traffic, j, t):  # type: ignore[no-untyped-def]
 
     At a time at which it changes they are those from then on.
     """
-    begin, end, now = traffic.row[j], traffic.row[j + 1], t + traffic.lead[j]
-    period = traffic.period[j]
+    begin, end = load_int64(traffic.parts, PARTS * j), load_int64(traffic.parts, PARTS * j + 1)
+    now, period = t + load_float64(traffic.body, BODY * j + LEAD), load_float64(traffic.body, BODY * j + PERIOD)
     if period > 0.0 and now > 0.0:
         now -= math.floor(now / period) * period
-    rows = traffic.rows
-    if now < rows[begin, 0]:
-        return rows[begin, 1], rows[begin, 2], rows[begin, 3], 0.0, 0.0, 0.0, t + rows[begin, 0] - now
     low, high = begin, end  # the row that begins the piece is from low on and before high
     while high - low > 1:
         middle = (low + high) // 2
-        if rows[middle, 0] <= now:
+        if load_float64(traffic.rows, ROW * middle) <= now:
             low = middle
         else:
             high = middle
+    at = traffic.rows + 8 * ROW * low
+    past, x, y, yaw = now - load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), load_float64(at, 3)
+    if past < 0.0:
+        return x, y, yaw, 0.0, 0.0, 0.0, t - past
     if high == end:
-        return rows[low, 1], rows[low, 2], rows[low, 3], 0.0, 0.0, 0.0, math.inf
-    per, past = 1.0 / (rows[high, 0] - rows[low, 0]), now - rows[low, 0]
-    vx, vy, turn = (
-        (rows[high, 1] - rows[low, 1]) * per,
-        (rows[high, 2] - rows[low, 2]) * per,
-        (rows[high, 3] - rows[low, 3]) * per,
-    )
-    until = t + rows[high, 0] - now
-    return rows[low, 1] + past * vx, rows[low, 2] + past * vy, rows[low, 3] + past * turn, vx, vy, turn, until
+        return x, y, yaw, 0.0, 0.0, 0.0, math.inf
+    vx, vy, turn, until = load_float64(at, 4), load_float64(at, 5), load_float64(at, 6), t + load_float64(at, ROW) - now
+    return x + past * vx, y + past * vy, yaw + past * turn, vx, vy, turn, until
 
 
 @kernel
@@ -112,7 +157,79 @@ def pose_of(traffic, j, t):  # type: ignore[no-untyped-def]
 @inlined
 def outside_of(traffic, j, ox, oy, x, y):  # type: ignore[no-untyped-def]
     """A lower bound of the clearance of (x, y) [m] from body j at (ox, oy) [m], whichever way that is turned [m]."""
-    return math.sqrt((x - ox) * (x - ox) + (y - oy) * (y - oy)) - traffic.radius[j]
+    return math.sqrt((x - ox) * (x - ox) + (y - oy) * (y - oy)) - disc_of(traffic, j)
+
+
+@inlined
+def _in_solid(traffic, k, u, v):  # type: ignore[no-untyped-def]
+    """A place (u, v) [m] in the frame of a body, at the height of the robot, as its solid k has it [m]."""
+    at = traffic.solid + 8 * SOLID * k
+    dx, dy, dz = u - load_float64(at, 3), v - load_float64(at, 4), traffic.height - load_float64(at, 5)
+    return (
+        load_float64(at, 6) * dx + load_float64(at, 9) * dy + load_float64(at, 12) * dz,
+        load_float64(at, 7) * dx + load_float64(at, 10) * dy + load_float64(at, 13) * dz,
+        load_float64(at, 8) * dx + load_float64(at, 11) * dy + load_float64(at, 14) * dz,
+    )
+
+
+@inlined
+def _clearance_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
+    """Clearance of the robot at (u, v) [m] in the frame of a body from its solid k [m], minus its radius inside."""
+    form = load_int64(traffic.form, TABLE * k)
+    if form < 0:
+        return _in_table(traffic, k, u, v)[0] - traffic.robot
+    at = traffic.solid + 8 * SOLID * k
+    x, y, z = _in_solid(traffic, k, u, v)
+    far = outside(form, load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), x, y, z)
+    return max(far, 0.0) - traffic.robot
+
+
+@kernel
+def _in_table(traffic, k, u, v):  # type: ignore[no-untyped-def]
+    """Distance [m] and its gradient at (u, v) [m] in the frame of solid k; beside the lattice that of its margin."""
+    first, nx = load_int64(traffic.form, TABLE * k + 1), load_int64(traffic.form, TABLE * k + 2)
+    ny, pitch = load_int64(traffic.form, TABLE * k + 3), traffic.pitch
+    fx, fy = (u - load_float64(traffic.corner, 2 * k)) / pitch, (v - load_float64(traffic.corner, 2 * k + 1)) / pitch
+    gx, gy = min(max(fx, 0.0), nx - 1.0), min(max(fy, 0.0), ny - 1.0)
+    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
+    p, q = gx - i, gy - j
+    at = first + i * ny + j
+    a, b = load_float64(traffic.table, at), load_float64(traffic.table, at + 1)
+    c, d = load_float64(traffic.table, at + ny), load_float64(traffic.table, at + ny + 1)
+    low, high = a * (1.0 - q) + b * q, c * (1.0 - q) + d * q
+    away = math.sqrt((fx - gx) ** 2 + (fy - gy) ** 2) * pitch
+    slope_x, slope_y = (high - low) / pitch, ((b - a) * (1.0 - p) + (d - c) * p) / pitch
+    return low * (1.0 - p) + high * p + away, slope_x, slope_y
+
+
+@kernel
+def _slope_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
+    """The vector (x, y) to (u, v) [m] from the nearest point of solid k seen from above [m], in the frame of its body.
+
+    And the gradient (x, y) of the distance; all are zero inside.
+    """
+    form, at = load_int64(traffic.form, TABLE * k), traffic.solid + 8 * SOLID * k
+    if form < 0:
+        d, gx, gy = _in_table(traffic, k, u, v)
+        return d * gx, d * gy, gx, gy
+    a, b, c = load_float64(at, 0), load_float64(at, 1), load_float64(at, 2)
+    x, y, z = _in_solid(traffic, k, u, v)
+    d = max(outside(form, a, b, c, x, y, z), 0.0)
+    if d <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    x, y, z = offset_of(form, a, b, c, x, y, z)
+    ex = load_float64(at, 6) * x + load_float64(at, 7) * y + load_float64(at, 8) * z
+    ey = load_float64(at, 9) * x + load_float64(at, 10) * y + load_float64(at, 11) * z
+    return ex, ey, ex / d, ey / d
+
+
+@inlined
+def inexact(traffic, j):  # type: ignore[no-untyped-def]
+    """Whether distances from a solid of body j are those of a table."""
+    found = False
+    for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
+        found |= load_int64(traffic.form, TABLE * k) < 0
+    return found
 
 
 @kernel
@@ -120,8 +237,8 @@ def clearance_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped
     """Clearance of the robot's centre at (x, y) [m] from body j at (ox, oy) [m] and yaw [rad], up to the reach [m]."""
     c, s, dx, dy = math.cos(yaw), math.sin(yaw), x - ox, y - oy
     u, v, best = c * dx + s * dy, c * dy - s * dx, traffic.reach
-    for k in range(traffic.solid[j], traffic.solid[j + 1]):
-        best = min(best, clearance_of(traffic.bodies, k, u, v))
+    for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
+        best = min(best, _clearance_of(traffic, k, u, v))
     return best
 
 
@@ -133,13 +250,13 @@ def wall_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
     """
     c, s, dx, dy = math.cos(yaw), math.sin(yaw), x - ox, y - oy
     u, v, best, which = c * dx + s * dy, c * dy - s * dx, traffic.reach, -1
-    for k in range(traffic.solid[j], traffic.solid[j + 1]):
-        d = clearance_of(traffic.bodies, k, u, v)
+    for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
+        d = _clearance_of(traffic, k, u, v)
         if d < best:
             best, which = d, k
     if which < 0:
         return best, 0.0, 0.0, 0.0, 0.0
-    _, ex, ey, gx, gy = clearance_and_slope_of(traffic.bodies, which, u, v)
+    ex, ey, gx, gy = _slope_of(traffic, which, u, v)
     size = math.sqrt(gx * gx + gy * gy)
     if size > 0.0:
         gx, gy = gx / size, gy / size
@@ -150,7 +267,7 @@ def wall_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
 def traffic_clearance(traffic, x, y, t):  # type: ignore[no-untyped-def]
     """Clearance of the robot's centre at (x, y) [m] from all bodies at t [s], up to the reach [m]."""
     best = traffic.reach
-    for j in range(traffic.lead.shape[0]):
+    for j in range(traffic.J):
         ox, oy, yaw = pose_of(traffic, j, t)
         if outside_of(traffic, j, ox, oy, x, y) < best:
             best = min(best, clearance_of_body(traffic, j, ox, oy, yaw, x, y))
@@ -165,12 +282,28 @@ def moving_walls(traffic, x, y, t, within, out):  # type: ignore[no-untyped-def]
     body has there [m/s]; at a time at which that changes, that from then on.
     """
     count = 0
-    for j in range(traffic.lead.shape[0]):
-        ox, oy, yaw, vx, vy, turn, _ = piece_of(traffic, j, t)
-        if outside_of(traffic, j, ox, oy, x, y) < within:
-            d, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, yaw, x, y)
-            if d < within:
-                out[count, 0], out[count, 1], out[count, 2] = d, nx, ny
-                out[count, 3], out[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
-                count += 1
+    for j in range(traffic.J):
+        count = _add_wall(traffic, j, x, y, t, within, out, count)
+    return count
+
+
+@kernel
+def walls_of_some(traffic, listed, many, x, y, t, within, out):  # type: ignore[no-untyped-def]
+    """The same of so many bodies that are `listed` (J,)."""
+    count = 0
+    for k in range(many):
+        count = _add_wall(traffic, listed[k], x, y, t, within, out, count)
+    return count
+
+
+@inlined
+def _add_wall(traffic, j, x, y, t, within, out, count):  # type: ignore[no-untyped-def]
+    """Write body j to a row of `out` if it is so near; how many rows there are then."""
+    ox, oy, yaw, vx, vy, turn, _ = piece_of(traffic, j, t)
+    if outside_of(traffic, j, ox, oy, x, y) < within:
+        d, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, yaw, x, y)
+        if d < within:
+            out[count, 0], out[count, 1], out[count, 2] = d, nx, ny
+            out[count, 3], out[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
+            count += 1
     return count

@@ -22,7 +22,7 @@ from pirrht.guidance.priced import expand_price, price_of
 from pirrht.guidance.priced_among import expand_among, expand_point, point_price, price_among, touches
 from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.guidance.step_map import NUDGE, step_of
-from pirrht.rollouts.among import HELD
+from pirrht.rollouts.among import held_of
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
 from pirrht.rollouts.general.path import Kind, diffusion_of, is_gated
 from pirrht.rollouts.homing import wrapped
@@ -399,7 +399,7 @@ def optimiser(kind: Kind) -> Optimiser:
         """Whether the first `length` steps of states (T+1, n), straight or bows, touch nothing; `times` (T+1,) [s]."""
         f, turn = np.zeros((2, n)), 0.0
         if moving:
-            held, listed = np.empty(HELD), np.empty(setup.traffic.lead.shape[0], np.int64)
+            held, listed = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
         for i in range(length):
             x, y, dx, dy = states[i, 0], states[i, 1], states[i + 1, 0] - states[i, 0], states[i + 1, 1] - states[i, 1]
             if bows:

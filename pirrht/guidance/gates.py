@@ -14,8 +14,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
-from pirrht.geometry.traffic import moving_walls
-from pirrht.rollouts.among import walls_among
+from pirrht.geometry.traffic import WALL
+from pirrht.rollouts.among import held_of, walls_along, with_walls
 from pirrht.rollouts.first_exit import two_walls
 from pirrht.rollouts.gates import GATE, GATES, gate_slope, mills
 
@@ -24,6 +24,7 @@ APART = 0.5  # walls are different if the cosine of the angle between them is le
 CARELESS = 3.0  # a gate with a greater z is none
 BEYOND = 10.0  # reaches from where on walls do not push
 LEAST_GAP = 0.1  # of the reach: nearer walls are taken to push no harder where a guide passes
+SLIGHTLY = 1e-9  # share by which rounding may make a wall seem nearer
 SOONEST = 0.05  # a wall is a gate from so far ahead [s]
 
 
@@ -42,13 +43,14 @@ def gates_of(setup: object, places: Array, times: Array, noise: float, within: f
 @kernel
 def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
     """Fill `out` (k, WALLS, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
-    near = np.zeros((setup.traffic.lead.shape[0], 5))
+    J, many = setup.traffic.J, 0
+    held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(places.shape[0]):
         x, y = places[i]
         c, nx, ny, d, mx, my = two_walls(setup.arena.field, x, y)
         out[i, 0, 0], out[i, 0, 1], out[i, 0, 2] = c, nx, ny
         out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = d, mx, my
-        count = moving_walls(setup.traffic, x, y, times[i], within, near)
+        many, count = walls_along(setup.traffic, x, y, times[i], within, held, listed, many, near)
         for k in range(min(count, WALLS - 2)):
             out[i, 2 + k] = near[k, :3]
 
@@ -56,26 +58,34 @@ def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
 @kernel
 def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
     """Fill gates (k, GATES, GATE): direction (x, y), z of the guide itself, and what z changes by per meter."""
-    last = times.shape[0]
+    last, count = times.shape[0], 0
+    most = last * WALLS
+    place, clear, nx, ny = np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
+    for k in range(1, last):  # of most walls nobody who passes need care
+        near = CARELESS * noise * math.sqrt(times[k] - times[0]) * (1.0 + SLIGHTLY)
+        for w in range(WALLS):
+            if walls[k, w, 0] < near and walls[k, w, 1] ** 2 + walls[k, w, 2] ** 2 >= 0.5:  # others are out of reach
+                place[count], clear[count] = k, walls[k, w, 0]
+                nx[count], ny[count] = walls[k, w, 1], walls[k, w, 2]
+                count += 1
+    begin = 0
     for i in range(last):
+        while begin < count and times[place[begin]] - times[i] < SOONEST:
+            begin += 1
         for g in range(GATES):
             best = CARELESS
-            for k in range(i + 1, last):
-                ahead = times[k] - times[i]
-                if ahead < SOONEST:
-                    continue
+            for e in range(begin, count):
+                ahead = times[place[e]] - times[i]
+                if clear[e] > 0.0 and clear[e] * clear[e] > best * best * noise * noise * ahead * (1.0 + SLIGHTLY):
+                    continue  # without a root: no better
                 per = 1.0 / (noise * math.sqrt(ahead))
-                for w in range(WALLS):
-                    z = walls[k, w, 0] * per
-                    if not z < best:
-                        continue
-                    nx, ny = walls[k, w, 1], walls[k, w, 2]
-                    if nx * nx + ny * ny < 0.5:  # nothing is in reach
-                        continue
-                    if g > 0 and nx * gates[i, 0, 0] + ny * gates[i, 0, 1] > APART:
-                        continue
-                    best = z
-                    gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3] = nx, ny, z, per
+                z = clear[e] * per
+                if not z < best:
+                    continue
+                if g > 0 and nx[e] * gates[i, 0, 0] + ny[e] * gates[i, 0, 1] > APART:
+                    continue
+                best = z
+                gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3] = nx[e], ny[e], z, per
             if best == CARELESS:
                 break
 
@@ -93,10 +103,13 @@ def pushes_of(setup: object, places: Array, times: Array, reach: float) -> tuple
 
 @kernel
 def _pushes(setup, places, times, reach, slopes, bends):  # type: ignore[no-untyped-def]
+    J, many, within = setup.traffic.J, 0, BEYOND * reach
+    held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(places.shape[0]):
         x, y = places[i]
         standing = two_walls(setup.arena.field, x, y)
-        c, nx, ny, d, mx, my = walls_among(setup.traffic, standing, x, y, times[i], BEYOND * reach, 0.0)
+        many, count = walls_along(setup.traffic, x, y, times[i], within, held, listed, many, near)
+        c, nx, ny, d, mx, my = with_walls(standing, near, count, 0.0)
         for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
             near_by = max(float(gap), LEAST_GAP * reach)
             push = reach / (near_by * (near_by + reach))

@@ -96,7 +96,7 @@ def price_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square): 
         t = k / points
         w = 0.5 * t * (1.0 - t) * dt
         px, py = x + t * dx + w * bx, y + t * dy + w * by
-        for j in range(traffic.lead.shape[0]):
+        for j in range(traffic.J):
             ox, oy, yaw, _, _, _, _ = piece_of(traffic, j, time + t * dt)
             if outside_of(traffic, j, ox, oy, px, py) < task.margin:
                 c, _, _, _, _ = wall_of_body(traffic, j, ox, oy, yaw, px, py)
@@ -116,7 +116,7 @@ def expand_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square, 
         w = 0.5 * t * (1.0 - t) * dt
         px, py = x + t * dx + w * bx, y + t * dy + w * by
         scale = task.price * dt / points
-        for j in range(traffic.lead.shape[0]):
+        for j in range(traffic.J):
             ox, oy, yaw, _, _, _, _ = piece_of(traffic, j, time + t * dt)
             if outside_of(traffic, j, ox, oy, px, py) >= task.margin:
                 continue
@@ -146,7 +146,7 @@ def expand_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square, 
 def touches(traffic, x, y, mx, my, turn, t, dt, held, listed):  # type: ignore[no-untyped-def]
     """Whether a step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] touches a body that moves.
 
-    It turns by so much in all [rad]; `held` (HELD,) and `listed` (J,) are scratch.
+    It turns by so much in all [rad]; `held` is what earlier steps have left (`held_of`), `listed` (J,) is scratch.
     """
     way = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
     count = listing(traffic, x, y, t, way, held, listed)

@@ -15,16 +15,33 @@ import numpy as np
 
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import normals, uniform
-from pirrht.geometry.traffic import WALL, clearance_of_body, moving_walls, outside_of, piece_of, wall_of_body
+from pirrht.geometry.traffic import (
+    FASTEST,
+    JUMPING,
+    LEAD,
+    PERIOD,
+    WALL,
+    clearance_of_body,
+    disc_of,
+    moving_walls,
+    of_body,
+    outside_of,
+    piece_of,
+    wall_of_body,
+    walls_of_some,
+)
 from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_crossing
 
-SKIN = 0.4  # bodies are listed so much further away than they have to be [m]
+SKIN = 0.8  # bodies are listed so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met
 CLOSE = 0.1  # of the robot's radius: sweeps advance at least by so much
+ROUNDING = 1e-9  # of clearances that are known from before [m]
 BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
 HELD = 5  # numbers of a list: distance within which all are on it, where and when that was known, until when it serves
+SEEN = 5  # and of each body, after these: a clearance at least [m], where, when, and until when that tells anything [s]
 NEAR = 13  # numbers of a listed body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
-# pose [m], [rad] and its rates, until when these are right [s], whether the first five are known
+# pose [m], [rad] and its rates, until when these are right [s], and what is known: 1 all of this, 0 all but the wall,
+# -1 only a lower bound of the clearance
 D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, UNTIL, KNOWN = range(NEAR)
 
 
@@ -37,16 +54,50 @@ def surely(held, speed, x, y, t):  # type: ignore[no-untyped-def]
     return held[0] - away - speed * abs(t - held[3])
 
 
+@inlined
+def forget(held):  # type: ignore[no-untyped-def]
+    """A list is no use any more, nor is what is known of any body: another path begins."""
+    held[4] = -math.inf
+    for k in range(HELD + SEEN - 1, held.shape[0], SEEN):
+        held[k] = -math.inf
+
+
+@inlined
+def held_of(bodies):  # type: ignore[no-untyped-def]
+    """Room for what is known of so many bodies; nothing is."""
+    held = np.zeros(HELD + SEEN * bodies)
+    forget(held)
+    return held
+
+
+@inlined
+def _at_least(traffic, j, held, x, y, t):  # type: ignore[no-untyped-def]
+    """A lower bound of the clearance of (x, y) [m] at t [s] from body j by what is known of it [m]."""
+    at = HELD + SEEN * j
+    away = math.sqrt((x - held[at + 1]) * (x - held[at + 1]) + (y - held[at + 2]) * (y - held[at + 2]))
+    return held[at] - away - of_body(traffic, j, FASTEST) * abs(t - held[at + 3]) - ROUNDING
+
+
 @kernel
 def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-def]
-    """List bodies that may be so near (x, y) [m] at t [s]: numbers to `listed` (J,); returns how many."""
+    """List bodies that may be so near (x, y) [m] at t [s]: numbers to `listed` (J,); returns how many.
+
+    Those that surely are not, by what `held` knows of them from before, are not asked where they are.
+    """
     count, until = 0, math.inf
-    for j in range(traffic.lead.shape[0]):
+    for j in range(traffic.J):
+        at, ends = HELD + SEEN * j, math.inf
+        if of_body(traffic, j, JUMPING) > 0.0:
+            lead, period = of_body(traffic, j, LEAD), of_body(traffic, j, PERIOD)
+            laps = max(math.floor((t + lead) / period) + 1.0, 1.0)
+            ends = laps * period - lead
+            until = min(until, ends)
+        if held[at + 3] <= t < held[at + 4] and _at_least(traffic, j, held, x, y, t) > within:
+            continue
         ox, oy, _, _, _, _, _ = piece_of(traffic, j, t)
-        if traffic.jumping[j]:
-            laps = max(math.floor((t + traffic.lead[j]) / traffic.period[j]) + 1.0, 1.0)
-            until = min(until, laps * traffic.period[j] - traffic.lead[j])
-        if outside_of(traffic, j, ox, oy, x, y) < within:
+        d = outside_of(traffic, j, ox, oy, x, y)
+        held[at], held[at + 1], held[at + 2], held[at + 3], held[at + 4] = d, x, y, t, ends
+        if d < within:
             listed[count] = j
             count += 1
     held[0], held[1], held[2], held[3], held[4] = within, x, y, t, until
@@ -54,22 +105,32 @@ def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-
 
 
 @kernel
-def look_around(traffic, listed, count, x, y, t, within, near):  # type: ignore[no-untyped-def]
+def look_around(traffic, listed, count, x, y, t, within, held, near):  # type: ignore[no-untyped-def]
     """Write how listed bodies are at t [s] to `near` (J, NEAR), from (x, y) [m] those that may be `within` a distance.
 
+    Of others it is only told how far they are at least, by what `listing` has left in `held`.
     Returns: least clearance of these [m], and until when all of them keep their velocities [s].
     """
     least, until = traffic.reach, math.inf
     for k in range(count):
         j = listed[k]
-        ox, oy, yaw, vx, vy, turn, ends = piece_of(traffic, j, t)
-        near[k, OX], near[k, OY], near[k, YAW] = ox, oy, yaw
-        near[k, VX], near[k, VY], near[k, TURN], near[k, UNTIL] = vx, vy, turn, ends
-        near[k, D], near[k, KNOWN] = outside_of(traffic, j, ox, oy, x, y), 0.0
+        near[k, D], near[k, KNOWN] = _at_least(traffic, j, held, x, y, t), -1.0
+        if near[k, D] >= within:
+            continue
+        _see(traffic, j, k, x, y, t, near)
         if near[k, D] < within:
             _know(traffic, j, k, x, y, near)
-            least, until = min(least, near[k, D]), min(until, ends)
+            least, until = min(least, near[k, D]), min(until, near[k, UNTIL])
     return least, until
+
+
+@inlined
+def _see(traffic, j, k, x, y, t, near):  # type: ignore[no-untyped-def]
+    """Write how body j, the k-th on the list, is at t [s], and how far about from (x, y) [m]."""
+    ox, oy, yaw, vx, vy, turn, ends = piece_of(traffic, j, t)
+    near[k, OX], near[k, OY], near[k, YAW] = ox, oy, yaw
+    near[k, VX], near[k, VY], near[k, TURN], near[k, UNTIL] = vx, vy, turn, ends
+    near[k, D], near[k, KNOWN] = outside_of(traffic, j, ox, oy, x, y), 0.0
 
 
 @inlined
@@ -82,6 +143,17 @@ def _know(traffic, j, k, x, y, near):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _with_wall(c, nx, ny, d, mx, my, e, ex, ey, widest):  # type: ignore[no-untyped-def]
+    """The two nearest of two walls in order and a third, which is not taken to be nearer than `widest` [m]."""
+    e, ex, ey = np.float32(max(e, widest)), np.float32(ex), np.float32(ey)
+    if e < c:
+        return e, ex, ey, c, nx, ny
+    if e < d:
+        return c, nx, ny, e, ex, ey
+    return c, nx, ny, d, mx, my
+
+
+@inlined
 def with_moving(walls, near, count, widest):  # type: ignore[no-untyped-def]
     """The two nearest walls, as `two_walls` gives them, of two that stand and those that move; none nearer than widest.
 
@@ -90,12 +162,9 @@ def with_moving(walls, near, count, widest):  # type: ignore[no-untyped-def]
     c, nx, ny, d, mx, my = walls
     for k in range(count):
         if near[k, KNOWN] == 1.0:
-            e, ex, ey = np.float32(near[k, D]), np.float32(near[k, NX]), np.float32(near[k, NY])
-            e = max(e, widest)
-            if e < c:
-                c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
-            elif e < d:
-                d, mx, my = e, ex, ey
+            c, nx, ny, d, mx, my = _with_wall(
+                c, nx, ny, d, mx, my, near[k, D], near[k, NX], near[k, NY], np.float64(widest)
+            )
     return c, nx, ny, d, mx, my
 
 
@@ -105,15 +174,28 @@ def walls_among(traffic, walls, x, y, t, within, widest):  # type: ignore[no-unt
 
     Bodies farther than `within` are not asked, and none is taken to be nearer than `widest` [m].
     """
+    near = np.empty((traffic.J, WALL))
+    return with_walls(walls, near, moving_walls(traffic, x, y, t, within, near), widest)
+
+
+@inlined
+def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
+    """The same from what `moving_walls` has written to `near` (J, WALL)."""
     c, nx, ny, d, mx, my = walls
-    near = np.empty((traffic.lead.shape[0], WALL))
-    for k in range(moving_walls(traffic, x, y, t, within, near)):
-        e, ex, ey = np.float32(max(near[k, 0], widest)), np.float32(near[k, 1]), np.float32(near[k, 2])
-        if e < c:
-            c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
-        elif e < d:
-            d, mx, my = e, ex, ey
+    for k in range(count):
+        c, nx, ny, d, mx, my = _with_wall(c, nx, ny, d, mx, my, near[k, 0], near[k, 1], near[k, 2], widest)
     return c, nx, ny, d, mx, my
+
+
+@inlined
+def walls_along(traffic, x, y, t, within, held, listed, count, near):  # type: ignore[no-untyped-def]
+    """What `moving_walls` writes, at one place and time after the other; how many bodies are listed, and are written.
+
+    `held`, `listed` and `count` are what the last call has left.
+    """
+    if surely(held, traffic.speed, x, y, t) < within:
+        count = listing(traffic, x, y, t, within + SKIN, held, listed)
+    return count, walls_of_some(traffic, listed, count, x, y, t, within, near)
 
 
 @inlined
@@ -137,20 +219,27 @@ def facing_among(near, count, cov):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def met_on_bridge(traffic, listed, count, near, x, y, mx, my, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
-    """Which listed body a noisy step from (x, y) to (mx, my) [m] of dt [s] meets, and when.
+def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
+    """Which listed body a noisy step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] meets, and when.
 
     Args: as of `bridge_exit`; `near` is what `look_around` says at the beginning of the step.
     Returns: next state of the random sequence, share of the step until then or NEVER, place of the body on the list,
         and the logarithm of the probability that none is met, where that is weighed [nats].
     """
     reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
+    length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y))
     alive, worst, which, from_, to, spread = 1.0, 2.0, 0, 0.0, 0.0, 0.0
     for k in range(count):
         j, c = listed[k], near[k, D]
+        if near[k, KNOWN] < 0.0:
+            d = c - length - of_body(traffic, j, FASTEST) * dt
+            if d > 0.0 and 2.0 * c * d >= reach:
+                continue
+            _see(traffic, j, k, x, y, t, near)
+            c = near[k, D]
         px, py = near[k, OX] + dt * near[k, VX], near[k, OY] + dt * near[k, VY]
         way = math.sqrt((mx - x - px + near[k, OX]) ** 2 + (my - y - py + near[k, OY]) ** 2)
-        way += abs(near[k, TURN]) * dt * traffic.radius[j]
+        way += abs(near[k, TURN]) * dt * disc_of(traffic, j)
         d = outside_of(traffic, j, px, py, mx, my)
         if c > 0.0 and d > 0.0 and 2.0 * c * d >= reach and c + d > way:
             continue
@@ -188,7 +277,7 @@ def _behind_body(traffic, j, near, k, x, y, mx, my, dt, c, d, way):  # type: ign
         )  # fmt: skip
         if e <= 0.0:
             return c * (1.0 - 1.0 / share)
-        share += max(e, CLOSE * traffic.bodies.radius) / way
+        share += max(e, CLOSE * traffic.robot) / way
     return d
 
 
@@ -227,14 +316,14 @@ def met_on_way(traffic, listed, count, x, y, mx, my, turn, t, dt, stop):  # type
         for k in range(count):
             j = listed[k]
             ox, oy, yaw, _, _, _, ends = piece_of(traffic, j, t + share * dt)
-            speed = pace + traffic.fastest[j] * dt
+            speed = pace + of_body(traffic, j, FASTEST) * dt
             c = outside_of(traffic, j, ox, oy, px, py)
             if c <= speed * ahead:
                 c = clearance_of_body(traffic, j, ox, oy, yaw, px, py)
             if c <= 0.0:
                 return share
-            ahead = min(ahead, max(c, CLOSE * traffic.bodies.radius) / max(speed, LEAST))
-            if traffic.jumping[j]:
+            ahead = min(ahead, max(c, CLOSE * traffic.robot) / max(speed, LEAST))
+            if of_body(traffic, j, JUMPING) > 0.0:
                 ahead = min(ahead, max((ends - t) / dt - share, 0.0) + BEYOND)
         if share >= stop:
             return NEVER

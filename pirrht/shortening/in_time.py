@@ -13,7 +13,8 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import FREE
-from pirrht.shortening.timed_relaxation import INSIDE, relax
+from pirrht.geometry.scene import Goal
+from pirrht.shortening.timed_relaxation import INSIDE, WEIGHTS, relax
 from pirrht.steering.along_legs import Legs, entered, free_leg
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import LATE, InTime
@@ -22,6 +23,12 @@ from pirrht.topology.in_time import whole_turns
 
 # Legs of a round, and clearances that are wanted [m]; the first with which all legs are certified counts.
 ROUNDS = (24, (1e-2, 3e-2)), (40, (1e-3, 4e-3, 1.5e-2))
+AGAIN = (
+    4e-3,
+    1.5e-2,
+    0.0,
+)  # and where an earlier path is made taut again; with 0 it stays as it is but for its start [m]
+SOON = 0.5  # of the mean duration of its legs: a knot that is so near in time is left out
 BENDS = 0.6  # share of the knots of the second round that go where the path bends
 
 
@@ -39,10 +46,39 @@ def taut_in_time(path: Legs, steering: InTime, space: FreeSpace) -> Legs:
     return best
 
 
+def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Legs | None:
+    """What is left of a path that was taut, from a place and a time x (3,) [m, m, s] near it, and taut again.
+
+    Its class is not looked at. None if nothing is left, or something has come into the way.
+    """
+    goal, knots = checker.space.scene.goal, path.knots
+    soon = x[2] + SOON * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
+    knots = np.vstack([x, knots[knots[:, 2] > soon]])
+    if len(knots) < 2:
+        return None
+    for margin in AGAIN:
+        moved = knots.copy()
+        if margin > 0.0:
+            numbers, radius = steering.compiled.numbers, checker.space.scene.robot_radius
+            relax(checker.around, numbers, moved, margin, radius, len(WEIGHTS) - 1)
+        moved[-1, :2] = _into(moved[-1, :2], goal)
+        found: Legs = checker.until_goal(steering.connect(moved[:-1], moved[1:]))
+        if checker.inspect(found, np.arange(len(found.cost)) == len(found.cost) - 1).free.all():
+            return found
+    return None
+
+
+def _into(place: Array, goal: Goal) -> Array:
+    """A place (2,) [m], or one inside the goal's disc [m]."""
+    away = place - goal.center
+    inside: Array = goal.center + away * min(1.0, (1.0 - INSIDE) * goal.radius / max(np.hypot(*away), 1e-300))
+    return inside
+
+
 def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: EdgeChecker) -> Legs | None:
     """A path of moved knots if it is free, of the class and cheaper, else None."""
     knots = _meshed(path.knots, count)
-    relax(checker.around, steering.compiled.numbers, knots, margin, checker.space.scene.robot_radius)
+    relax(checker.around, steering.compiled.numbers, knots, margin, checker.space.scene.robot_radius, 0)
     found = _joined(knots, steering, checker)
     if found is None or found.cost.sum() >= path.cost.sum() or _key(found.knots, checker) != _key(path.knots, checker):
         return None
@@ -52,8 +88,7 @@ def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: E
 def _joined(knots: Array, steering: InTime, checker: EdgeChecker) -> Legs | None:
     """The path over some of the knots (k, 3), all legs of which are free up to the goal's disc; None if one is not."""
     kept, goal = knots.copy(), checker.space.scene.goal
-    away = kept[-1, :2] - goal.center
-    kept[-1, :2] = goal.center + away * min(1.0, (1.0 - INSIDE) * goal.radius / max(np.hypot(*away), 1e-300))
+    kept[-1, :2] = _into(kept[-1, :2], goal)
     count = _shortcut(checker.around, steering.compiled.numbers, kept)
     path: Legs = checker.until_goal(steering.connect(kept[: count - 1], kept[1:count]))
     last = np.arange(count - 1) == count - 2
@@ -91,7 +126,7 @@ def _key_of_leg(around, a, b, to_goal, marker, turn):  # type: ignore[no-untyped
     for i in range(crossed(around.cuts, a[0], a[1], b[0], b[1], marker, turn, 0)):
         key += turn[i] * around.weights[marker[i]]
     tail, head, goal = (a[0], a[1], a[2]), (b[0], b[1], b[2]), (around.goal_x, around.goal_y)
-    for j in range(around.tracks.period.shape[0]):
+    for j in range(around.tracks.J):
         whole = whole_turns(around.tracks, j, goal, around.speed, tail, head, to_goal)
         if whole != 0:
             key += whole * around.weights[standing + j]

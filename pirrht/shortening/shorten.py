@@ -14,12 +14,12 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves, entry_of_piece
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import clearance
-from pirrht.shortening.chain import cheapest_chain
+from pirrht.shortening import chain, in_time
 from pirrht.shortening.dubins_shortcut import shortcut
-from pirrht.shortening.in_time import taut_in_time
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.along_legs import Legs
 from pirrht.steering.dubins import Dubins
+from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Surroundings
 from pirrht.steering.rover import RoverSteering
@@ -56,11 +56,23 @@ def shorten(steering: Steering, path: Any, space: FreeSpace) -> Any:
     """
     if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):
         return _straight(steering, path, space)
-    return cheapest_chain(path, steering, space)
+    return chain.cheapest_chain(path, steering, space)
+
+
+def resumes(steering: Steering) -> bool:
+    """Whether paths of a method are shortened much faster from an earlier path of the class."""
+    return isinstance(steering, InTime) or searches(steering)
+
+
+def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any:
+    """The cheapest path from x (n,) near an earlier one, into the goal, whatever its class; None if there is none."""
+    if isinstance(steering, InTime):
+        return in_time.resumed(x, path, steering, checker)
+    return chain.resumed(x, path, steering, checker.space)
 
 
 def searches(steering: Steering) -> bool:
-    """Whether paths of a method are shortened by searching, which is quicker from an earlier path of the class."""
+    """Whether paths of a method are shortened by searching."""
     return shorten.dispatch(type(steering)) is shorten.dispatch(object) and not (
         steering.motion is ARCS and steering.n == 2
     )
@@ -88,7 +100,7 @@ def _(steering: RoverSteering, path: Curves, space: FreeSpace) -> Curves:
 
 @shorten.register
 def _(steering: InTime, path: Legs, space: FreeSpace) -> Legs:
-    return taut_in_time(path, steering, space)
+    return in_time.taut_in_time(path, steering, space)
 
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:

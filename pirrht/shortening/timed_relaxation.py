@@ -15,7 +15,7 @@ import numpy as np
 
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.field import clearance
-from pirrht.geometry.traffic import WALL, outside_of, piece_of, pose_of, wall_of_body
+from pirrht.geometry.traffic import FASTEST, WALL, of_body, outside_of, piece_of, pose_of, wall_of_body
 
 NEAR = 0.6  # what stays so far from all knots is not asked for while they move [m]
 BAND = 4  # diagonals of a symmetric matrix of neighbouring knots
@@ -53,7 +53,7 @@ def _add(matrix, border, slope, first, along, value, weight):  # type: ignore[no
 def _around(around, knots, near):  # type: ignore[no-untyped-def]
     """Write to `near` (J,) which bodies come so near to a path that they may matter; how many do."""
     traffic, count = around.traffic, 0
-    for j in range(traffic.lead.shape[0]):
+    for j in range(traffic.J):
         matters = False
         for i in range(knots.shape[0]):
             ox, oy, _ = pose_of(traffic, j, knots[i, 2])
@@ -102,7 +102,7 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
         matrix, border, slope: (2 N, BAND), (2 N + 1,) and (2 N + 1,), of the places but the first and the duration.
     """
     q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - SLOWER), knots.shape[0] - 1
-    walls, along, total = np.empty((around.traffic.lead.shape[0] + 1, WALL)), np.empty(5), 0.0
+    walls, along, total = np.empty((around.traffic.J + 1, WALL)), np.empty(5), 0.0
     model, whole = slope.shape[0] > 0, knots[last, 2] - knots[0, 2]
     matrix[:], border[:], slope[:] = 0.0, 0.0, 0.0
     for i in range(last):
@@ -218,7 +218,7 @@ def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def relax(around, numbers, knots, margin, thin):  # type: ignore[no-untyped-def]
+def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
     """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
 
     Args:
@@ -227,14 +227,16 @@ def relax(around, numbers, knots, margin, thin):  # type: ignore[no-untyped-def]
         knots: their places and times, which increase [m, m, s].
         margin: clearance that is wanted [m].
         thin: radius of the robot [m].
+        first: number of the first of WEIGHTS; a path that costs nearly the least needs the last only.
     """
     n, fastest = 2 * (knots.shape[0] - 1), 0.0
     matrix, border, slope, none = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1), np.empty(0)
     step, work, moved = np.empty(n + 1), np.empty(n), knots.copy()
-    for j in range(around.traffic.fastest.shape[0]):
-        fastest = max(fastest, around.traffic.fastest[j])
-    bodies = np.empty(around.traffic.lead.shape[0], np.int64)
-    for weight in WEIGHTS:
+    for j in range(around.traffic.J):
+        fastest = max(fastest, of_body(around.traffic, j, FASTEST))
+    bodies = np.empty(around.traffic.J, np.int64)
+    for k in range(first, len(WEIGHTS)):
+        weight = WEIGHTS[k]
         near = bodies[: _around(around, knots, bodies)]
         for _ in range(STEPS):
             before = modelled(around, near, numbers, knots, weight, margin, matrix, border, slope)

@@ -148,7 +148,7 @@ def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-
     ax, ay, s, bx, by, t = path[i, 0], path[i, 1], path[i, 2], path[i, 3], path[i, 4], path[i, 5]
     count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
     a, b, goal, standing = (ax, ay, s), (bx, by, t), (around.goal_x, around.goal_y), around.markers.shape[0]
-    for j in range(around.tracks.period.shape[0]):
+    for j in range(around.tracks.J):
         whole = whole_turns(around.tracks, j, goal, around.speed, a, b, to_goal)
         if whole != 0:
             marker[count], turn[count] = standing + j, whole

@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
+from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.topology.cuts import straight_turns
 from pirrht.topology.homology import Homology, hash_weights
-from pirrht.topology.moving import MovingHomology, next_place, place_at, turns_of_step
+from pirrht.topology.moving import MovingHomology, lane_of, next_place, place_at, turns_of_step
 
 BESIDE = 1e-9  # a marker must be farther than this from a triangle to lie outside of it [m^2]
 
@@ -133,12 +134,12 @@ def beside(tracks, j, ax, ay, bx, by, gx, gy, s, t):  # type: ignore[no-untyped-
 
     What moves inside the triangle meanwhile and comes back has then turned about it by nothing.
     """
-    begin, end = tracks.first[j], tracks.first[j + 1]
+    begin, end, period = lane_of(tracks, j)
     k, last = begin, end
-    if tracks.period[j] == 0.0:
+    if period == 0.0:
         k = next_place(tracks, begin, end, s)
         last = k
-        while last < end and tracks.time[last] < t:
+        while last < end and load_float64(tracks.time, last) < t:
             last += 1
     px, py = place_at(tracks, j, s)
     qx, qy = place_at(tracks, j, t)
@@ -155,7 +156,7 @@ def beside(tracks, j, ax, ay, bx, by, gx, gy, s, t):  # type: ignore[no-untyped-
         far = min(nx * (px - ux) + ny * (py - uy), nx * (qx - ux) + ny * (qy - uy))
         i = k
         while far > BESIDE and i < last:
-            far = min(far, nx * (tracks.x[i] - ux) + ny * (tracks.y[i] - uy))
+            far = min(far, nx * (load_float64(tracks.x, i) - ux) + ny * (load_float64(tracks.y, i) - uy))
             i += 1
         if far > BESIDE:
             return True

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
+from pirrht.compiled.addresses import load_float64, load_int64
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
@@ -30,14 +31,34 @@ ASIDE = np.array([1.7e-3, -2.9e-3])  # markers from the middle of what they mark
 OFF = 0.25  # a marker's way may be replaced by its chord if that is off by so many robot radii
 
 
-class Tracks(NamedTuple):
-    """Where J markers are: places at times, straight in between, standing still before the first and after the last."""
+class Lanes(NamedTuple):
+    """Where J markers are, as numbers and addresses that kernels can take cheaply.
 
-    first: IntArray  # (J + 1,) where the places of each begin
-    time: Array  # (k,) [s]
-    x: Array  # (k,) [m]
-    y: Array  # (k,) [m]
-    period: Array  # (J,) after which a marker's track starts over [s]; 0 where it does not
+    They are at places at times, move straight in between, and stand still before the first and after the last.
+    """
+
+    J: int  # number of markers
+    first: int  # address of int64 (J + 1,): where the places of each begin
+    time: int  # address of float64 (k,) [s]
+    x: int  # address of float64 (k,) [m]
+    y: int  # address of float64 (k,) [m]
+    period: int  # address of float64 (J,): after which a marker's track starts over [s]; 0 where it does not
+
+
+class Tracks(Lanes):
+    """The same together with the arrays that the addresses point to."""
+
+    arrays: tuple[Array | IntArray, ...]
+
+    @classmethod
+    def of(cls, ways: Sequence[Array], periods: Sequence[float]) -> Tracks:
+        """Those of ways (k, 3) of times [s] and places [m], which start over after periods [s] that are not 0."""
+        every = np.vstack([np.zeros((0, 3)), *ways])
+        columns = (np.ascontiguousarray(column) for column in every.T)
+        arrays = np.cumsum([0, *map(len, ways)]).astype(np.int64), *columns, np.array(periods, dtype=float)
+        tracks = cls(len(ways), *(array.ctypes.data for array in arrays))
+        tracks.arrays = arrays
+        return tracks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,14 +75,7 @@ class MovingHomology:
         """Markers of bodies for a robot, a goal point (2,) [m] and the best unhindered speed [m/s]."""
         rows = [(m, point) for m in movers for point in markers_of(m, footprint)]
         ways = [_way(mover.motion, point, OFF * footprint.radius) for mover, point in rows]
-        every = np.vstack([np.zeros((0, 3)), *ways])
-        tracks = Tracks(
-            first=np.cumsum([0, *map(len, ways)]),
-            time=every[:, 0].copy(),
-            x=every[:, 1].copy(),
-            y=every[:, 2].copy(),
-            period=np.array([m.motion.rows[-1, 0] if m.motion.repeat else 0.0 for m, _ in rows], dtype=float),
-        )
+        tracks = Tracks.of(ways, [m.motion.rows[-1, 0] if m.motion.repeat else 0.0 for m, _ in rows])
         return cls(names=tuple(m.name for m, _ in rows), tracks=tracks, goal=np.array(goal, dtype=float), speed=speed)
 
     @property
@@ -122,19 +136,25 @@ def _way(motion: Motion, point: Array, off: float) -> Array:
     return np.column_stack([t - motion.lead, x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])
 
 
+@inlined
+def lane_of(tracks, j):  # type: ignore[no-untyped-def]
+    """Where the places of marker j begin and end, and after which it starts over [s] (0: never)."""
+    return load_int64(tracks.first, j), load_int64(tracks.first, j + 1), load_float64(tracks.period, j)
+
+
 @kernel
 def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """Turn [turns] about marker j of a step that goes straight from (ax, ay) [m] at s to (bx, by) at t >= s [s]."""
-    begin, end, period = tracks.first[j], tracks.first[j + 1], tracks.period[j]
+    begin, end, period = lane_of(tracks, j)
     shift = 0.0
-    if period > 0.0 and s > tracks.time[begin]:
-        shift = math.floor((s - tracks.time[begin]) / period) * period
+    if period > 0.0 and s > load_float64(tracks.time, begin):
+        shift = math.floor((s - load_float64(tracks.time, begin)) / period) * period
     k = next_place(tracks, begin, end, s - shift)
     mx, my = _place(tracks, begin, end, k, s - shift)
     fx, fy = ax - mx, ay - my
     total, now = 0.0, s
     while True:
-        knot = tracks.time[k] + shift if k < end else math.inf
+        knot = load_float64(tracks.time, k) + shift if k < end else math.inf
         until = min(knot, t)
         share = (until - s) / (t - s) if t > s else 1.0
         px, py = ax + share * (bx - ax), ay + share * (by - ay)
@@ -146,7 +166,7 @@ def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-d
         k += 1
         if k == end and period > 0.0:
             k, shift = begin + 1, shift + period
-            gx, gy = px - tracks.x[begin], py - tracks.y[begin]
+            gx, gy = px - load_float64(tracks.x, begin), py - load_float64(tracks.y, begin)
             total += turns_of_chord(fx, fy, gx, gy)  # nothing but where the body jumps
             fx, fy = gx, gy
 
@@ -156,7 +176,7 @@ def next_place(tracks, begin, end, t):  # type: ignore[no-untyped-def]
     """The first of the places from begin to end that comes after t [s] of its own clock; `end` if none does."""
     while begin < end:
         middle = (begin + end) // 2
-        if tracks.time[middle] <= t:
+        if load_float64(tracks.time, middle) <= t:
             begin = middle + 1
         else:
             end = middle
@@ -167,20 +187,20 @@ def next_place(tracks, begin, end, t):  # type: ignore[no-untyped-def]
 def _place(tracks, begin, end, k, t):  # type: ignore[no-untyped-def]
     """Where a marker is at t [s] of its own clock, if place k is the next of those from begin to end."""
     if k == begin:
-        return tracks.x[begin], tracks.y[begin]
+        return load_float64(tracks.x, begin), load_float64(tracks.y, begin)
     if k >= end:
-        return tracks.x[end - 1], tracks.y[end - 1]
-    share = (t - tracks.time[k - 1]) / (tracks.time[k] - tracks.time[k - 1])
-    x = tracks.x[k - 1] + share * (tracks.x[k] - tracks.x[k - 1])
-    return x, tracks.y[k - 1] + share * (tracks.y[k] - tracks.y[k - 1])
+        return load_float64(tracks.x, end - 1), load_float64(tracks.y, end - 1)
+    share = (t - load_float64(tracks.time, k - 1)) / (load_float64(tracks.time, k) - load_float64(tracks.time, k - 1))
+    x = load_float64(tracks.x, k - 1) + share * (load_float64(tracks.x, k) - load_float64(tracks.x, k - 1))
+    return x, load_float64(tracks.y, k - 1) + share * (load_float64(tracks.y, k) - load_float64(tracks.y, k - 1))
 
 
 @kernel
 def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
     """Where marker j is at t [s], (x, y) [m]; the earlier place where it jumps at that moment."""
-    begin, end, period = tracks.first[j], tracks.first[j + 1], tracks.period[j]
-    if period > 0.0 and t > tracks.time[begin]:
-        t -= max(math.ceil((t - tracks.time[begin]) / period) - 1.0, 0.0) * period
+    begin, end, period = lane_of(tracks, j)
+    if period > 0.0 and t > load_float64(tracks.time, begin):
+        t -= max(math.ceil((t - load_float64(tracks.time, begin)) / period) - 1.0, 0.0) * period
     return _place(tracks, begin, end, next_place(tracks, begin, end, t), t)
 
 

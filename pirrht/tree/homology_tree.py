@@ -15,9 +15,9 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.shortening.chain import resumed
-from pirrht.shortening.shorten import polish, searches
+from pirrht.shortening.shorten import polish, resume, resumes
 from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges
+from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Steering
 from pirrht.steering.trajectory import Trajectory
@@ -32,6 +32,7 @@ from pirrht.tree.status import ASK, DONE, NODES_FULL, PAIRS_FULL, QUEUE_FULL
 
 GOAL_SHARE = 0.02  # share of the draws that go to the goal's disc, which uniform draws would rarely hit
 DRAWS_PER_VERTEX = 50
+NEW = 2  # classes in space and time that are polished at once while earlier paths of others are known
 # Arrays to double, and the axis, by what is full.
 MORE = {NODES_FULL: (g.NODES, 1), QUEUE_FULL: (g.QUEUE, 0), PAIRS_FULL: (g.NODE_PAIRS, 2)}
 
@@ -242,8 +243,9 @@ class HomologyTree:
 
         Args:
             x: a state of the system, of which vertices may have but a part (`Steering.vertex_of`).
-            before: polished paths by winding, from a state not far from x: where shortening is a search, it goes over
-                their corners only, unless the tree's own path is cheaper even before it is shortened.
+            before: polished paths by winding, from a state not far from x: where that is faster shortening goes on from
+                them, unless the tree's own path is cheaper even before it is shortened. Of other classes in space and
+                time only the cheapest few are then polished at once.
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
@@ -256,8 +258,13 @@ class HomologyTree:
         if count == 0:
             raise NoReference(x.tolist(), vertices=self.size, limit=self.limit)
         order = np.argsort(best.cost[:count], kind="stable")
-        known = before if before and polished and searches(self.steering) else {}
-        references = [self._reference(x, edges, int(best.edge[i]), int(best.slot[i]), polished, known) for i in order]
+        known = before if before and polished and resumes(self.steering) else {}
+        left = NEW if known and isinstance(self.steering, InTime) else len(order)
+        references = []
+        for i in order:
+            found, anew = self._reference(x, edges, int(best.edge[i]), int(best.slot[i]), polished and left > 0, known)
+            left -= anew
+            references.append(found)
         return sorted(references, key=lambda reference: reference.cost)
 
     def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
@@ -399,26 +406,28 @@ class HomologyTree:
         slot: int,
         polished: bool,
         before: Mapping[tuple[int, ...], Motions],
-    ) -> Reference:
-        """The path from x (n,) over one of the edges and on from a node at its head."""
+    ) -> tuple[Reference, bool]:
+        """The path from x (n,) over one of the edges and on from a node at its head; whether it is polished anew."""
         head = int(edges.near[edge])
         states = np.vstack([x, self.states[self.path_of(head, slot)]])
         path = self.checker.until_goal(self.steering.connect(states[:-1], states[1:]))
         winding = integers(g.class_at(self.graph, head, slot) + edges.turns.dense(edge, self.homology.M))
         again = self._resumed(x, before[winding], winding) if winding in before else None
-        if again is not None and again.cost.sum() <= path.cost.sum():
+        kept = again is not None and again.cost.sum() <= path.cost.sum()
+        if kept:
             path = again
         elif polished:
             path = polish(path, self.steering, self.space)
-        return Reference(
+        found = Reference(
             winding=winding,
             signature=self.homology.signature(x, winding),
             trajectory=self.steering.trajectory(path),
         )
+        return found, polished and not kept
 
     def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
         """The cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
-        found = resumed(x, path, self.steering, self.space)
+        found = resume(x, path, self.steering, self.checker)
         if found is None:
             return None
         count = len(found.cost)

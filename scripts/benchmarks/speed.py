@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks import planners, rollouts, systems
+from benchmarks import moving, planners, rollouts, systems
 from benchmarks.timing import row
 
 from sim.recording.recorder import Recorder, Sinks
@@ -22,13 +22,14 @@ from sim.scenario import Scenario, prepare
 
 REPEATS = 5
 PARTS = {"rollouts": rollouts.rows, "planners": planners.rows}
+ALONE = {"systems": systems.rows, "moving": moving.rows}  # of no table but their own
 
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON of all parts, or of the one that is asked for."""
     parts = {**PARTS, "drive": drive}
-    if options.part == "systems":
-        parts = {"systems": systems.rows}
+    if options.part in ALONE:
+        parts = {options.part: ALONE[options.part]}
     table: list[list[str]] = []
     values: dict[str, Any] = {}
     for name in [options.part] if options.part else parts:

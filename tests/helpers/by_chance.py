@@ -14,7 +14,7 @@ from pirrht.guidance.any_guides import AnyGuidance, AnyGuide, Track
 from pirrht.guidance.following import Follow
 from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.guidance.priced_among import touches
-from pirrht.rollouts.among import HELD
+from pirrht.rollouts.among import held_of
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.homology import class_id
@@ -26,7 +26,7 @@ ASIDE = 12.0  # classes whose cheapest costs so many lambda more than the cheape
 @kernel
 def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-untyped-def]
     """Fill paths (S, 4, 3) [m, m, s] from (x, t) over two places to the goal point, and their costs (S,)."""
-    held, listed = np.empty(HELD), np.empty(setup.traffic.lead.shape[0], np.int64)
+    held, listed = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
     best = math.sqrt(2.0 * q / r)
     for s in range(cost.shape[0]):
         draws, path = stream(seed, s), paths[s]

@@ -36,11 +36,12 @@ from pirrht.compiled.streams import antithetic, normals, stream
 from pirrht.geometry.arena import at
 from pirrht.geometry.traffic import traffic_clearance
 from pirrht.rollouts.among import (
-    HELD,
     NEAR,
     SKIN,
     at_moving_wall,
     facing_among,
+    forget,
+    held_of,
     listing,
     look_around,
     met_on_bridge,
@@ -223,8 +224,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         column, carried, wide = np.empty((m, 1)), np.empty((m, 1)), np.zeros((H, 2 * m))
         home, white, drawn = np.zeros(m), np.zeros(2 * m), np.zeros(2 * m)
         stage, lost, pushed = np.empty(H, np.int64), np.empty(H, np.bool_), np.empty(m)
-        bodies = setup.traffic.lead.shape[0] if moving else 0
-        held, listed, near = np.empty(HELD), np.empty(bodies, np.int64), np.empty((bodies, NEAR))
+        bodies = setup.traffic.J if moving else 0
+        held, listed, near = held_of(bodies), np.empty(bodies, np.int64), np.empty((bodies, NEAR))
         among = held, listed, near, np.empty((leads.marks.weight.shape[0], 2))
         laws = wide, home, white, drawn
         return x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, laws, among
@@ -291,7 +292,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         before = distances(arena, x[0], x[1])
         if moving:
             traffic, marks, begun = setup.traffic, leads.marks, origin.time
-            body_key, close, held[4] = np.int64(marks.opening), 0, -np.inf
+            body_key, close = np.int64(marks.opening), 0
+            forget(held)
             open_sides(marks, goal, x[0], x[1], side)
         for j in range(n if draw else 0):
             states[0, j] = x[j]
@@ -321,7 +323,11 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                         within = max(3.0 * math.sqrt(max(xx, yy) * left), 3.0 * reach)
                         if surely(held, traffic.speed, x[0], x[1], now) < within:
                             close = listing(traffic, x[0], x[1], now, within + SKIN, held, listed)
-                        gone, until_change = look_around(traffic, listed, close, x[0], x[1], now, within, near)
+                        gone, until_change = traffic.reach, np.inf
+                        if close > 0:
+                            gone, until_change = look_around(
+                                traffic, listed, close, x[0], x[1], now, within, held, near
+                            )
                 if noisy_position and least < left:
                     scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
                     gap = before[0]
@@ -349,7 +355,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     widest = np.float32(0.5 * math.sqrt(max(cov[0], cov[2])))
                     shift = np.float32(leads.beyond)
                     walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
-                    if moving:
+                    if moving and close > 0:
                         walls = with_moving(walls, near, close, widest)
                         _, wx, wy, _, vx, vy = walls
                     sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, reach)
@@ -532,7 +538,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                         more = np.inf if now + dt > held[4] + SOON and not noisy_position else way + spread + SKIN
                         close = listing(traffic, x[0], x[1], now, more, held, listed)
                         if noisy_position:
-                            look_around(traffic, listed, close, x[0], x[1], now, spread, near)
+                            look_around(traffic, listed, close, x[0], x[1], now, spread, held, near)
                 if not setup.bridge:
                     exit, share = endpoint_exit(arena, moved[0], moved[1])
                     if moving and traffic_clearance(setup.traffic, moved[0], moved[1], now + dt) <= 0.0:
@@ -543,10 +549,10 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     state, exit, share, missed = bridge_exit(
                         arena, x[0], x[1], moved[0], moved[1], before, after, cov, weighed, state, along_line
                     )
-                    if moving:
+                    if moving and close > 0:
                         state, hit, body, alive = met_on_bridge(
-                            traffic, listed, close, near, x[0], x[1], moved[0], moved[1], dt, cov, along_line, weighed,
-                            state,
+                            traffic, listed, close, near, x[0], x[1], moved[0], moved[1], now, dt, cov, along_line,
+                            weighed, state,
                         )  # fmt: skip
                         if hit <= 1.0 and (exit == INSIDE or hit < share):
                             exit, share, by_body = COLLISION, hit, True
@@ -593,7 +599,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 else:
                     exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1], turn)
                 if moving:
-                    if not noisy_position and setup.bridge:
+                    if not noisy_position and setup.bridge and close > 0:
                         hit = met_on_way(traffic, listed, close, x[0], x[1], moved[0], moved[1], turn, now, dt, share)
                         if hit <= share:
                             exit, share = COLLISION, hit

@@ -14,6 +14,7 @@ from moving import SCENES, hall, moved
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
+from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
@@ -199,3 +200,30 @@ def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
             pushed = guide.input_of(guide.states[i], 0.2 * guide.pushes[0][FINER * i])  # what `Push` adds, b = 0.2
             found = lead(guide.states[i], guide.times[i]) + pushed
             assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
+
+
+def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all():
+    integral = sampler(SCENES["crossing"]())
+    times = integral.steps(3.0)
+    tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
+    proposals = tuple(Proposal(lead=tape, count=count) for tape, count in zip(tapes, (400, 40), strict=True))
+    batch = Batch(state=np.array([5.0, 2.5]), times=times, proposals=proposals)
+    assert [part.size for part in sample(integral, batch, 0, left=lambda: 0.0).parts] == [44]
+    assert [part.size for part in sample(integral, batch, 0).parts] == [440]
+    assert (
+        sum(part.size for part in sample(integral, batch, 0, left=iter(np.linspace(9.0, 0.0, 9)).__next__).parts) > 440
+    )
+
+
+def test_tables_of_a_batch_serve_any_numbers_of_its_samples():
+    integral = sampler(SCENES["crossing"]())
+    times = integral.steps(3.0)
+    tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
+    batch = Batch(
+        state=np.array([4.6, 2.5]), times=times, proposals=tuple(Proposal(lead=tape, count=50) for tape in tapes)
+    )
+    other = replace(batch, proposals=batch.proposals[::-1])
+    alone = [sampler(SCENES["crossing"]()).rollout(one, 1) for one in (batch, batch.counting([20, 60]), other)]
+    after = [integral.rollout(one, 1) for one in (batch, batch.counting([20, 60]), other)]
+    for one, two in zip(alone, after, strict=True):
+        assert np.array_equal(one.log_weight, two.log_weight)

@@ -22,7 +22,7 @@ from pirrht.guidance.following import Follow
 from pirrht.guidance.leads import Batch, Proposal
 from pirrht.guidance.priced_among import touches
 from pirrht.problem import Problem
-from pirrht.rollouts.among import HELD, NEVER, listing, met_on_way, surely
+from pirrht.rollouts.among import HELD, NEVER, SEEN, held_of, listing, met_on_way, surely
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
@@ -46,7 +46,7 @@ RESTART = 0.9  # when one of them is suddenly elsewhere [s]
 def test_a_straight_way_is_met_where_fcl_says():
     world, rng = busy(), np.random.default_rng(0)
     traffic, crowd, met = Traffic.of(world), Crowd(world.movers, world.footprint), 0
-    held, listed = np.empty(HELD), np.empty(traffic.J, np.int64)
+    held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
     for _ in range(300):
         a, t, dt = rng.uniform([1.0, 0.5], [5.0, 3.5]), rng.uniform(0.0, 2.0), rng.uniform(0.05, 0.3)
         b = a + rng.uniform(-0.3, 0.3, 2)
@@ -73,7 +73,7 @@ def test_a_straight_way_is_met_where_fcl_says():
 def test_a_list_serves_as_long_as_it_says():
     world, rng = busy(), np.random.default_rng(1)
     traffic, crowd = Traffic.of(world), Crowd(world.movers, world.footprint)
-    held, listed = np.empty(HELD), np.empty(traffic.J, np.int64)
+    held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
     served = 0
     for _ in range(200):
         x, t, within = rng.uniform([0.0, 0.0], [6.0, 5.0]), rng.uniform(0.0, 2.0), rng.uniform(0.2, 1.5)
@@ -85,6 +85,22 @@ def test_a_list_serves_as_long_as_it_says():
             assert known <= crowd.clearance(y, s) + 1e-6
             served += known > 0.0
     assert served > 50
+
+
+def test_what_a_list_knows_from_before_leaves_out_no_body_that_is_near():
+    """Along a random way, with and without what earlier lists have left."""
+    world, rng = busy(), np.random.default_rng(2)
+    traffic, skipped = Traffic.of(world), 0
+    held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
+    x, t = np.array([1.0, 1.0]), 0.0
+    for _ in range(400):
+        x, t = np.clip(x + rng.normal(0.0, 0.1, 2), 0.0, 5.0), t + rng.uniform(0.0, 0.02)
+        within, before = rng.uniform(0.1, 1.0), held[HELD:].copy()
+        found = listed[: listing(traffic, x[0], x[1], t, within, held, listed)].tolist()
+        skipped += int(np.sum(np.all(held[HELD:].reshape(-1, SEEN) == before.reshape(-1, SEEN), axis=1)))
+        afresh = np.empty(traffic.J, np.int64)
+        assert found == afresh[: listing(traffic, x[0], x[1], t, within, held_of(traffic.J), afresh)].tolist()
+    assert skipped > 200
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from discs import block
 from moving import SCENES, hall
 
 from pirrht.freespace import FreeSpace
-from pirrht.shortening.shorten import polish
+from pirrht.geometry.motion import Motion
+from pirrht.shortening.shorten import polish, resume
 from pirrht.shortening.timed_relaxation import BAND, modelled
+from pirrht.steering.along_legs import Legs
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.topology.moving import MovingHomology
@@ -117,3 +120,34 @@ def test_who_must_wait_stands_or_walks_slowly_but_never_turns_back():
     assert np.all(np.diff(found[:, 0]) > 0.0)
     assert speed.max() < 1.2
     assert math.isclose(found[0, 0], 1.0)
+
+
+def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[FreeSpace, Legs, np.ndarray]:
+    """`crossing`, a taut path over a place and a time, and where a robot is that was put aside on it a little later."""
+    space = FreeSpace.of(SCENES["crossing"]())
+    knots = np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]])
+    path = polish(EdgeChecker.of(space, STEERING).until_goal(STEERING.connect(knots[:-1], knots[1:])), STEERING, space)
+    return space, path, np.array([*(path.places(np.array([0.4]))[0] + aside), 0.4])
+
+
+@pytest.mark.parametrize("via", [(3.25, 3.1, 2.2), (3.25, 2.0, 2.6)])
+@pytest.mark.parametrize("aside", [(0.0, 0.0), (-0.02, 0.03)])
+def test_a_path_that_goes_on_from_an_earlier_one_is_as_good_as_one_made_anew(via, aside):
+    space, path, x = later(via, aside)
+    checker = EdgeChecker.of(space, STEERING)
+    found = resume(x, path, STEERING, checker)
+    anew = taut(space, np.vstack([x, path.knots[path.knots[:, 2] > 0.5]]))
+    assert np.array_equal(found.knots[0], x)
+    assert checker.inspect(found, np.arange(len(found.cost)) == len(found.cost) - 1).free.all()
+    homology = STEERING.homology(space)
+    assert homology.winding(found.knots) == homology.winding(anew)
+    assert found.cost.sum() == pytest.approx(cost_of(anew), rel=2e-3)
+
+
+def test_no_path_goes_on_where_a_body_has_come_into_the_way():
+    space, path, x = later((3.25, 3.1, 2.2), (0.0, 0.0))
+    wall = [(0.0, 3.25, 2.5, 0.0), (9.0, 3.25, 2.5, 0.0)]
+    other = replace(space.scene.movers[0], motion=Motion(rows=np.array(wall)))
+    blocked = space.among([replace(other, solids=(block("block", 0.0, 0.0, (0.1, 1.6)),))])
+    assert resume(x, path, STEERING, EdgeChecker.of(blocked, STEERING)) is None
+    assert resume(x, path, STEERING, EdgeChecker.of(space, STEERING)) is not None

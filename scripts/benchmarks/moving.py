@@ -1,0 +1,151 @@
+"""Speed among 24 bodies that move: rollouts, planning, a control step by phase, and plans that are late in real time.
+
+Rollouts are those of a plan at the start, around its guides and ways; without bodies they are the same ones, in the
+same scene with nothing that moves in it. The rate counts steps of the grid: fitted ones are split near bodies, of
+uniform ones each is one step of a path.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.moving_scene import moving_scenario
+from benchmarks.timing import interleaved, row
+
+from pirrht.control.controller import Controller
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.geometry.traffic import Traffic
+from pirrht.guidance.leads import Batch
+from pirrht.rollouts.records import MovingSetup
+from sim.drive.episode import Tally
+from sim.recording.recorder import Recorder, Sinks
+from sim.scenario import Scenario
+
+BODIES, VERTICES, SAMPLES, PERIOD = 24, 2000, 300, 0.1
+SEEDS = (0, 1, 2)  # of the scenes that are driven through
+REPEATS = 5
+PHASES = {"_references": "references", "_guided": "guides", "_estimate": "samples"}  # methods of the controller
+
+
+def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
+    """Table and JSON for one robot."""
+    given = {"vertices": VERTICES, "samples": SAMPLES, "period": PERIOD}
+    scenarios = [moving_scenario(seed, BODIES, given, options.robot) for seed in SEEDS]
+    for scenario in scenarios:
+        scenario.controller(scenario.grown_tree()).plan(scenario.start)  # compiles, and loads what is compiled
+    rates = {steps: rollouts(scenarios[0].with_settings(steps=steps)) for steps in ("fitted", "uniform")}
+    table = []
+    for steps, known in rates.items():
+        for name, (taken, rate) in known.items():
+            over = known["one guide, none" if "guide" in name else "none"][1] / rate  # the same without bodies
+            table.append(row(f"rollouts, {steps} steps, {name}", taken, over, rate=f"{rate / 1e6:.2f} M steps/s"))
+    seconds = planning(scenarios[0])
+    table.append(row(f"planning {VERTICES} vertices", seconds))
+    spent, classes = control_steps(scenarios, options.drive)
+    for name, times in spent.items():
+        table.append(
+            row(f"control step, {name}", float(np.median(times)), note=f"p99 {1e3 * np.percentile(times, 99):.0f} ms")
+        )
+    table[-1][-1] += f", {classes:.1f} classes"
+    late, plans = late_plans(scenarios, options.drive)
+    table.append(["late plans at 10 Hz, recording", f"{100.0 * late / plans:.2g}", "%", "-", "-", f"{late} of {plans}"])
+    return table, {
+        "rollouts": {steps: {k: v[1] for k, v in known.items()} for steps, known in rates.items()},
+        "planning": seconds,
+        "control_step": {name: [float(np.median(t)), float(np.percentile(t, 99))] for name, t in spent.items()},
+        "late": [late, plans],
+    }
+
+
+def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
+    """Median time [s] and steps per second of a plan's rollouts, and of the first guide's, with bodies and without."""
+    batch, among = plan_batch(scenario)
+    assert isinstance(among.setup, MovingSetup)
+    alone = copy(among)
+    alone.setup = among.setup._replace(traffic=Traffic.of(replace(scenario.loaded.scene, movers=())))
+    one = replace(batch, proposals=batch.proposals[:1]).counting([1000])
+    work: dict[str, Callable[[int], Any]] = {
+        "none": lambda k: alone.rollout(batch, k),
+        f"{BODIES} bodies": lambda k: among.rollout(batch, k),
+        "one guide, none": lambda k: alone.rollout(one, k),
+        f"one guide, {BODIES} bodies": lambda k: among.rollout(one, k),
+    }
+    seconds = interleaved(work, REPEATS)
+    return {name: (spent, float(work[name](0).paths.steps.sum()) / spent) for name, spent in seconds.items()}
+
+
+def plan_batch(scenario: Scenario) -> tuple[Batch, PathIntegral]:
+    """What a first plan samples around, and who samples."""
+    controller = scenario.controller(scenario.grown_tree())
+    assert isinstance(controller, Controller)
+    assert controller.tree is not None
+    references = controller.tree.references(controller.homology.asked(scenario.start, 0.0))
+    return controller.batch(scenario.start, references), controller.path_integral
+
+
+def planning(scenario: Scenario) -> float:
+    """Median processor time to grow a tree of VERTICES [s]."""
+    spent = []
+    for seed in range(REPEATS):
+        began = time.process_time()
+        scenario.with_settings(seed=seed).grown_tree()
+        spent.append(time.process_time() - began)
+    return float(np.median(spent))
+
+
+def control_steps(scenarios: list[Scenario], seconds: float) -> tuple[dict[str, list[float]], float]:
+    """Wall times of control steps by phase [s], first ones aside, and the mean number of classes."""
+    spent: dict[str, list[float]] = defaultdict(list)
+    classes = []
+    for scenario in scenarios:
+        timed = scenario.with_settings(max_time=seconds)
+        driver = timed.driver(timed.grown_tree())
+        now: dict[str, float] = defaultdict(float)
+        for method, name in PHASES.items():
+            setattr(driver, method, _timing(getattr(driver, method), name, now))
+        for frame in timed.drive(timed.plant(), driver):
+            now["rest"] = frame.plan_seconds - sum(now.values())
+            now["all"] = frame.plan_seconds
+            for name, value in now.items() if frame.step > 0 else ():
+                spent[name].append(value)
+            now.clear()
+            classes.append(len(frame.plan.references))
+    return {name: spent[name] for name in [*PHASES.values(), "rest", "all"]}, float(np.mean(classes))
+
+
+def _timing(method: Callable[..., Any], name: str, now: dict[str, float]) -> Callable[..., Any]:
+    def timed(*given: Any) -> Any:
+        began = time.perf_counter()
+        try:
+            return method(*given)
+        finally:
+            now[name] += time.perf_counter() - began
+
+    return timed
+
+
+def late_plans(scenarios: list[Scenario], seconds: float) -> tuple[int, int]:
+    """How many plans of drives in real time were late, of how many, while they were recorded."""
+    late = plans = 0
+    for scenario in scenarios:
+        timed = scenario.with_settings(max_time=seconds, real_time=True)
+        tree = timed.grown_tree()
+        driver, tally = timed.driver(tree), Tally(PERIOD)
+        with tempfile.TemporaryDirectory() as folder:
+            sinks = Sinks(file=Path(folder) / "drive.rrd")
+            with Recorder(timed.loaded, tree, driver.path_integral, sinks, settings={"scene": "benchmark"}) as recorder:
+                for frame in timed.drive(timed.plant(), driver):
+                    recorder.log(frame, tally.add(frame))
+        figures = tally.drive().real_time
+        assert figures is not None
+        late, plans = late + figures["deadline_misses"], plans + figures["periods"]
+    return late, plans

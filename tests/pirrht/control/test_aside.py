@@ -1,0 +1,26 @@
+"""How samples are shared by a guide and what goes beside it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from pirrht.control.aside import Aside
+from pirrht.guidance.leads import Proposal, Tape
+
+TIMES = np.arange(3.0)
+
+
+def tape() -> Tape:
+    return Tape(TIMES, np.zeros((2, 2)))
+
+
+def test_only_classes_with_the_most_samples_have_some_beside_their_guides_and_none_is_lost():
+    ways = {"a": tape(), "b": tape(), "c": tape()}
+    aside = Aside(SimpleNamespace(beside=lambda x, trajectory, time: ways[trajectory]))
+    aside.shares["b"] = 0.2
+    asked = [Proposal(lead=tape(), count=count, name=name) for name, count in (("a", 300), ("b", 300), ("c", 30))]
+    found = aside.split(np.zeros(2), asked, ["a", "b", "c"], 0.0)
+    assert [(one.name, one.count) for one in found] == [("a", 150), ("b", 240), ("c", 30), ("a", 150), ("b", 60)]
+    assert [one.lead for one in found[3:]] == [ways["a"], ways["b"]]
