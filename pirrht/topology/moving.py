@@ -205,6 +205,14 @@ def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def places_at(tracks, times, out):  # type: ignore[no-untyped-def]
+    """Write where all markers are at times (T,) [s] to `out` (J, T, 2) [m]."""
+    for j in range(out.shape[0]):
+        for i in range(times.shape[0]):
+            out[j, i, 0], out[j, i, 1] = place_at(tracks, j, times[i])
+
+
+@kernel
 def add_turns(tracks, path, out):  # type: ignore[no-untyped-def]
     """Add H of a path (k, 3) [m, m, s] to `out` (J,) [turns]."""
     for j in range(out.shape[0]):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pirrht.topology.moving import MovingHomology, place_at
+from pirrht.arrays import Array
+from pirrht.topology.moving import MovingHomology, places_at
 from pirrht.tree.homology_tree import Reference
 
 MOMENTS = 60  # of a path that are looked at
@@ -23,12 +24,17 @@ def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
         return ("",) * moving.J
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
     way = np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
+    places, late, early = (_places(moving, times + shift) for shift in (0.0, BACK, -BACK))
+    nearest = np.argmin(np.linalg.norm(places - way, axis=2), axis=1)
     found = []
-    for j in range(moving.J):
-        places = np.array([place_at(moving.tracks, j, float(t)) for t in times])
-        k = int(np.argmin(np.hypot(*(way - places).T)))
-        late, early = (np.array(place_at(moving.tracks, j, float(times[k] + s))) for s in (BACK, -BACK))
-        ahead = (late - early) / (2.0 * BACK)
+    for j, k in enumerate(nearest.tolist()):
+        ahead = (late[j, k] - early[j, k]) / (2.0 * BACK)
         slow = float(np.hypot(*ahead)) < STILL
-        found.append("past" if slow else "before" if float((way[k] - places[k]) @ ahead) > 0.0 else "behind")
+        found.append("past" if slow else "before" if float((way[k] - places[j, k]) @ ahead) > 0.0 else "behind")
     return tuple(found)
+
+
+def _places(moving: MovingHomology, times: Array) -> Array:
+    places = np.empty((moving.J, len(times), 2))
+    places_at(moving.tracks, times, places)
+    return places
