@@ -22,17 +22,12 @@ from pirrht.geometry.shapes import offset_of, outside
 
 REACH = 8.0  # no clearance above so many robot radii is told ...
 LEAST = 1.0  # ... and one of so many meters, if that is more [m]
-WALL = 5  # numbers of a wall that moves
-BODY = (
-    5  # numbers of a body: how much later than now its rows' clock is [s], after which it starts over [s] (0: never),
-)
+BODY = 5  # numbers of a body: how much later than now its rows' clock is [s], when it starts over [s] (0: never),
 # whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
 LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
 PARTS = 4  # of a body: where its rows begin and end, and its solids
 ROW = 7  # numbers of a row: t [s], x, y [m], yaw [rad], and the rates of these until the next [1/s]
-SOLID = (
-    15  # numbers of a solid: MuJoCo's sizes, its place in the body's frame, and its axes there as columns, row by row
-)
+SOLID = 15  # numbers of a solid: MuJoCo's sizes, place in the body's frame, and axes there as columns, row by row
 TABLE = 4  # of a solid: form or -1, where its lattice begins in the table, and how many points that has along x and y
 
 
@@ -272,38 +267,3 @@ def traffic_clearance(traffic, x, y, t):  # type: ignore[no-untyped-def]
         if outside_of(traffic, j, ox, oy, x, y) < best:
             best = min(best, clearance_of_body(traffic, j, ox, oy, yaw, x, y))
     return best
-
-
-@kernel
-def moving_walls(traffic, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    """Write the bodies less than so far from (x, y) [m] at t [s] to rows of `out` (J, WALL); returns how many.
-
-    A row is the clearance [m], the unit vector (x, y) away from the nearest point, and the velocity (x, y) that the
-    body has there [m/s]; at a time at which that changes, that from then on.
-    """
-    count = 0
-    for j in range(traffic.J):
-        count = _add_wall(traffic, j, x, y, t, within, out, count)
-    return count
-
-
-@kernel
-def walls_of_some(traffic, listed, many, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    """The same of so many bodies that are `listed` (J,)."""
-    count = 0
-    for k in range(many):
-        count = _add_wall(traffic, listed[k], x, y, t, within, out, count)
-    return count
-
-
-@inlined
-def _add_wall(traffic, j, x, y, t, within, out, count):  # type: ignore[no-untyped-def]
-    """Write body j to a row of `out` if it is so near; how many rows there are then."""
-    ox, oy, yaw, vx, vy, turn, _ = piece_of(traffic, j, t)
-    if outside_of(traffic, j, ox, oy, x, y) < within:
-        d, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, yaw, x, y)
-        if d < within:
-            out[count, 0], out[count, 1], out[count, 2] = d, nx, ny
-            out[count, 3], out[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
-            count += 1
-    return count

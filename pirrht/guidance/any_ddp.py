@@ -22,10 +22,10 @@ from pirrht.guidance.priced import expand_price, price_of
 from pirrht.guidance.priced_among import expand_among, expand_point, point_price, price_among, touches
 from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.guidance.step_map import NUDGE, step_of
-from pirrht.rollouts.among import held_of
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
 from pirrht.rollouts.general.path import Kind, diffusion_of, is_gated
 from pirrht.rollouts.homing import wrapped
+from pirrht.rollouts.listed import held_of
 from pirrht.systems.dynamics import no_homing
 from pirrht.topology.marks import key_of_path
 

@@ -40,13 +40,9 @@ from pirrht.rollouts.among import (
     SKIN,
     at_moving_wall,
     facing_among,
-    forget,
-    held_of,
-    listing,
     look_around,
     met_on_bridge,
     met_on_way,
-    surely,
     with_moving,
 )
 from pirrht.rollouts.first_exit import (
@@ -70,6 +66,7 @@ from pirrht.rollouts.first_exit import (
 from pirrht.rollouts.first_exit import GOAL as REACHED
 from pirrht.rollouts.gates import gate_slope
 from pirrht.rollouts.homing import STEEP, homing, wrapped
+from pirrht.rollouts.listed import forget, held_of, listing, surely
 from pirrht.rollouts.records import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.dynamics import no_drift, no_homing

@@ -12,8 +12,9 @@ from moving import SCENES, as_mesh, hall, moved
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.moving_walls import WALL, moving_walls
 from pirrht.geometry.scene import Scene, World
-from pirrht.geometry.traffic import WALL, Traffic, moving_walls, pose_of, traffic_clearance
+from pirrht.geometry.traffic import Traffic, pose_of, traffic_clearance
 
 EVERYWHERE = np.full(2, np.inf)
 

@@ -22,7 +22,8 @@ from pirrht.guidance.following import Follow
 from pirrht.guidance.leads import Batch, Proposal
 from pirrht.guidance.priced_among import touches
 from pirrht.problem import Problem
-from pirrht.rollouts.among import HELD, NEVER, SEEN, held_of, listing, met_on_way, surely
+from pirrht.rollouts.among import NEVER, met_on_way
+from pirrht.rollouts.listed import HELD, SEEN, held_of, listing, surely
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
