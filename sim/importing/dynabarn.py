@@ -46,7 +46,7 @@ CUSTOM = (
     '<numeric name="pirrht_radius" data="0.33"/>',
     '<numeric name="pirrht_noise" data="0.05"/>',
     '<numeric name="pirrht_speed" data="2"/>',
-    '<numeric name="pirrht_margin" data="0.05"/>',
+    '<numeric name="pirrht_margin" data="0.1"/>',
     '<numeric name="pirrht_period" data="0.1"/>',
     '<numeric name="pirrht_dt" data="0.1"/>',
     '<numeric name="pirrht_samples" data="300"/>',

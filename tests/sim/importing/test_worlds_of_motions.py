@@ -113,7 +113,7 @@ def test_a_world_becomes_a_scene_with_the_benchmarks_task(run):
     assert np.cos(scene.start[2]) == pytest.approx(-1.0)
     np.testing.assert_allclose([*scene.goal.center, scene.goal.radius], [-9, 0, 1])
     np.testing.assert_allclose([*scene.lower, *scene.upper], [-10, -10, 12, 10])
-    assert scene.robot_radius == pytest.approx(0.33 + 0.05)  # with the room that plans keep
+    assert scene.robot_radius == pytest.approx(0.33 + 0.1)  # with the room that plans keep
     assert scene.defaults["noise"] == 0.05
     walls = {o.name: (*o.position[:2], *o.size[:2]) for o in scene.obstacles}
     assert walls == {
