@@ -175,9 +175,9 @@ def lost_when_killed(file: Path, pause: float, steps: int) -> float:
 @pytest.mark.parametrize(("pause", "steps"), [(0.0, 150), (0.04, 40)])
 def test_a_killed_run_leaves_all_but_its_last_moments(tmp_path, pause, steps):
     lost = []
-    while not lost or (lost[-1] > 0.2 and len(lost) < 8):  # a busy machine may need more than one attempt
+    while not lost or (lost[-1] > 0.5 and len(lost) < 8):  # a busy machine may need more than one attempt
         lost.append(lost_when_killed(tmp_path / f"{len(lost)}.rrd", pause, steps))
-    assert lost[-1] <= 0.2
+    assert lost[-1] <= 0.5
 
 
 def test_a_viewer_that_is_not_there_is_refused(tmp_path):
