@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ from pirrht.tree.homology_tree import HomologyTree, Reference
 BETWEEN = ("classes", "hold")
 ELSEWHEN = 0.1  # a drive that begins so much later is another one [s]
 ANEW = 400  # vertices that a tree then gains
+PRESSED = 0.3  # of the time for sampling is left when time is short
 
 
 class Controller(Policy):
@@ -142,7 +144,7 @@ class Controller(Policy):
         self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
         self._aim(self.homology.asked(x, time))
         self._aside = Aside(self.path_integral)
-        self._way = Way()
+        self._way, self._pressed = Way(), _never
 
     def _aim(self, here: Array) -> None:
         """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
@@ -172,6 +174,7 @@ class Controller(Policy):
         if foreseen is not None:
             self.tree = self.tree and foreseen.tree
             self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
+        self._pressed = _never if left is None else partial(_below, left, PRESSED * left())
         try:
             references = self._references(x)
         except NoReference:
@@ -284,7 +287,13 @@ class Controller(Policy):
             return []
         driven = np.array(self.driven_class())
         before = {integers(np.asarray(whole) - driven): path for whole, path in self._paths.items()}
-        found = self.tree.references(self.homology.asked(x, self.now), polished=self.polished, before=before)
+        found = self.tree.references(
+            self.homology.asked(x, self.now),
+            polished=self.polished,
+            before=before,
+            pressed=self._pressed,
+            threads=self.path_integral.threads,
+        )
         classes = self._from_start(found)
         self._paths = {whole: one.path for whole, one in zip(classes, found, strict=True)}
         kept = [] if self.method.most is not None else self._kept(x, set(classes))
@@ -331,13 +340,18 @@ class Controller(Policy):
     def _guided(
         self, guidance: Any, x: Array, times: Array, references: list[Reference]
     ) -> tuple[list[Any], list[int]]:
-        """Guides, each from what is left of the last one of its class, and samples around each."""
+        """Guides, each from what is left of the last one of its class, and samples around each.
+
+        If time is short there are none of new classes, the cheapest aside.
+        """
         classes = self._from_start(references)
         clock = {"time": self.now} if isinstance(self.homology, TimedHomology) else {}
 
         def improve(which: tuple[Reference, tuple[int, ...]]) -> Any:
             reference, whole = which
             key, last = self.homology.key(reference.winding), self._guides.get(whole)
+            if last is None and reference is not references[0] and self._pressed():
+                return None  # made from nothing it takes ten times as long
             return guidance.improve(x, times, key, reference.trajectory, last, self.drive.since_plan, **clock)
 
         guides = mapped(improve, zip(references, classes, strict=True), self.path_integral.threads)
@@ -368,3 +382,12 @@ class Controller(Policy):
         if not trajectories:
             return 4.0 * self.problem.least_rate * float(np.hypot(*(x[:2] - self.space.scene.goal.center)))
         return min(running_cost(self.problem, x, trajectory) for trajectory in trajectories)
+
+
+def _never() -> bool:
+    return False
+
+
+def _below(left: Callable[[], float], least: float) -> bool:
+    """Whether less time than that is left [s]."""
+    return left() < least

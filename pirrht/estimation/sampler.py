@@ -43,6 +43,7 @@ from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.marks import NO_MARKS, Marks
 
 LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
+SMALL = 0.01  # among bodies that move no step is split over which noise carries a point by so many radii of the robot
 UNSURE = 3.0  # by so many nats a shortfall may change before it is found anew
 HOPELESS = 16.0  # classes that promise so many nats less than another are worth only a few samples
 BEHIND = 0.5826  # deviations of a step; minus zeta(1/2) / sqrt(2 pi)
@@ -313,7 +314,7 @@ class PathIntegral:
             ways=no_ways(H, C, NODES, scales.decay),
             reach=self._reach(scales),
             beyond=self._beyond,
-            least=LEAST * self.sampling.dt if self.sampling.fitted else np.inf,
+            least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=window(scales.noise, self._nearest(x, batch.time), times, longest) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
@@ -327,6 +328,13 @@ class PathIntegral:
         leads.active[:] = np.where(busy.any(axis=1), T - np.argmax(busy[:, ::-1], axis=1), 0)
         leads.drift[:] = leads.control @ self.setup.gain.T
         return leads
+
+    def _least(self, scales: Scales) -> float:
+        """No step near walls is shorter than this [s]."""
+        least = LEAST * self.sampling.dt
+        if not self.moving or not self.problem.dynamics.noisy_position:
+            return least
+        return max(least, (SMALL * self.problem.scene.robot_radius) ** 2 / scales.noise)
 
     def _nearest(self, x: Array, time: float) -> float:
         """Distance of x (n,) from the nearest wall or the goal's disc at a time [s], [m]."""

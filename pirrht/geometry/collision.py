@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from threading import RLock
 from typing import Any
 
 import fcl
@@ -34,6 +35,7 @@ class Collision:
     def __init__(self, world: World, footprint: Footprint) -> None:
         self.world, self.footprint = world, footprint
         self.calls = 0  # FCL queries so far
+        self._asking = RLock()  # the probe is one for all, and threads move it
         doubtful = [o.kind in (Kind.ELLIPSOID, Kind.MESH) for o in world.obstacles]
         self._solids = [solid_of(o) for o in world.obstacles]
         self._shells = [
@@ -162,7 +164,6 @@ class Collision:
 
     def _nearest(self, point: Array) -> float:
         probe, request = self._probe, self._distance_request
-        probe.setTranslation(point)
         best = [np.inf]
 
         def visit(one: Any, other: Any, data: list[float]) -> tuple[bool, float]:
@@ -171,8 +172,10 @@ class Collision:
                 data[0] = d
             return d <= 0, data[0]
 
-        self.calls += 1
-        self._all_shells.distance(probe, best, visit)
+        with self._asking:
+            self.calls += 1
+            probe.setTranslation(point)
+            self._all_shells.distance(probe, best, visit)
         d = best[0] + PROBE
         if d <= PROBE:
             return 0.0
@@ -194,10 +197,11 @@ class Collision:
         return d, float(point[0] - near[0]), float(point[1] - near[1])
 
     def _from_one(self, index: int, point: Array, result: Any = None) -> float:
-        self.calls += 1
-        self._probe.setTranslation(point)
         result = fcl.DistanceResult() if result is None else result
-        d: float = PROBE + fcl.distance(self._probe, self._shells[index], self._distance_request, result)
+        with self._asking:
+            self.calls += 1
+            self._probe.setTranslation(point)
+            d: float = PROBE + fcl.distance(self._probe, self._shells[index], self._distance_request, result)
         if d <= PROBE:
             return 0.0
         if not self._is_doubtful[index]:

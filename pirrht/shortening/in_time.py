@@ -29,13 +29,14 @@ AGAIN = (
     0.0,
 )  # and where an earlier path is made taut again; with 0 it stays as it is but for its start [m]
 SOON = 0.5  # of the mean duration of its legs: a knot that is so near in time is left out
+PATIENCE = 2  # knots that are tried without success before a straight way is as long as it gets
 BENDS = 0.6  # share of the knots of the second round that go where the path bends
 
 
 def taut_in_time(path: Legs, steering: InTime, space: FreeSpace) -> Legs:
     """A path into the goal's disc of the same class that never costs more."""
     checker = EdgeChecker.of(space, steering)
-    joined = _joined(path.knots, steering, checker)
+    joined = _joined(path.knots, steering, checker, far=True)
     best = path if joined is None or joined.cost.sum() > path.cost.sum() else joined
     for count, margins in ROUNDS:
         for margin in margins:
@@ -79,17 +80,17 @@ def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: E
     """A path of moved knots if it is free, of the class and cheaper, else None."""
     knots = _meshed(path.knots, count)
     relax(checker.around, steering.compiled.numbers, knots, margin, checker.space.scene.robot_radius, 0)
-    found = _joined(knots, steering, checker)
+    found = _joined(knots, steering, checker, far=False)
     if found is None or found.cost.sum() >= path.cost.sum() or _key(found.knots, checker) != _key(path.knots, checker):
         return None
     return found
 
 
-def _joined(knots: Array, steering: InTime, checker: EdgeChecker) -> Legs | None:
+def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) -> Legs | None:
     """The path over some of the knots (k, 3), all legs of which are free up to the goal's disc; None if one is not."""
     kept, goal = knots.copy(), checker.space.scene.goal
     kept[-1, :2] = _into(kept[-1, :2], goal)
-    count = _shortcut(checker.around, steering.compiled.numbers, kept)
+    count = _shortcut(checker.around, steering.compiled.numbers, kept, far)
     path: Legs = checker.until_goal(steering.connect(kept[: count - 1], kept[1:count]))
     last = np.arange(count - 1) == count - 2
     return path if checker.inspect(path, last).free.all() else None
@@ -144,10 +145,11 @@ def _key_of(around, knots):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _shortcut(around, numbers, knots):  # type: ignore[no-untyped-def]
+def _shortcut(around, numbers, knots, far):  # type: ignore[no-untyped-def]
     """Leave out knots (k, 3) between which and others a free straight way of the class leads, in place; how many stay.
 
-    The last one is where the path enters the goal's disc.
+    The last one is where the path enters the goal's disc. Only with `far` is it asked whether a way leads to a knot
+    where none leads to the PATIENCE before that.
     """
     M, count = around.weights.shape[0], knots.shape[0]
     marker, turn, kept, i, speed = np.empty(M, np.int32), np.empty(M, np.int16), 1, 0, numbers[2]
@@ -155,19 +157,19 @@ def _shortcut(around, numbers, knots):  # type: ignore[no-untyped-def]
     for k in range(count - 1):
         keys[k + 1] = keys[k] + _key_of_leg(around, knots[k], knots[k + 1], k == count - 2, marker, turn)
     while i < count - 1:
-        a, to = knots[i], i + 1
-        for j in range(count - 1, i + 1, -1):
+        a, to, j, ahead = knots[i], i + 1, i + 2, count - 1 if far else PATIENCE
+        while j < count and j <= to + ahead:
             b = knots[j]
             dt, square, last = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2, j == count - 1
-            if not dt > 0.0 or square > (speed * dt) ** 2 * (1.0 + LATE):
-                continue
-            if not last and entered(around, a[0], a[1], b[0], b[1]) < np.inf:
-                continue
-            if _key_of_leg(around, a, b, last, marker, turn) != keys[j] - keys[i]:
-                continue
-            if free_leg(around, a[0], a[1], a[2], b[0], b[1], b[2]) == FREE:
+            if (
+                dt > 0.0
+                and square <= (speed * dt) ** 2 * (1.0 + LATE)
+                and (last or entered(around, a[0], a[1], b[0], b[1]) == np.inf)
+                and _key_of_leg(around, a, b, last, marker, turn) == keys[j] - keys[i]
+                and free_leg(around, a[0], a[1], a[2], b[0], b[1], b[2]) == FREE
+            ):
                 to = j
-                break
+            j += 1
         for c in range(3):
             knots[kept, c] = knots[to, c]
         keys[kept] = keys[to]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -39,6 +39,16 @@ NO_EDGES = Edges(
     np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0),
     Turns(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.int16)),
 )  # fmt: skip
+
+
+def joined(parts: Sequence[Edges]) -> Edges:
+    """One after the other as one."""
+    counts = np.cumsum([0, *(len(part.turns.marker) for part in parts)])
+    first = [part.turns.first[:-1] + count for part, count in zip(parts, counts, strict=False)]
+    marker, turn = (np.concatenate([part.turns[k] for part in parts]) for k in (1, 2))
+    turns = Turns(np.concatenate([*first, counts[-1:]]), marker, turn)
+    near, status, cost = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:3])
+    return Edges(near, status, cost, turns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

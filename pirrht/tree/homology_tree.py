@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht import shown
 from pirrht.arrays import Array
+from pirrht.compiled.threads import mapped
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.shortening.shorten import polish, resume, resumes
-from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges
+from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, joined
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Steering
@@ -32,7 +33,9 @@ from pirrht.tree.status import ASK, DONE, NODES_FULL, PAIRS_FULL, QUEUE_FULL
 
 GOAL_SHARE = 0.02  # share of the draws that go to the goal's disc, which uniform draws would rarely hit
 DRAWS_PER_VERTEX = 50
-NEW = 2  # classes in space and time that are polished at once while earlier paths of others are known
+ALIKE = 1e-5  # share of its cost by which a path that was shortened before may exceed one that is not
+NEW = 1  # of the classes in space and time that is polished at once while earlier paths of others are known
+SHARED = 200  # edges that are worth more than one thread
 # Arrays to double, and the axis, by what is full.
 MORE = {NODES_FULL: (g.NODES, 1), QUEUE_FULL: (g.QUEUE, 0), PAIRS_FULL: (g.NODE_PAIRS, 2)}
 
@@ -67,6 +70,14 @@ class Reference:
 
     def __repr__(self) -> str:
         return f"Reference(class {shown.turns(self.id)}: cost {self.cost:.4g}, {self.length:.3g} m)"
+
+
+class _Path(NamedTuple):
+    """The path of a class from a state into the goal."""
+
+    winding: tuple[int, ...]
+    motions: Any
+    taut: bool  # whether it goes on from an earlier one that has been shortened
 
 
 class HomologyTree:
@@ -237,7 +248,13 @@ class HomologyTree:
         return True
 
     def references(
-        self, x: Array, *, polished: bool = True, before: Mapping[tuple[int, ...], Motions] | None = None
+        self,
+        x: Array,
+        *,
+        polished: bool = True,
+        before: Mapping[tuple[int, ...], Motions] | None = None,
+        pressed: Callable[[], bool] = lambda: False,
+        threads: int = 1,
     ) -> list[Reference]:
         """The best path of every allowed class from x (n,), least [cost] first; the tree is not changed (Algorithm 5).
 
@@ -246,12 +263,14 @@ class HomologyTree:
             before: polished paths by winding, from a state not far from x: where that is faster shortening goes on from
                 them, unless the tree's own path is cheaper even before it is shortened. Of other classes in space and
                 time only the cheapest few are then polished at once.
+            pressed: whether time is short; then paths of such other classes stay as the tree has them.
+            threads: among which work is shared out; what is found does not depend on it.
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        edges = self._edges_from(x, self.steering.asked)
+        edges = self._edges_from(x, self.steering.asked, threads)
         best = Best.room(self.classes or max(1, int(self.graph.nodes[edges.near[edges.free]].sum())))
         weights = self.homology.hash_weights
         count = best_classes(self._places, self._straight(x), edges, weights, self.rules, best)
@@ -259,13 +278,15 @@ class HomologyTree:
             raise NoReference(x.tolist(), vertices=self.size, limit=self.limit)
         order = np.argsort(best.cost[:count], kind="stable")
         known = before if before and polished and resumes(self.steering) else {}
-        left = NEW if known and isinstance(self.steering, InTime) else len(order)
-        references = []
-        for i in order:
-            found, anew = self._reference(x, edges, int(best.edge[i]), int(best.slot[i]), polished and left > 0, known)
-            left -= anew
-            references.append(found)
-        return sorted(references, key=lambda reference: reference.cost)
+        paths = mapped(lambda i: self._path(x, edges, int(best.edge[i]), int(best.slot[i]), known), order, threads)
+        if polished:
+            raw = [i for i, path in enumerate(paths) if not path.taut]
+            if known and isinstance(self.steering, InTime):
+                raw = [] if pressed() else raw[:NEW]
+            short = mapped(lambda i: polish(paths[i].motions, self.steering, self.space), raw, threads)
+            for i, motions in zip(raw, short, strict=True):
+                paths[i] = paths[i]._replace(motions=motions)
+        return sorted((self._reference(x, path) for path in paths), key=lambda reference: reference.cost)
 
     def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
         """Length [m] of the tree's own best path of every allowed class from x (n,), by winding; empty if none."""
@@ -384,11 +405,17 @@ class HomologyTree:
         count = max(near_count(size, self.steering.n), least)
         return self.steering.nearest(self.states[:size], x, count, forward=forward)
 
-    def _edges_from(self, x: Array, least: int = 0) -> Edges:
+    def _edges_from(self, x: Array, least: int = 0, threads: int = 1) -> Edges:
         """Edges from x (n,) to the vertices near it, at least so many."""
         near = self._near(x, self.size, forward=True, least=least)
-        motions = self.steering.connect(_repeated(x, len(near)), self.states[near])
-        return self.checker.inspect(motions, self.in_goal[near], near)
+
+        def edges(near: NDArray[np.int64]) -> Edges:
+            motions = self.steering.connect(_repeated(x, len(near)), self.states[near])
+            return self.checker.inspect(motions, self.in_goal[near], near)
+
+        if threads == 1 or len(near) < SHARED:
+            return edges(near)
+        return joined(mapped(edges, np.array_split(near, 2 * threads), threads))
 
     def _edges_to(self, v: int) -> Edges:
         """Rewire, lines 1-7: edges from the vertices near the state at v, itself included, to it."""
@@ -398,32 +425,22 @@ class HomologyTree:
         motions = self.steering.connect(self.states[near], _repeated(x, len(near)))
         return self.checker.inspect(motions, np.full(len(near), self.in_goal[v]), near)
 
-    def _reference(
-        self,
-        x: Array,
-        edges: Edges,
-        edge: int,
-        slot: int,
-        polished: bool,
-        before: Mapping[tuple[int, ...], Motions],
-    ) -> tuple[Reference, bool]:
-        """The path from x (n,) over one of the edges and on from a node at its head; whether it is polished anew."""
+    def _path(self, x: Array, edges: Edges, edge: int, slot: int, before: Mapping[tuple[int, ...], Motions]) -> _Path:
+        """The path from x (n,) over one of the edges and on from a node at its head, or what is left of an earlier."""
         head = int(edges.near[edge])
         states = np.vstack([x, self.states[self.path_of(head, slot)]])
         path = self.checker.until_goal(self.steering.connect(states[:-1], states[1:]))
         winding = integers(g.class_at(self.graph, head, slot) + edges.turns.dense(edge, self.homology.M))
         again = self._resumed(x, before[winding], winding) if winding in before else None
-        kept = again is not None and again.cost.sum() <= path.cost.sum()
-        if kept:
-            path = again
-        elif polished:
-            path = polish(path, self.steering, self.space)
-        found = Reference(
-            winding=winding,
-            signature=self.homology.signature(x, winding),
-            trajectory=self.steering.trajectory(path),
+        taut = again is not None and again.cost.sum() <= path.cost.sum() * (1.0 + ALIKE)
+        return _Path(winding, again if taut else path, taut)
+
+    def _reference(self, x: Array, path: _Path) -> Reference:
+        return Reference(
+            winding=path.winding,
+            signature=self.homology.signature(x, path.winding),
+            trajectory=self.steering.trajectory(path.motions),
         )
-        return found, polished and not kept
 
     def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
         """The cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""

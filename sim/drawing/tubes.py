@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.crowd import reach_of
 from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Obstacle
 from pirrht.plotting.ground import fading, outline
 from sim.drawing.strokes import at_most
 
@@ -95,9 +97,14 @@ def _turned(mover: Mover, poses: Array, corners: int) -> list[Array]:
     """Outlines of a body's solids at poses (k, 3), (k, c, 2)."""
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turns = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=1)
-    flat = [outline(solid) for solid in mover.solids]
-    thin = [at_most(np.vstack([one, one[:1]]), corners + 1)[:-1] for one in flat]
-    return [np.einsum("kij,cj->kci", turns, one) + poses[:, None, :2] for one in thin]
+    return [np.einsum("kij,cj->kci", turns, _flat(solid, corners)) + poses[:, None, :2] for solid in mover.solids]
+
+
+@lru_cache(maxsize=1024)  # the same solids are drawn again and again
+def _flat(solid: Obstacle, corners: int) -> Array:
+    """Corners of a solid's outline in the frame of its body, at most so many, (c, 2) [m]."""
+    ring = outline(solid)
+    return at_most(np.vstack([ring, ring[:1]]), corners + 1)[:-1]
 
 
 def _laps(motion: Motion, begin: float, end: float) -> list[tuple[Array, Array]]:

@@ -15,6 +15,7 @@ from pirrht.control.policy import Policy
 from pirrht.geometry.field import clearance
 from sim.drive.clock import Clock
 from sim.drive.episode import size_of
+from sim.drive.urgent import URGENT
 
 SHARE = 0.7  # of a period, at most, is for references and samples; then they are weighed, and the tree grows
 LEAST = 0.3  # of it is, however long weighing takes
@@ -89,7 +90,8 @@ class Planner:
             if share.stopped:
                 return
             step = max(step, int((self.clock.now() - origin) / period + 1e-9))
-            last = self._ahead(share, last, begin=(step + 1) * period, now=step * period, origin=origin)
+            with URGENT.work():
+                last = self._ahead(share, last, begin=(step + 1) * period, now=step * period, origin=origin)
             share.arrived.append(last)
             gc.collect(1)  # now, when nothing waits for it, and not in the middle of a plan
             self._grow(share, origin + last.begin)

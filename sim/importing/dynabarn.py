@@ -52,7 +52,7 @@ CUSTOM = (
     '<numeric name="pirrht_samples" data="300"/>',
     '<numeric name="pirrht_limit" data="0.8"/>',
     '<numeric name="pirrht_vertices" data="2000"/>',
-    '<numeric name="pirrht_classes" data="16"/>',
+    '<numeric name="pirrht_classes" data="8"/>',
     '<numeric name="pirrht_max_time" data="100"/>',
 )
 WALLS = tuple(

@@ -10,6 +10,8 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
+from sim.drive.urgent import URGENT
+
 
 class Stream:
     """One recording on its way to one file or viewer, with the timelines `step` and `sim_time`.
@@ -48,6 +50,7 @@ class Stream:
 
     def log(self, path: str, step: int, time: float, archetype: rr.AsComponents) -> None:
         """Log something at a step and simulated time [s]."""
+        URGENT.give_way()
         self._stream.set_time("step", sequence=step)
         self._stream.set_time("sim_time", duration=time)
         self._stream.log(path, archetype)
@@ -55,6 +58,7 @@ class Stream:
 
     def columns(self, path: str, steps: Sequence[int], times: Sequence[float], columns: Iterable[Any]) -> None:
         """Log a row for each of many steps."""
+        URGENT.give_way()
         index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("sim_time", duration=times)]
         self._stream.send_columns(path, indexes=index, columns=columns)
 
