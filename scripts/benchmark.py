@@ -8,7 +8,8 @@
     python scripts/benchmark.py ess         effective samples along a drive, and log psi against a million; --robot R
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
     python scripts/benchmark.py calibration  plans at random states of random scenes: how often is the truth within the
-                                            standard errors that they claim? --part car: v of the car
+                                            standard errors that they claim? --part car: v of the car;
+                                            --part moving: at random states and times among bodies
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
                                             --part line: on a line, against the exact grid; --robot rover|car
 
@@ -28,7 +29,7 @@ from sim.text import table, width
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
     "speed": (None, "rollouts", "planners", "drive", "systems", "moving"),
-    "calibration": (None, "car"),
+    "calibration": (None, "car", "moving"),
     "mass": (None, "line"),
 }
 TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "mass")
@@ -48,7 +49,8 @@ def main() -> int:
         "--part",
         help="of `quality`: "
         + ", ".join(map(str, PARTS["quality"]))
-        + "; of `speed`: rollouts, planners, drive (all), systems, moving; of `calibration`: car; of `mass`: line",
+        + "; of `speed`: rollouts, planners, drive (all), systems, moving; "
+        "of `calibration`: car, moving; of `mass`: line",
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
     parser.add_argument("--png", type=Path, help="draw `calibration`, or the parts samples and drives of `quality`")

@@ -7,7 +7,8 @@ room is its clearance over b sqrt(1 s), what noise moves the robot in a second: 
 that of u along u*. A bad state is one where more than a tenth of the plans lie beyond 3.
 Truth has an error of its own: the last lines hold it against a grid of half the spacing in the first scene, and
 tell the greatest difference there, and the greatest in standard errors of a plan (under `over 3`).
-With --part car truth is a million samples, see `calibration_car`.
+With --part car truth is a million samples, see `calibration_car`; with --part moving bodies move, see
+`calibration_moving`.
 """
 
 from __future__ import annotations
@@ -62,6 +63,10 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
         from benchmarks import calibration_car
 
         return calibration_car.rows(options)
+    if options.part == "moving":
+        from benchmarks import calibration_moving
+
+        return calibration_moving.rows(options)
     states = collect(options)
     found = summaries(states)
     if options.png is not None:

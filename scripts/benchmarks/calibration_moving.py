@@ -1,0 +1,144 @@
+"""Plans among moving bodies at random states and times against the exact grid: value, control, and their errors.
+
+The built-in scenes in which bodies move, or one that is given. Times are uniform up to half a second after the last
+row of any motion, places stratified by clearance as those of `calibration`. Every plan begins a drive of its own, for
+which the tree gains some vertices at each state. `1 %` counts states where the mean of the plans' v is so near the
+grid's, and `worst` tells the farthest of them [%].
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.calibration_table import HEADER as COLUMNS
+from benchmarks.calibration_table import summary, text_of
+from benchmarks.scenes import random_states
+from tqdm import tqdm
+
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.errors import NoReference
+from pirrht.exact.desirability import Desirability
+from sim.scenario import Scenario, prepare
+
+SCENES = ("crossing", "pincer", "closing_door")
+NOISES, STATES, PLANS = (0.1, 0.2, 0.3), 20, 10
+AFTER = 0.5  # of the last row [s]
+FREE = 0.005  # clearance from what moves at least [m]
+NEAR = 0.01  # share of v
+HEADER = [f"{COLUMNS[0].split(',')[0]}, scene", *COLUMNS[1:], "1 %", "worst"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One scene at one noise."""
+
+    file: str
+    noise: float
+    seed: int
+    states: int
+    plans: int
+    threads: int | None
+
+
+def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
+    """Header, table and JSON."""
+    found = collect(options)
+    table, values = [], []
+    for noise in sorted({s["noise"] for s in found}):
+        own = [s for s in found if s["noise"] == noise]
+        groups = {name: [s for s in own if s["scene"] == name] for name in dict.fromkeys(s["scene"] for s in own)}
+        for name, some in [*groups.items(), ("all", own)]:
+            off = [_off(s) for s in some if s["plans"]]
+            near = int(np.sum(np.abs(off) <= NEAR)) if off else 0
+            worst = float(100.0 * max(off, key=abs)) if off else float("nan")
+            values.append({"noise": noise, "scene": name, **summary(some), "near": near, "worst": worst})
+            cells = text_of({**values[-1], "from": 0.0, "to": None})
+            table.append([f"{noise:g}, {name}", *cells[1:], f"{near}/{len(some)}", f"{worst:+.2f}"])
+    return HEADER, table, {"table": values, "states": found}
+
+
+def collect(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """One record per scene, noise, state and time."""
+    files = SCENES if options.scene is None else (str(options.scene),)
+    shared = {
+        "seed": options.first_seed, "states": options.states or STATES, "plans": options.plans or PLANS,
+        "threads": 1 if options.workers > 1 else None,
+    }  # fmt: skip
+    todo = [Job(file=file, noise=noise, **shared) for file in files for noise in options.noises or NOISES]
+    found: list[dict[str, Any]] = []
+    with tqdm(total=len(todo), desc="scenes x noises", leave=False, disable=None) as bar:
+        for records in _in_turn(todo, options.workers):
+            found += records
+            bar.update()
+    return found
+
+
+def _in_turn(todo: list[Job], workers: int) -> Iterator[list[dict[str, Any]]]:
+    if workers == 1:
+        yield from map(looked_at, todo)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(looked_at, todo)
+
+
+def looked_at(job: Job) -> list[dict[str, Any]]:
+    """Records of a scene at one noise."""
+    scenario = prepare(job.file, given={"seed": job.seed, "threads": job.threads, "noise": job.noise})
+    truth = Desirability.of(scenario.problem, scenario.space)
+    controller = scenario.controller(scenario.grown_tree())
+    assert isinstance(controller, Controller)
+    controller.path_integral.warm_up()
+    return [_record(scenario, truth, controller, x, t, job) for x, t in states_and_times(scenario, job)]
+
+
+def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
+    """Random places (2,) [m] and times [s] at which nothing is there."""
+    last = max(float(mover.motion.rows[-1, 0]) for mover in scenario.loaded.scene.movers)
+    rng, found = np.random.default_rng([job.seed, 55]), []
+    for x in random_states(scenario.space, 4 * job.states, job.seed):
+        t = float(rng.uniform(0.0, last + AFTER))
+        if scenario.space.crowd.clearance(x, t) > FREE:
+            found.append((x, t))
+    return found[: job.states]
+
+
+def _record(
+    scenario: Scenario, truth: Desirability, controller: Controller, x: Array, t: float, job: Job
+) -> dict[str, Any]:
+    plans = [_plan(controller, x, t) for _ in range(job.plans)]
+    clearance = min(scenario.space.clearance(x), scenario.space.crowd.clearance(x, t))
+    return {
+        "scene": Path(job.file).stem, "x": x.tolist(), "t": t, "noise": job.noise, "clearance": clearance,
+        "room": clearance / job.noise, "v": float(truth.value(x, t)), "u": truth.control(x, t).tolist(),
+        "plans": [plan for plan in plans if plan is not None], "without": sum(plan is None for plan in plans),
+    }  # fmt: skip
+
+
+def _plan(controller: Controller, x: Array, t: float) -> dict[str, Any] | None:
+    """What the first plan of a drive claims that begins at t [s]; None without a reference or a survivor."""
+    controller.begin(x, t)
+    try:
+        plan = controller.plan(x)
+    except NoReference:
+        return None
+    e = plan.estimate
+    if e is None:
+        return None
+    return {
+        "v": e.value, "v_error": e.value_error, "u": e.control.tolist(), "u_error": e.control_error.tolist(),
+        "ess": e.ess, "samples": sum(part.size for part in e.parts), "ms": 0.0,
+    }  # fmt: skip
+
+
+def _off(state: dict[str, Any]) -> float:
+    """How far the mean of the plans' v is off, as a share of v."""
+    mean = float(np.mean([plan["v"] for plan in state["plans"]]))
+    return mean / float(state["v"]) - 1.0
