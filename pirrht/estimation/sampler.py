@@ -29,7 +29,7 @@ from pirrht.geometry.traffic import Traffic, traffic_clearance
 from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.leads import Batch, Climb, Lead, Proposal, Tape
 from pirrht.guidance.tracking import Guidance
-from pirrht.guidance.walls import Push, Scales, window
+from pirrht.guidance.walls import Push, Scales, trust, window
 from pirrht.guidance.ways import NODES, way_of
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -305,6 +305,7 @@ class PathIntegral:
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
         longest, scales = self.sampling.window, self._scales(x)
         bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
+        near = self._nearest(x, batch.time) if self.pointlike else np.inf
         leads = Leads(
             control=np.zeros((H, T, m)),
             drift=np.zeros((H, T, m)),
@@ -316,11 +317,12 @@ class PathIntegral:
             beyond=self._beyond,
             least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
-            window=window(scales.noise, self._nearest(x, batch.time), times, longest) if self.pointlike else 1,
+            window=window(scales.noise, near, times, longest) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=self._laws(H, T),
             led=np.zeros(H, np.int64),
             marks=NO_MARKS if self.homology is None else Marks.of(self.homology, x, times + batch.time),
+            trust=trust(scales.noise, near) if self.pointlike and self.moving else 1.0,
         )
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(leads, h)

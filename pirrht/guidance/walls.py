@@ -54,6 +54,14 @@ def window(noise: float, near: float, times: Array, longest: float) -> int:
     return max(1, int(np.searchsorted(times, span + 1e-9, side="right")) - 1)
 
 
+def trust(noise: float, near: float) -> float:
+    """Share of a linear law that tells how the control changes around a place, `near` [m] to walls and goal.
+
+    All of it where the shortest `window` would do; none where noise (`Scales`) carries paths to a wall within that.
+    """
+    return min(1.0, SHARE * near**2 / (noise * AVERAGED))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Push:
     """The part of the control that the nearest walls account for, as a function of the state.

@@ -83,6 +83,7 @@ class Leads(NamedTuple):
     # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
     marks: Marks = NO_MARKS  # about which paths are told apart where bodies move
+    trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
 
 
 class Origin(NamedTuple):

@@ -15,6 +15,10 @@ end at crossings, up to which only noise of the passive covariance has a likelih
 Nothing in the problem depends on the time, and noise makes a mass early or late: what counts is the step of the law
 whose state is nearest, not the one that would be due. Beyond the last one `Dynamics.homing` takes over.
 
+The control now is the mean of what paths apply on top of the part of their lead that changes fast, which is taken at
+the start. Close to walls the linear law of a point among moving bodies changes faster than the optimal control does,
+and only `Leads.trust` of it counts as such a part, beside what the walls push.
+
 Where bodies move (`Kind.moving`) something does depend on the time, so that the step that is due counts, and every
 system is led by a law. Every step asks the bodies near it, where they are when it begins and when it ends (`among`);
 it ends when the motion of one of those that are near a noisy position changes.
@@ -435,7 +439,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             a[g, j] += pushed[j]
                 if owed > 0.0:  # over a step the guide is the mean of both ends, to second order
                     for j in range(m):
-                        column[j, 0] = a[h, j]
+                        column[j, 0] = pushed[j] + leads.trust * (a[h, j] - pushed[j]) if gated else a[h, j]
                     if gaining:
                         solve(D, column, carried)
                     for j in range(m):
@@ -638,7 +642,9 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 if i < led_by.shape[0]:
                     for part in range(2 if i == 0 and done == 0.0 else 1):
                         for j in range(m):
-                            column[j, 0] = a[h, j] - (pushed[j] if part == 1 and near_walls else 0.0)
+                            column[j, 0] = pushed[j] + leads.trust * (a[h, j] - pushed[j]) if gated else a[h, j]
+                            if part == 1 and near_walls:
+                                column[j, 0] -= pushed[j]
                         if gaining:
                             solve(D, column, carried)
                         for j in range(m):

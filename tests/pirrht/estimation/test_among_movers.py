@@ -227,3 +227,12 @@ def test_tables_of_a_batch_serve_any_numbers_of_its_samples():
     after = [integral.rollout(one, 1) for one in (batch, batch.counting([20, 60]), other)]
     for one, two in zip(alone, after, strict=True):
         assert np.array_equal(one.log_weight, two.log_weight)
+
+
+@pytest.mark.parametrize("b", [0.02, 0.3])
+def test_no_step_is_split_over_which_noise_carries_a_point_by_a_hundredth_of_its_radius(b):
+    """Nor is any shorter than a 300th of a whole one."""
+    scene = SCENES["crossing"]()
+    integral = sampler(scene, b)
+    least = held(integral, scene.start[:2], np.zeros(2), 1, T=3).leads.least
+    assert least == pytest.approx(max(integral.sampling.dt / 300.0, (0.01 * scene.robot_radius / b) ** 2))

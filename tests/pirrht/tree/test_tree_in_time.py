@@ -15,7 +15,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.crowd import Crowd
 from pirrht.steering.in_time import InTime
 from pirrht.tree.file import load, save
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import SHARED, HomologyTree, Reference
 
 START = np.array([1.0, 2.5, 0.0])
 WAYS = {  # classes that matter
@@ -173,3 +173,38 @@ def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
     later = space.among([replace(mover, motion=mover.motion.after(0.1)) for mover in space.scene.movers])
     with pytest.raises(OptionError, match="bodies that move"):
         load(kept, later, InTime())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_references_do_not_depend_on_the_number_of_threads(name):
+    """Neither the first nor those that go on from them a little further on."""
+    tree = grown(FreeSpace.of(SCENES[name]()), 2, 600)
+    found = []
+    for threads in (1, 3):
+        first = tree.references(START, threads=threads)
+        before = {one.winding: one.path for one in first}
+        later = tree.references(START + np.array([0.1, 0.01, 0.1]), before=before, threads=threads)
+        found.append([(one.winding, one.path.knots.tolist()) for one in [*first, *later]])
+    assert found[0] == found[1]
+
+
+def test_edges_that_are_judged_in_parts_are_those_that_are_judged_at_once():
+    tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 500)
+    once, parts = (tree._edges_from(START, tree.steering.asked, threads) for threads in (1, 3))
+    assert len(once.near) > 2 * SHARED
+    for one, other in zip([*once[:3], *once.turns], [*parts[:3], *parts.turns], strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_who_is_pressed_goes_on_with_earlier_paths_and_shortens_no_others():
+    tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 400)
+    first = {one.winding: one for one in tree.references(START)}
+    place = START + np.array([0.1, 0.0, 0.1])
+    known = {winding: one.path for winding, one in list(first.items())[:1]}
+    raw = {one.winding: one.cost for one in tree.references(place, polished=False)}
+    slow = {one.winding: one.cost for one in tree.references(place, before=known)}
+    fast = {one.winding: one.cost for one in tree.references(place, before=known, pressed=lambda: True)}
+    old = next(iter(known))
+    assert fast[old] == slow[old] <= raw[old]
+    assert all(fast[winding] == raw[winding] for winding in raw if winding != old)
+    assert sum(slow[winding] < raw[winding] for winding in raw if winding != old) == 1
