@@ -9,6 +9,7 @@ import numpy as np
 
 from pirrht.control.methods import TREELESS
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from sim.scenario import Scenario
 
@@ -27,21 +28,33 @@ ROOM = Scene(
 )
 
 
+_WALKER = Mover(
+    name="walker",
+    solids=(
+        Obstacle(
+            name="disc", kind=Kind.CYLINDER, size=np.array([0.2, 0.3, 0.0]), position=np.array([0.0, 0.0, 0.3]),
+            rotation=np.eye(3),
+        ),
+    ),
+    motion=Motion(rows=np.array([[0.0, 2.0, 0.5, 0.0], [3.0, 2.0, 1.6, 0.0]])),
+)  # fmt: skip
+
+
+def small_of(scenario: Scenario) -> Scenario:
+    """The same robot and settings in a small room, where a body moves if some do in the scene."""
+    room = replace(ROOM, movers=(_WALKER,)) if scenario.moving else ROOM
+    s = scenario.settings
+    few = replace(s, vertices=VERTICES, samples=min(s.samples, SAMPLES), tree=None, target_error=None, budget=None)
+    return replace(scenario, settings=few, problem=replace(scenario.problem, scene=room), space=FreeSpace.of(room))
+
+
 def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
     """Do once, elsewhere, what a grown tree and its references need; results stay as they are.
 
     Args:
         driving: make a control step's plan too.
     """
-    s = scenario.settings
-    small = replace(
-        scenario,
-        settings=replace(
-            s, vertices=VERTICES, samples=min(s.samples, SAMPLES), tree=None, target_error=None, budget=None
-        ),
-        problem=replace(scenario.problem, scene=ROOM),
-        space=FreeSpace.of(ROOM),
-    )
+    small, s = small_of(scenario), scenario.settings
     with suppress(Exception):  # a robot that cannot turn in so small a room, say: what matters will come up again
         tree = None if s.method in TREELESS else small.grown_tree()
         if tree is not None:

@@ -17,8 +17,8 @@ from sim.drive.episode import Frame, Tally
 from sim.drive.executor import Advance
 from sim.drive.odometer import Odometer, ending
 from sim.drive.result import FIGURES, DriveResult, explained
-from sim.rehearsal import rehearse
-from sim.scenario import Scenario
+from sim.rehearsal import rehearse, small_of
+from sim.scenario import Scenario, prepare
 from sim.sweeps import runs
 from sim.sweeps.columns import COLUMNS, row_of
 
@@ -201,3 +201,13 @@ def test_a_rehearsal_leaves_everything_as_it_was(slit: Scenario, method: str):
     again = scenario.grown_tree()
     assert scenario.space.collision.calls - calls == 2 * grown
     assert runs.pack(again) == runs.pack(tree)
+
+
+@pytest.mark.parametrize("name", ["slit", "crossing"])
+def test_a_rehearsal_plans_among_moving_bodies_where_some_move(name):
+    """In a small room, with the settings' kinds of everything."""
+    small = small_of(prepare(name))
+    driver = small.driver(small.grown_tree())
+    driver.begin(small.start)
+    assert driver.path_integral.moving == small.moving == bool(prepare(name).loaded.scene.movers)
+    assert driver.plan(small.start).estimate is not None
