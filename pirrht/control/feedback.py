@@ -39,10 +39,11 @@ class ClassLaw:
     """What is known of one class near the state where a plan was made."""
 
     log_psi: float  # up to a constant that all classes share [nats]
-    rest: Array  # (m,) what samples found on top of the guide
+    rest: Array  # (m,) what samples found on top of what is followed of the guide
     lead: Lead | None  # None: what belongs to no class has none
     age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
     unseen: float = 0.0  # time since samples were last of this class [s]
+    trust: float = 1.0  # share of the guide that is followed, as `Leads.trust`
 
     def control(self, x: Array, s: float) -> Array:
         """Control (m,) of this class at state x (n,), s [s] after the plan; without what the nearest wall adds."""
@@ -50,7 +51,7 @@ class ClassLaw:
 
     def led(self, x: Array, s: float) -> Array:
         """The lead's part of it, (m,), at state x (n,), s [s] after the plan."""
-        return np.zeros(len(self.rest)) if self.lead is None else self.lead(x, s + self.age)
+        return np.zeros(len(self.rest)) if self.lead is None else self.trust * self.lead(x, s + self.age)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,7 +132,7 @@ class ClassPool:
         Args:
             leads: what samples of the classes followed, by name, where that depends on the state.
         """
-        x = estimate.rollouts.x0
+        x, trust = estimate.rollouts.x0, estimate.rollouts.leads.trust
         found: dict[str, ClassLaw] = {}
         if self._last is not None and self.fade > 0.0:
             kept = self._last.log_psi(x, elapsed)
@@ -146,8 +147,8 @@ class ClassPool:
                 if carried.unseen > STALE:  # its gradient is no longer known
                     continue
                 if fresh is not None:  # another reference than before must not change what is known
-                    rest = carried.control(x, 0.0) - fresh(x, 0.0)
-                    carried = replace(carried, rest=rest, lead=fresh, age=0.0)
+                    rest = carried.control(x, 0.0) - trust * fresh(x, 0.0)
+                    carried = replace(carried, rest=rest, lead=fresh, age=0.0, trust=trust)
                 found[name] = carried
         for name, weight in estimate.class_weights.items():
             if weight <= 0.0:
@@ -155,8 +156,9 @@ class ClassPool:
             lead, control = leads.get(name), estimate.class_controls[name]
             new = ClassLaw(
                 log_psi=estimate.log_psi + float(np.log(weight)),
-                rest=control if lead is None else control - lead.held(x),
+                rest=control if lead is None else control - trust * lead.held(x),
                 lead=lead,
+                trust=trust,
             )
             found[name] = new if name not in found else _pooled(found[name], new)
         top = max(c.log_psi for c in found.values())
@@ -169,4 +171,4 @@ def _pooled(old: ClassLaw, new: ClassLaw) -> ClassLaw:
     # A wrong gradient could make what is carried along grow without end; the new samples bound it.
     log_psi = float(np.logaddexp(min(old.log_psi, new.log_psi + BOUND), new.log_psi))
     share = float(np.exp(new.log_psi - log_psi))
-    return ClassLaw(log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest, lead=new.lead)
+    return ClassLaw(log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest, lead=new.lead, trust=new.trust)

@@ -8,6 +8,7 @@ import pytest
 from pirrht.control.feedback import STALE, ClassPool
 from pirrht.exact.desirability import Desirability
 from pirrht.guidance.leads import Tape
+from pirrht.guidance.walls import trust, window
 from pirrht.problem import Problem
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
@@ -28,16 +29,26 @@ def plan(noisy):
     return scenario.controller(tree).plan(START)
 
 
+class Steep(Tape):
+    """A guide whose law is linear and changes fast."""
+
+    def __init__(self):
+        super().__init__(np.array([0.0, 1.0]), np.zeros((1, 2)))
+
+    def __call__(self, x, s):
+        return np.array([[-50.0, 3.0], [2.0, -80.0]]) @ x
+
+
 def nothing(x, s):
     return np.zeros(2)
 
 
-def estimate(x, **classes):
+def estimate(x, *, trust=1.0, **classes):
     """What the samples of one plan say: log psi and control of each class."""
     logs = {name: log for name, (log, _) in classes.items()}
     total = np.logaddexp.reduce(list(logs.values()))
     return SimpleNamespace(
-        rollouts=SimpleNamespace(x0=np.array(x, dtype=float)),
+        rollouts=SimpleNamespace(x0=np.array(x, dtype=float), leads=SimpleNamespace(trust=trust)),
         log_psi=float(total),
         class_weights={name: float(np.exp(log - total)) for name, log in logs.items()},
         class_controls={name: np.array(u) for name, (_, u) in classes.items()},
@@ -120,3 +131,31 @@ def test_a_new_reference_does_not_change_what_is_known_of_its_class(problem):
     second = pool.law(faint, {"one": after}, nothing, 0.0)
     share = 1.0 / (1.0 + np.exp(2.0))  # earlier plans are bounded to e^2 times the last
     np.testing.assert_allclose(second(np.zeros(2), 0.0), (1.0 - share) * first(np.zeros(2), 0.0), rtol=1e-9)
+
+
+@pytest.mark.parametrize("trust", [0.0, 0.3, 1.0])
+def test_between_plans_a_guide_is_followed_as_far_as_it_is_trusted(problem, trust):
+    """At the plan's state the control is what samples said; beside it that and a share of how the guide changes."""
+    guide, x, beside = Steep(), np.array([0.2, 0.1]), np.array([0.21, 0.1])
+    law = ClassPool(problem).law(estimate(x, trust=trust, one=(0.0, [1.0, 0.5])), {"one": guide}, nothing, 0.0)
+    np.testing.assert_allclose(law(x, 0.0), [1.0, 0.5], rtol=1e-12)
+    change = law(beside, 0.0) - law(x, 0.0)
+    np.testing.assert_allclose(change, trust * (guide(beside, 0.0) - guide(x, 0.0)), atol=1e-12)
+
+
+def test_what_is_carried_along_stays_as_it_is_when_another_plan_trusts_its_guide_less(problem):
+    pool, x = ClassPool(problem), np.array([0.2, 0.1])
+    first = pool.law(estimate(x, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
+    second = pool.law(estimate(x, trust=0.0, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
+    np.testing.assert_allclose(second(x, 0.0), first(x, 0.0), rtol=1e-12)
+
+
+def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less_the_nearer_they_are():
+    shares = [trust(0.04, near) for near in (0.0, 0.01, 0.03, 0.2, np.inf)]
+    assert shares[0] == 0.0
+    assert shares[-2:] == [1.0, 1.0]
+    assert shares == sorted(shares)
+    times = np.arange(100) * 0.01
+    shortest = window(0.04, 0.0, times, 0.4)
+    for near in np.linspace(0.01, 0.2, 30):  # what is trusted in part is averaged over the shortest time only
+        assert (trust(0.04, near) >= 1.0) or window(0.04, near, times, 0.4) == shortest
