@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
 from itertools import count
+from threading import Barrier, Thread
 from typing import TypeVar
 
 A = TypeVar("A")
@@ -56,4 +57,13 @@ def _ended(helpers: Sequence[Future[None]]) -> list[Future[None]]:
 
 @cache
 def _pool(threads: int, process: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads)
+    """A pool whose threads all wait for work.
+
+    Another thread begins them: a signal that strikes the main one while it does so would leave a thread that the pool
+    does not know, and that nobody ends when the process does.
+    """
+    pool, all_here = ThreadPoolExecutor(threads), Barrier(threads)
+    starter = Thread(target=lambda: wait([pool.submit(all_here.wait) for _ in range(threads)]))
+    starter.start()
+    starter.join()
+    return pool

@@ -127,8 +127,9 @@ class OneWay:
 
     def __init__(self, space: Any, steering: Any, *, shortened: bool) -> None:
         self.space, self.steering, self._shortened = space, steering, shortened
+        self.homology = steering.homology(space)
 
-    def references(self, x: Any, *, polished: bool = True) -> list[Any]:
+    def references(self, x: Any, **_: Any) -> list[Any]:
         """The path from x (n,)."""
         from pirrht.shortening.shorten import polish
         from pirrht.tree.homology_tree import Reference

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from pirrht.compiled.threads import mapped
+from pirrht.compiled.threads import _pool, mapped
 
 
 def test_results_come_in_the_order_of_the_items_whatever_the_number_of_threads():
@@ -50,3 +50,13 @@ def test_no_thread_still_works_when_interruptions_have_ended_the_call():
     finally:
         signal.signal(signal.SIGINT, before)
     assert len(over) == 1
+
+
+def test_all_threads_of_a_pool_are_there_before_it_is_used():
+    """None is begun later, by a thread that a signal may strike meanwhile."""
+    pool = _pool(3, -1)  # of no process
+    before = set(pool._threads)
+    assert len(before) == 3
+    assert list(pool.map(abs, range(-50, 0))) == list(range(50, 0, -1))
+    assert pool._threads == before
+    pool.shutdown()

@@ -107,3 +107,9 @@ def test_where_nothing_can_be_written_notes_are_left_out(folder):
     (folder / jit.NOTES).touch()  # a file where the folder should be
     work.done("plan")
     assert work.seconds(False) == MOTIONS
+
+
+@pytest.mark.parametrize("sampling", [False, True])
+def test_the_process_that_compiles_on_the_other_core_does_what_it_is_for(sampling):
+    """Nobody would hear of its errors."""
+    warm.compile_rest("single_integrator", sampling=sampling)
