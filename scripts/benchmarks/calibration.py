@@ -133,7 +133,7 @@ def looked_at(job: Job) -> Iterator[list[dict[str, Any]]]:
 
 def _record(scenario: Scenario, truth: Desirability, controller: Controller, x: Array, job: Job) -> dict[str, Any]:
     """What `job.plans` plans say at x (2,), each the first of a drive, and what is true there."""
-    plans = [_plan(controller, x) for _ in range(job.plans)]
+    plans = [first_plan(controller, x) for _ in range(job.plans)]
     clearance, noise = scenario.space.clearance(x), scenario.settings.noise
     return {
         "scene": Path(job.file).stem if job.file else f"random{job.seed}",
@@ -152,9 +152,9 @@ def _record(scenario: Scenario, truth: Desirability, controller: Controller, x: 
     }
 
 
-def _plan(controller: Controller, x: Array) -> dict[str, Any] | None:
-    """What one plan claims; None without a reference or a survivor."""
-    controller.begin(x)
+def first_plan(controller: Controller, x: Array, t: float = 0.0) -> dict[str, Any] | None:
+    """What the first plan claims of a drive from x at t [s]; None without a reference or a survivor."""
+    controller.begin(x, t)
     began = time.perf_counter()
     try:
         e = controller.plan(x).estimate

@@ -13,6 +13,7 @@ import time
 from typing import Any
 
 import numpy as np
+from benchmarks.calibration_table import by_noise_and_scene
 from benchmarks.scenes import random_states, scenario_of
 from tqdm import tqdm
 
@@ -37,12 +38,9 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     """Header, table and JSON."""
     found = collect(options)
     table, values = [], []
-    for noise in sorted({s["noise"] for s in found}):
-        own = [s for s in found if s["noise"] == noise]
-        groups = {name: [s for s in own if s["scene"] == name] for name in dict.fromkeys(s["scene"] for s in own)}
-        for name, some in [*groups.items(), ("all", own)]:
-            values.append({"noise": noise, "scene": name, **summary(some)})
-            table.append(_text(values[-1]))
+    for noise, name, some in by_noise_and_scene(found):
+        values.append({"noise": noise, "scene": name, **summary(some)})
+        table.append(_text(values[-1]))
     return HEADER, table, {"table": values, "states": found}
 
 

@@ -17,14 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.calibration import first_plan
 from benchmarks.calibration_table import HEADER as COLUMNS
-from benchmarks.calibration_table import summary, text_of
+from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
 from benchmarks.scenes import random_states
 from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.errors import NoReference
 from pirrht.exact.desirability import Desirability
 from sim.scenario import Scenario, prepare
 
@@ -52,16 +52,13 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     """Header, table and JSON."""
     found = collect(options)
     table, values = [], []
-    for noise in sorted({s["noise"] for s in found}):
-        own = [s for s in found if s["noise"] == noise]
-        groups = {name: [s for s in own if s["scene"] == name] for name in dict.fromkeys(s["scene"] for s in own)}
-        for name, some in [*groups.items(), ("all", own)]:
-            off = [_off(s) for s in some if s["plans"]]
-            near = int(np.sum(np.abs(off) <= NEAR)) if off else 0
-            worst = float(100.0 * max(off, key=abs)) if off else float("nan")
-            values.append({"noise": noise, "scene": name, **summary(some), "near": near, "worst": worst})
-            cells = text_of({**values[-1], "from": 0.0, "to": None})
-            table.append([f"{noise:g}, {name}", *cells[1:], f"{near}/{len(some)}", f"{worst:+.2f}"])
+    for noise, name, some in by_noise_and_scene(found):
+        off = [_off(s) for s in some if s["plans"]]
+        near = int(np.sum(np.abs(off) <= NEAR)) if off else 0
+        worst = float(100.0 * max(off, key=abs)) if off else float("nan")
+        values.append({"noise": noise, "scene": name, **summary(some), "near": near, "worst": worst})
+        cells = text_of({**values[-1], "from": 0.0, "to": None})
+        table.append([f"{noise:g}, {name}", *cells[1:], f"{near}/{len(some)}", f"{worst:+.2f}"])
     return HEADER, table, {"table": values, "states": found}
 
 
@@ -113,28 +110,12 @@ def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
 def _record(
     scenario: Scenario, truth: Desirability, controller: Controller, x: Array, t: float, job: Job
 ) -> dict[str, Any]:
-    plans = [_plan(controller, x, t) for _ in range(job.plans)]
+    plans = [first_plan(controller, x, t) for _ in range(job.plans)]
     clearance = min(scenario.space.clearance(x), scenario.space.crowd.clearance(x, t))
     return {
         "scene": Path(job.file).stem, "x": x.tolist(), "t": t, "noise": job.noise, "clearance": clearance,
         "room": clearance / job.noise, "v": float(truth.value(x, t)), "u": truth.control(x, t).tolist(),
         "plans": [plan for plan in plans if plan is not None], "without": sum(plan is None for plan in plans),
-    }  # fmt: skip
-
-
-def _plan(controller: Controller, x: Array, t: float) -> dict[str, Any] | None:
-    """What the first plan of a drive claims that begins at t [s]; None without a reference or a survivor."""
-    controller.begin(x, t)
-    try:
-        plan = controller.plan(x)
-    except NoReference:
-        return None
-    e = plan.estimate
-    if e is None:
-        return None
-    return {
-        "v": e.value, "v_error": e.value_error, "u": e.control.tolist(), "u_error": e.control_error.tolist(),
-        "ess": e.ess, "samples": sum(part.size for part in e.parts), "ms": 0.0,
     }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,15 @@ def summaries(states: list[dict[str, Any]]) -> list[dict[str, Any]]:
             if some:
                 out.append({"noise": noise, "from": low, "to": high, **summary(some)})
     return out
+
+
+def by_noise_and_scene(states: list[dict[str, Any]]) -> Iterator[tuple[float, str, list[dict[str, Any]]]]:
+    """Noise, scene and the states of both, and after the scenes of a noise "all" of its states."""
+    for noise in sorted({s["noise"] for s in states}):
+        own = [s for s in states if s["noise"] == noise]
+        for name in dict.fromkeys(s["scene"] for s in own):
+            yield noise, name, [s for s in own if s["scene"] == name]
+        yield noise, "all", own
 
 
 def summary(states: list[dict[str, Any]]) -> dict[str, Any]:
