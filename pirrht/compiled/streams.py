@@ -93,6 +93,18 @@ def normals(state):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def fill_normals(state, count, out):  # type: ignore[no-untyped-def]
+    """The next state of a sequence after `count` times two standard normal numbers, written to out (2 count,) or more.
+
+    They are those of as many calls of `normals`, drawn many abreast.
+    """
+    for k in range(count):
+        high, low = halves(state + GOLDEN * np.uint64(k + 1))
+        out[2 * k], out[2 * k + 1] = normals_of(high, low)
+    return state + GOLDEN * np.uint64(count)
+
+
+@inlined
 def uniform(state):  # type: ignore[no-untyped-def]
     """The next state of a sequence and a uniform number in [0, 1), float64."""
     state = state + GOLDEN

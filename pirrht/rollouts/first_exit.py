@@ -344,9 +344,34 @@ def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
     A step that turns by so much in all [rad] is an arc beside its chord; into the goal it counts as straight.
     Returns: INSIDE or the Outcome, share of the step until the exit.
     """
+    exit, share, _ = _march(arena, x, y, nx, ny, turn)
+    return exit, share
+
+
+@inlined
+def sweep_onward(arena, x, y, nx, ny, turn, room):  # type: ignore[no-untyped-def]
+    """The same for a path of many steps: no wall is nearer to (x, y) than `room` [m], as far as is known.
+
+    What the clearances at both ends of a step cover between them is not marched.
+    Returns: INSIDE or the Outcome, share of the step until the exit, room at its end.
+    """
+    arc = math.sqrt(((nx - x) * (nx - x) + (ny - y) * (ny - y)) * (1.0 + 0.25 * turn * turn))
+    (gx, gy), reach = arena.goal, arc + arena.radius
+    if (gx - x) * (gx - x) + (gy - y) * (gy - y) > reach * reach:
+        if arc < room:
+            return INSIDE, 1.0, room - arc
+        ahead = clearance(arena.field, nx, ny)
+        if ahead > 0.0 and arc < room + ahead:
+            return INSIDE, 1.0, ahead
+    return _march(arena, x, y, nx, ny, turn)
+
+
+@kernel
+def _march(arena, x, y, nx, ny, turn):  # type: ignore[no-untyped-def]
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
     if length == 0.0:
-        return endpoint_exit(arena, nx, ny)
+        exit, share = endpoint_exit(arena, nx, ny)
+        return exit, share, 0.0
     field, (gx, gy) = arena.field, arena.goal
     ux, uy = (nx - x) / length, (ny - y) / length
     until, reach = np.inf, length + arena.radius
@@ -359,8 +384,8 @@ def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
         aside = bow * s * (length - s)
         c = clearance(field, x + s * ux + aside * uy, y + s * uy - aside * ux)
         if c <= 0.0:
-            return COLLISION, s / length
+            return COLLISION, s / length, 0.0
         if s >= stop:
             break
         s = min(stop, s + max(c, 0.1 * field.spacing) * pace)
-    return (GOAL, until / length) if until < np.inf else (INSIDE, 1.0)
+    return (GOAL, until / length, 0.0) if until < np.inf else (INSIDE, 1.0, c)

@@ -1,13 +1,15 @@
 """Speed of robots whose noise enters through their inputs: planning, a drive's control steps, rollouts.
 
 Rollouts are those of a plan at the start: what follows guides, with the likelihood under every reference, and what
-holds tapes. The rate counts steps of the grid; near walls each of them may be several of a path's own.
+holds tapes; one tape also with exits judged at the ends of steps, which is what samplers elsewhere do. The rate counts
+steps of the grid; near walls each of them may be several of a path's own.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +17,9 @@ import numpy as np
 from benchmarks.timing import interleaved, row
 
 from pirrht.control.controller import Controller
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.leads import Batch, Proposal, Tape
+from pirrht.tree.homology_tree import Reference
 from sim.rehearsal import rehearse
 from sim.scenario import Scenario, prepare
 
@@ -36,7 +40,7 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
     table = [
         row(name, spent, note=f"{classes:.1f} classes" if "step" in name else "") for name, spent in seconds.items()
     ]
-    rates = rollouts(scenario)
+    rates = rollouts(scenario) | ends_of_steps(scenario)
     for name, (spent, rate) in rates.items():
         table.append(row(f"{robot}, {scene}: {MANY} rollouts, {name}", spent, rate=f"{rate / 1e6:.1f} M steps/s"))
     return table, {"seconds": seconds, "classes": classes, "steps_per_second": {k: v[1] for k, v in rates.items()}}
@@ -70,16 +74,39 @@ def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     references = controller.tree.references(x)
     guided = controller.batch(x, references)
     one = min(len(guided.proposals), 1)
-    tapes = tuple(
-        Proposal(lead=Tape(guided.times, reference.trajectory.tape(guided.times)), count=MANY // len(references))
-        for reference in references
-    )
     batches: dict[str, Batch] = {
         f"{len(references)} guides": guided.counting([MANY // len(references)] * len(references)),
         "one guide": replace(guided, proposals=guided.proposals[:one]).counting([MANY]),
     }
     if controller.tree.steering.drives:
-        batches[f"{len(references)} tapes"] = replace(guided, proposals=tapes)
+        batches[f"{len(references)} tapes"] = replace(guided, proposals=_tapes(guided, references))
+        batches["one tape"] = replace(guided, proposals=_tapes(guided, references[:1]))
+    return _timed(integral, batches)
+
+
+def ends_of_steps(scenario: Scenario) -> dict[str, tuple[float, float]]:
+    """The same of the paper's rule of exits under one tape; empty where references are no tapes."""
+    there = scenario.with_settings(exit="endpoint")
+    controller = there.controller(there.grown_tree())
+    assert isinstance(controller, Controller)
+    assert controller.tree is not None
+    if not controller.tree.steering.drives:
+        return {}
+    references = controller.tree.references(there.start)[:1]
+    guided = controller.batch(there.start, references)
+    batch = replace(guided, proposals=_tapes(guided, references))
+    return _timed(controller.path_integral, {"one tape, exits at ends of steps": batch})
+
+
+def _tapes(guided: Batch, references: Sequence[Reference]) -> tuple[Proposal, ...]:
+    """MANY samples in equal parts around what references apply."""
+    return tuple(
+        Proposal(lead=Tape(guided.times, reference.trajectory.tape(guided.times)), count=MANY // len(references))
+        for reference in references
+    )
+
+
+def _timed(integral: PathIntegral, batches: dict[str, Batch]) -> dict[str, tuple[float, float]]:
     work = {name: (lambda k, batch=batch: integral.rollout(batch, k)) for name, batch in batches.items()}
     seconds = interleaved(work, REPEATS)
     counted = {name: int(integral.rollout(batch, 0).paths.steps.sum()) for name, batch in batches.items()}

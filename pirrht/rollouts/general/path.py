@@ -34,9 +34,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.float32 import ONE, ZERO
-from pirrht.compiled.jit import kernel
-from pirrht.compiled.streams import antithetic, normals, stream
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.streams import antithetic, fill_normals, normals, stream
 from pirrht.geometry.arena import at
 from pirrht.geometry.traffic import traffic_clearance
 from pirrht.rollouts.among import (
@@ -63,6 +64,7 @@ from pirrht.rollouts.first_exit import (
     line_of,
     rim_along,
     sweep_exit,
+    sweep_onward,
     turn_of,
     two_walls,
     wall_slope,
@@ -80,6 +82,7 @@ from pirrht.topology.marks import key_among, open_sides
 
 SWAY = 1.0 / math.sqrt(12.0)
 SOON = 1e-6  # a step is no shorter than this where motions change [s]
+ABREAST = 8  # steps whose noise is drawn at once
 LOST = 60.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
 # a martingale, so that exp(-60) is also what is expected of it later
 
@@ -202,6 +205,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     turning = drift is unicycle_drift and rows == m == 1 and not moving
     car, leadable = turning and not gaining, takes_law(kind)
     bending = leadable and drifting and not noisy_position
+    abreast = leadable and not noisy_position
+    most = 2 * m if bending else m  # modes of a step's noise
     losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
     isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
@@ -223,36 +228,41 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         G, D, B, a = np.zeros((rows, m)), np.empty((m, m)), np.empty((rows, m)), np.empty((H, m))
         aside = np.zeros(H)
         column, carried, wide = np.empty((m, 1)), np.empty((m, 1)), np.zeros((H, 2 * m))
-        home, white, drawn = np.zeros(m), np.zeros(2 * m), np.zeros(2 * m)
+        home, white, drawn, beside = np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n)
+        fresh = np.zeros(ABREAST * 2 * (m + 1))
         stage, lost, pushed = np.empty(H, np.int64), np.empty(H, np.bool_), np.empty(m)
         bodies = setup.traffic.J if moving else 0
         held, listed, near = held_of(bodies), np.empty(bodies, np.int64), np.empty((bodies, NEAR))
         among = held, listed, near, np.empty((leads.marks.weight.shape[0], 2))
-        laws = wide, home, white, drawn
+        laws = wide, home, white, drawn, beside, fresh
         return x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, laws, among
 
-    @kernel
-    def apart(law, g, s, x, there, weights):  # type: ignore[no-untyped-def]
-        """Square of how far x (n,) is from the state that step s of a law is for."""
+    @inlined
+    def apart(row, x, there, weights):  # type: ignore[no-untyped-def]
+        """Square of how far x (n,) is from the state that a step of a law, a row at an address, is for."""
         total = 0.0
         for k in range(n):
-            off = x[k] - law[g, s, there + k]
+            off = x[k] - load_float64(row, there + k)
             if (angles >> k) & 1:
                 off = wrapped(off)
-            total += law[g, s, weights + k] * off * off
+            total += load_float64(row, weights + k) * off * off
         return total
 
-    @kernel
-    def nearest(law, g, s, last, x, there, weights):  # type: ignore[no-untyped-def]
-        """The step of a law whose state is nearest to x (n,), from step s on as long as they come nearer."""
-        here = apart(law, g, s, x, there, weights)
-        if s > 0 and apart(law, g, s - 1, x, there, weights) < here:
-            return s - 1
-        while s < last:
-            after = apart(law, g, s + 1, x, there, weights)
-            if after >= here:
+    @inlined
+    def nearest(first, pitch, s, last, x, there, weights):  # type: ignore[no-untyped-def]
+        """The step of a law whose rows begin at an address whose state is nearest to x (n,), found from step s on."""
+        here = apart(first + pitch * s, x, there, weights)
+        onward = apart(first + pitch * (s + 1), x, there, weights) if s < last else np.inf
+        if onward < here:
+            while onward < here:
+                s, here = s + 1, onward
+                onward = apart(first + pitch * (s + 1), x, there, weights) if s < last else np.inf
+            return s
+        while s > 0:
+            onward = apart(first + pitch * (s - 1), x, there, weights)
+            if onward >= here:
                 break
-            s, here = s + 1, after
+            s, here = s - 1, onward
         return s
 
     # One long function: every call with arrays would cost more than most of what stands in this loop.
@@ -276,11 +286,13 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         H, T = controls.shape[0], controls.shape[1]
         weigh, draw, inverse = ratio.shape[0] > 0, states.shape[0] > 0, setup.inverse
         x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, laws, among = scratch
-        (wide, home, white, drawn), (held, listed, near, side) = laws, among
+        (wide, home, white, drawn, beside, fresh), (held, listed, near, side) = laws, among
         bent = bending and setup.bridge and least < np.inf
-        modes = 2 * m if bent else m
+        modes = most if bent else m
         slopes, there, shape = modes, modes + modes * n, modes + modes * n + n
         shape_inverse, end = shape + modes * modes, shape + 2 * modes * modes
+        even = modes + modes % 2
+        weights, rows_at, pitch = end + 2, law.ctypes.data, 8 * law.shape[2]
         D[:, :], B[:, :], f[:], pushed[:], stage[:] = setup.gain, setup.diffusion, 0.0, 0.0, 0
         lost[:] = False
         drifted = False  # whether f is that of x already
@@ -290,7 +302,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         first, sign = antithetic(sample, leads.first[h], leads.mirrored)
         state, work, key, lasting = stream(origin.seed, first), 0.0, np.int64(0), 0.0
         owed, last = 0.0, 0  # share of a step of the grid for which half of the guide is missing in `led_by`
-        before = distances(arena, x[0], x[1])
+        before, room = distances(arena, x[0], x[1]), 0.0
         if moving:
             traffic, marks, begun = setup.traffic, leads.marks, origin.time
             body_key, close = np.int64(marks.opening), 0
@@ -398,24 +410,28 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                             s = min(i * FINER + int(FINER * done / whole + 0.5), law.shape[1] - 1)
                             stage[g] = s
                         elif s < led[g]:
-                            s = nearest(law, g, s, min(led[g], law.shape[1] - 1), x, there, end + 2)
+                            row, final = rows_at + pitch * law.shape[1] * g, min(led[g], law.shape[1] - 1)
+                            s = nearest(row, pitch, min(s + FINER, final) if i > 0 else s, final, x, there, weights)
                             stage[g] = s
                         if s < led[g]:
-                            for j in range(modes):
-                                wide[g, j] = law[g, s, j]
+                            row = rows_at + pitch * (law.shape[1] * g + s)
                             for k in range(n):
-                                off = x[k] - law[g, s, there + k]
+                                beside[k] = x[k] - load_float64(row, there + k)
                                 if (angles >> k) & 1:
-                                    off = wrapped(off)
-                                for j in range(modes):
-                                    wide[g, j] += law[g, s, slopes + j * n + k] * off
+                                    beside[k] = wrapped(beside[k])
+                            for j in range(modes):
+                                total = load_float64(row, j)
+                                for k in range(n):
+                                    total += load_float64(row, slopes + j * n + k) * beside[k]
+                                wide[g, j] = total
                             if gated:
                                 at_x, at_y = x[0] - law[g, s, there], x[1] - law[g, s, there + 1]
                                 sx, sy = gate_slope(law, g, s, end + 2 + n, at_x, at_y)
                                 for j in range(m):
                                     wide[g, j] += B[0, j] * sx + B[1, j] * sy
                             for j in range(modes):
-                                wide[g, j] = max(-law[g, s, end + 1], min(law[g, s, end + 1], wide[g, j]))
+                                bound = load_float64(row, end + 1)
+                                wide[g, j] = max(-bound, min(bound, wide[g, j]))
                         else:
                             if not headed:
                                 homing_of(x, p, B, goal, radius, setup.pace, home)
@@ -449,17 +465,23 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                         led_by[last, j] += 0.5 * owed * u
                     owed = 0.0
                 if leadable:
-                    for j in range(0, modes, 2):
+                    for j in range(0, 0 if abreast else modes, 2):
                         state, z, other = normals(state)
                         white[j] = sign * z
                         if j + 1 < modes:
                             white[j + 1] = sign * other
+                    if abreast:  # several steps at once: no other draws come between theirs
+                        if i % ABREAST == 0:
+                            state = fill_normals(state, ABREAST * even // 2, fresh)
+                        for j in range(modes):
+                            white[j] = sign * fresh[(i % ABREAST) * even + j]
+                    row = rows_at + pitch * (law.shape[1] * h + stage[h])
                     for j in range(modes):
                         z = white[j]
                         if stage[h] < led[h] and not noisy_position:
                             z = 0.0
                             for k in range(modes):
-                                z += law[h, stage[h], shape + j * modes + k] * white[k]
+                                z += load_float64(row, shape + j * modes + k) * white[k]
                         drawn[j] = z * root + (a[h, j] if j < m else wide[h, j]) * dt
                     for j in range(m):
                         y[j] = drawn[j]
@@ -480,8 +502,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     if car and led[h] > i:
                         sway = law[h, i, 14] * sway + aside[h] * dt + law[h, i, 13] * (y[0] - a[h, 0] * dt)
                 if not noisy_position and setup.bridge:
-                    far = math.sqrt((x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2) - radius
-                    if far < math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt:
+                    within = radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
+                    if (x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2 < within * within:
                         exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
                         arrived = exit == REACHED
                     if arrived:
@@ -597,8 +619,10 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                                     moved[j] += B[j, k] * y[k]
                 elif arrived:
                     exit, share = REACHED, ahead
-                else:
+                elif turning:
                     exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1], turn)
+                else:
+                    exit, share, room = sweep_onward(arena, x[0], x[1], moved[0], moved[1], turn, room)
                 if moving:
                     if not noisy_position and setup.bridge and close > 0:
                         hit = met_on_way(traffic, listed, close, x[0], x[1], moved[0], moved[1], turn, now, dt, share)
@@ -618,14 +642,15 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                                 ratio[g] += 0.5 * (sway * sway - (off / law[g, i, 14]) ** 2) / dt
                         elif leadable and not noisy_position and stage[g] < led[g]:
                             if until > 0.0:
-                                gained = 0.0
+                                gained, row = 0.0, rows_at + pitch * (law.shape[1] * g + stage[g])
+                                for j in range(modes):
+                                    white[j] = drawn[j] - (a[g, j] if j < m else wide[g, j]) * dt
                                 for j in range(modes):
                                     off = 0.0
                                     for k in range(modes):
-                                        mean = (a[g, k] if k < m else wide[g, k]) * dt
-                                        off += law[g, stage[g], shape_inverse + j * modes + k] * (drawn[k] - mean)
+                                        off += load_float64(row, shape_inverse + j * modes + k) * white[k]
                                     gained += drawn[j] * drawn[j] - off * off
-                                ratio[g] += 0.5 * gained / dt - law[g, stage[g], end]
+                                ratio[g] += 0.5 * gained / dt - load_float64(row, end)
                         else:
                             for j in range(m):
                                 ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)

@@ -8,7 +8,7 @@ from scipy.stats import chi2, kstest, norm
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
-from pirrht.compiled.streams import logarithm, stream, uniform
+from pirrht.compiled.streams import fill_normals, logarithm, stream, uniform
 from pirrht.compiled.streams import normals as two_normals
 
 
@@ -20,6 +20,13 @@ def _normals(seed, first, out):  # type: ignore[no-untyped-def]
             state, out[s, i], other = two_normals(state)
             if i + 1 < out.shape[1]:
                 out[s, i + 1] = other
+
+
+@kernel
+def _normals_abreast(seed, sample, pairs, out):  # type: ignore[no-untyped-def]
+    state = stream(seed, sample)
+    for i in range(0, out.shape[0], 2 * pairs):
+        state = fill_normals(state, pairs, out[i : i + 2 * pairs])
 
 
 @kernel
@@ -52,6 +59,13 @@ def uniforms(seed: int, samples: int, draws: int) -> Array:
     out = np.empty((samples, draws))
     _uniforms(np.uint64(seed), out)
     return out
+
+
+def test_normals_drawn_abreast_are_those_drawn_one_after_the_other():
+    for pairs in (1, 5, 16):
+        abreast = np.empty(160)
+        _normals_abreast(np.uint64(13), 7, pairs, abreast)
+        assert np.array_equal(abreast, normals(13, 1, 160, first=7)[0])
 
 
 @pytest.mark.parametrize("shape", [(1, 200_000), (200_000, 1), (1000, 200)], ids=["one long", "many short", "both"])
