@@ -54,10 +54,10 @@ def shortcut(path: Curves, steering: Dubins, space: FreeSpace, rounds: tuple[int
         count = tighten(around, pieces, count)
     if count == 0 or pieces.length[:count].sum() >= path.length.sum():
         return path
-    return _in_rows(Pieces(*(part[:count] for part in pieces)), steering.cost_per_meter)
+    return in_rows(Pieces(*(part[:count] for part in pieces)), steering.cost_per_meter)
 
 
-def _in_rows(pieces: Pieces, cost_per_meter: float) -> Curves:
+def in_rows(pieces: Pieces, cost_per_meter: float) -> Curves:
     """Consecutive pieces as curves of three pieces each."""
     count = len(pieces.length)
     kappa, ell = np.zeros((2, -(-count // 3), 3))

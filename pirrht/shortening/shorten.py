@@ -14,7 +14,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves, entry_of_piece
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import clearance
-from pirrht.shortening import chain, in_time
+from pirrht.shortening import arcs_resumed, chain, in_time
 from pirrht.shortening.dubins_shortcut import shortcut
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.along_legs import Legs
@@ -61,13 +61,15 @@ def shorten(steering: Steering, path: Any, space: FreeSpace) -> Any:
 
 def resumes(steering: Steering) -> bool:
     """Whether paths of a method are shortened much faster from an earlier path of the class."""
-    return isinstance(steering, InTime) or searches(steering)
+    return isinstance(steering, InTime | RoverSteering) or searches(steering)
 
 
 def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any:
     """The cheapest path from x (n,) near an earlier one, into the goal, whatever its class; None if there is none."""
     if isinstance(steering, InTime):
         return in_time.resumed(x, path, steering, checker)
+    if isinstance(steering, RoverSteering):
+        return arcs_resumed.resumed(x, path, steering, checker)
     return chain.resumed(x, path, steering, checker.space)
 
 
