@@ -25,8 +25,10 @@ from pirrht.steering.motion import Surroundings
 from pirrht.steering.rover import RoverSteering
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
+from pirrht.steering.tracked import Tracked
 from pirrht.topology.cuts import key_of_segment
 
+AHEAD = 4  # corners of an earlier path that it may go on from
 ROUNDS = 12
 GAIN = 1e-5  # a round that shortens the path by less than this share is the last
 FLAT = 0.02  # corners that turn less than this [rad] stay if they touch something
@@ -61,7 +63,7 @@ def shorten(steering: Steering, path: Any, space: FreeSpace) -> Any:
 
 def resumes(steering: Steering) -> bool:
     """Whether paths of a method are shortened much faster from an earlier path of the class."""
-    return isinstance(steering, InTime | RoverSteering) or searches(steering)
+    return isinstance(steering, InTime | RoverSteering | Tracked) or searches(steering)
 
 
 def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any:
@@ -70,6 +72,8 @@ def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any
         return in_time.resumed(x, path, steering, checker)
     if isinstance(steering, RoverSteering):
         return arcs_resumed.resumed(x, path, steering, checker)
+    if isinstance(steering, Tracked):
+        return _over_corners(x, path, steering, checker)
     return chain.resumed(x, path, steering, checker.space)
 
 
@@ -85,6 +89,19 @@ def _straight(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
     points = np.vstack([path.start[:, :2], _end(path)])
     short = taut_polyline(points, space)
     found: Curves = steering.connect(short[:-1], short[1:])  # type: ignore[assignment]
+    return found
+
+
+def _over_corners(x: Array, path: Curves, steering: Tracked, checker: EdgeChecker) -> Curves | None:
+    """A taut path from x (2,) beside its start: straight to the furthest of the next corners that is free to go to."""
+    count = min(AHEAD, len(path.cost))
+    legs = steering.connect(np.repeat(x[None], count, axis=0), path.heads[:count])
+    free = checker.inspect(legs, np.arange(count) == len(path.cost) - 1).free
+    if not free.any():
+        return None
+    k = int(np.flatnonzero(free)[-1])
+    corners = np.vstack([x, path.heads[k:]])
+    found: Curves = steering.connect(corners[:-1], corners[1:])  # type: ignore[assignment]
     return found
 
 

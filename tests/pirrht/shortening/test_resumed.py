@@ -1,4 +1,4 @@
-"""Paths of arcs that go on from earlier ones."""
+"""Paths that go on from earlier ones: of arcs, and lines that guides track."""
 
 from __future__ import annotations
 
@@ -11,27 +11,40 @@ from pirrht.problem import Problem
 from pirrht.shortening.arcs_resumed import REACH, resumed
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.rover import RoverSteering
+from pirrht.steering.steering import Steering
+from pirrht.steering.tracked import Tracked
 from pirrht.systems.rover import Rover
+from pirrht.systems.second_order_car import SecondOrderCar
 from pirrht.tree.homology_tree import HomologyTree
 
 
-def grown(seed: int) -> HomologyTree:
-    space = FreeSpace.of(scattered(seed))
-    problem = Problem(dynamics=Rover(), scene=space.scene, R=np.diag([2.0, 0.5]))
-    tree = HomologyTree(space, RoverSteering.of(problem), limit=0.9, rng=np.random.default_rng(seed))
+def rover(seed: int) -> HomologyTree:
+    problem = Problem(dynamics=Rover(), scene=scattered(seed), R=np.diag([2.0, 0.5]))
+    return grown(problem, RoverSteering.of(problem), seed)
+
+
+def grown(problem: Problem, steering: Steering, seed: int) -> HomologyTree:
+    space = FreeSpace.of(problem.scene)
+    tree = HomologyTree(space, steering, limit=0.9, rng=np.random.default_rng(seed))
     tree.grow(300)
     return tree
 
 
+def lines(seed: int) -> HomologyTree:
+    problem = Problem(dynamics=SecondOrderCar(), scene=scattered(seed), R=np.diag([2.0, 2.0]))
+    return grown(problem, Tracked.of(problem, pace=1.0), seed)
+
+
 @pytest.mark.parametrize("seed", [0, 3])
-def test_paths_of_a_rover_go_on_from_earlier_ones_in_their_class_and_hardly_dearer(seed):
+@pytest.mark.parametrize("made", [rover, lines])
+def test_paths_go_on_from_earlier_ones_in_their_class_and_hardly_dearer(made, seed):
     """20 small moves of seed 1: against paths that are shortened anew at most 5 % dearer, and free as FCL sees it."""
-    tree, rng, compared = grown(seed), np.random.default_rng(1), 0
-    start = np.array(tree.space.scene.start, dtype=float)
+    tree, rng, compared = made(seed), np.random.default_rng(1), 0
+    start = np.array(tree.space.scene.start, dtype=float)[: tree.steering.n]
     known = {found.winding: found for found in tree.references(start)}
     paths = {winding: found.path for winding, found in known.items()}
     for _ in range(20):
-        moved = start + rng.normal(scale=[0.03, 0.03, 0.05])
+        moved = start + rng.normal(scale=[0.03, 0.03, 0.05][: len(start)])
         anew = {found.winding: found.cost for found in tree.references(moved)}
         again = {found.winding: found for found in tree.references(moved, before=paths)}
         assert set(again) == set(anew)
@@ -47,7 +60,7 @@ def test_paths_of_a_rover_go_on_from_earlier_ones_in_their_class_and_hardly_dear
 
 
 def test_a_path_that_is_out_of_reach_or_all_but_over_is_not_resumed():
-    tree = grown(0)
+    tree = rover(0)
     start = np.array(tree.space.scene.start, dtype=float)
     path, checker = tree.references(start)[0].path, EdgeChecker.of(tree.space, tree.steering)
     assert isinstance(tree.steering, RoverSteering)
