@@ -23,7 +23,7 @@ from pirrht.guidance.priced_among import expand_among, expand_point, point_price
 from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.guidance.step_map import NUDGE, step_of
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
-from pirrht.rollouts.general.path import Kind, diffusion_of, is_gated
+from pirrht.rollouts.general.kind import Kind, diffusion_of, is_gated
 from pirrht.rollouts.homing import wrapped
 from pirrht.rollouts.listed import held_of
 from pirrht.systems.dynamics import no_homing

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.jit import kernel
-from pirrht.rollouts.general.path import SWAY, Kind, diffusion_of
+from pirrht.rollouts.general.kind import SWAY, Kind, diffusion_of
 
 NUDGE = 1e-4  # of a state, for differences [m], [rad], [m/s] ..
 

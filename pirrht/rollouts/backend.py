@@ -15,8 +15,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import as_jitable
 from pirrht.problem import Problem, unit_rate
+from pirrht.rollouts.general.kind import Kind
 from pirrht.rollouts.general.loops import loops
-from pirrht.rollouts.general.path import Kind, any_path
+from pirrht.rollouts.general.path import any_path
 from pirrht.rollouts.homing import car_home, straight_home
 from pirrht.rollouts.point.block import is_point, sample
 from pirrht.rollouts.point.replay import control, trace

@@ -27,7 +27,6 @@ it ends when the motion of one of those that are near a noisy position changes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -36,7 +35,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.float32 import ONE, ZERO
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.jit import kernel
+from pirrht.compiled.linear import solve
 from pirrht.compiled.streams import antithetic, fill_normals, normals, stream
 from pirrht.geometry.arena import at
 from pirrht.geometry.traffic import traffic_clearance
@@ -71,16 +71,17 @@ from pirrht.rollouts.first_exit import (
 )
 from pirrht.rollouts.first_exit import GOAL as REACHED
 from pirrht.rollouts.gates import gate_slope
+from pirrht.rollouts.general.kind import SWAY, Kind, diffusion_of, is_gated, takes_law
+from pirrht.rollouts.general.law import nearest_of
 from pirrht.rollouts.homing import STEEP, homing, wrapped
 from pirrht.rollouts.listed import forget, held_of, listing, surely
 from pirrht.rollouts.records import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
-from pirrht.systems.dynamics import no_drift, no_homing
+from pirrht.systems.dynamics import no_drift
 from pirrht.systems.unicycle import unicycle_drift
 from pirrht.topology.cuts import key_of_step
 from pirrht.topology.marks import key_among, open_sides
 
-SWAY = 1.0 / math.sqrt(12.0)
 SOON = 1e-6  # a step is no shorter than this where motions change [s]
 ABREAST = 8  # steps whose noise is drawn at once
 LOST = 60.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
@@ -95,98 +96,6 @@ class Kept(NamedTuple):
     applied: Array  # (up to T, m) control carried up to the exit, as a mean over each step
     led_by: Array  # (up to T, m) the lead's part of it
     base: Array  # (m,) the lead's control at the start without the nearest wall
-
-
-@kernel
-def solve(A, Y, X):  # type: ignore[no-untyped-def]
-    """Solve A X = Y for small A (m, m) by elimination with row pivots; Y, X (m, k)."""
-    m = A.shape[0]
-    work = A.copy()
-    for i in range(m):
-        for k in range(Y.shape[1]):
-            X[i, k] = Y[i, k]
-    for i in range(m):
-        pivot = i
-        for r in range(i + 1, m):
-            if abs(work[r, i]) > abs(work[pivot, i]):
-                pivot = r
-        for c in range(m):
-            work[i, c], work[pivot, c] = work[pivot, c], work[i, c]
-        for k in range(Y.shape[1]):
-            X[i, k], X[pivot, k] = X[pivot, k], X[i, k]
-        for r in range(m):
-            if r != i:
-                factor = work[r, i] / work[i, i]
-                for c in range(i, m):
-                    work[r, c] -= factor * work[i, c]
-                for k in range(Y.shape[1]):
-                    X[r, k] -= factor * X[i, k]
-    for i in range(m):
-        for k in range(Y.shape[1]):
-            X[i, k] /= work[i, i]
-
-
-class Kind(NamedTuple):
-    """What kernels of one kind of dynamics and cost rate are compiled for; functions that numba compiles."""
-
-    drift: Callable[..., None]  # (x, p, out)
-    control_block: Callable[..., None] | None  # G_c (x, p, out); None: what turns u into a is constant, in `Setup`
-    diffusion_block: Callable[..., None] | None  # B_c, likewise; in input form G, of which B = G s
-    q: Callable[..., float]  # (x, p) [cost/s], if it varies
-    n: int  # states
-    m: int  # controls
-    varying_rate: bool  # whether q varies
-    noisy_position: bool  # whether noise acts on the position
-    angles: int = 0  # bit k tells whether the k-th state is a heading
-    homing: Callable[..., None] = no_homing  # (x, p, B, aim, radius, rate, out): `Dynamics.homing`
-    input_form: bool = False  # whether noise enters through inputs
-    midway: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
-    astray: bool = False  # a point that drifts, or is shaken more one way: ways, which know neither, do not lead it
-    moving: bool = False  # whether bodies move in the scene
-
-    @property
-    def rows(self) -> int:
-        """Trailing states that B has rows for."""
-        return self.n if self.input_form else self.m
-
-
-@cache
-def diffusion_of(kind: Kind) -> Any:
-    """The kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
-    block: Any = kind.diffusion_block
-    rows, m = kind.rows, kind.m
-
-    @kernel
-    def through_inputs(x, p, s, G, B):  # type: ignore[no-untyped-def]
-        block(x, p, G)
-        for i in range(rows):
-            for j in range(m):
-                total = 0.0
-                for k in range(m):
-                    total += G[i, k] * s[k, j]
-                B[i, j] = total
-
-    @kernel
-    def as_it_is(x, p, s, G, B):  # type: ignore[no-untyped-def]
-        block(x, p, B)
-
-    return through_inputs if kind.input_form else as_it_is
-
-
-def is_gated(kind: Kind) -> bool:
-    """Whether walls that are yet to be passed bend its law (`gates`): of a point where bodies move."""
-    return kind.moving and kind.n == kind.m == 2 and not kind.input_form
-
-
-def takes_law(kind: Kind) -> bool:
-    """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do.
-
-    Where bodies move all are.
-    """
-    if kind.moving:
-        return True
-    car = kind.drift is unicycle_drift and kind.rows == kind.m == 1 and kind.control_block is None
-    return not car and not (kind.n == kind.m == 2 and not kind.astray)
 
 
 @cache
@@ -208,6 +117,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     abreast = leadable and not noisy_position
     most = 2 * m if bending else m  # modes of a step's noise
     losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
+    nearest = nearest_of(n, angles)
     isotropic = n == 2 and m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @kernel
@@ -236,34 +146,6 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         among = held, listed, near, np.empty((leads.marks.weight.shape[0], 2))
         laws = wide, home, white, drawn, beside, fresh
         return x, moved, f, y, G, D, B, a, aside, pushed, stage, lost, column, carried, laws, among
-
-    @inlined
-    def apart(row, x, there, weights):  # type: ignore[no-untyped-def]
-        """Square of how far x (n,) is from the state that a step of a law, a row at an address, is for."""
-        total = 0.0
-        for k in range(n):
-            off = x[k] - load_float64(row, there + k)
-            if (angles >> k) & 1:
-                off = wrapped(off)
-            total += load_float64(row, weights + k) * off * off
-        return total
-
-    @inlined
-    def nearest(first, pitch, s, last, x, there, weights):  # type: ignore[no-untyped-def]
-        """The step of a law whose rows begin at an address whose state is nearest to x (n,), found from step s on."""
-        here = apart(first + pitch * s, x, there, weights)
-        onward = apart(first + pitch * (s + 1), x, there, weights) if s < last else np.inf
-        if onward < here:
-            while onward < here:
-                s, here = s + 1, onward
-                onward = apart(first + pitch * (s + 1), x, there, weights) if s < last else np.inf
-            return s
-        while s > 0:
-            onward = apart(first + pitch * (s - 1), x, there, weights)
-            if onward >= here:
-                break
-            s, here = s - 1, onward
-        return s
 
     # One long function: every call with arrays would cost more than most of what stands in this loop.
     @kernel

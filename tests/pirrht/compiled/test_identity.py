@@ -83,7 +83,7 @@ import numpy as np
 from numba.core import event
 from pirrht.compiled.jit import as_jitable
 from pirrht.guidance.step_map import step_of
-from pirrht.rollouts.general.path import Kind
+from pirrht.rollouts.general.kind import Kind
 GAIN = float(sys.argv[1])
 made = []
 class Heard(event.Listener):

@@ -24,8 +24,9 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.outcome import Outcome
 from pirrht.problem import unit_rate
+from pirrht.rollouts.general.kind import Kind
 from pirrht.rollouts.general.loops import loops
-from pirrht.rollouts.general.path import Kind, any_path
+from pirrht.rollouts.general.path import any_path
 
 WIDER = 0.01  # of psi that obstacles may take too much
 FINE = {"steps": "uniform", "dt": 0.1 / 64}

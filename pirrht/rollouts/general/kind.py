@@ -1,0 +1,77 @@
+"""What kernels of one kind of dynamics and cost rate are compiled for, and what of it leads their samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+from pirrht.compiled.jit import kernel
+from pirrht.systems.dynamics import no_homing
+from pirrht.systems.unicycle import unicycle_drift
+
+SWAY = 1.0 / math.sqrt(12.0)  # of the mean of a step's noise beside its middle, in deviations of the noise
+
+
+class Kind(NamedTuple):
+    """What kernels of one kind of dynamics and cost rate are compiled for; functions that numba compiles."""
+
+    drift: Callable[..., None]  # (x, p, out)
+    control_block: Callable[..., None] | None  # G_c (x, p, out); None: what turns u into a is constant, in `Setup`
+    diffusion_block: Callable[..., None] | None  # B_c, likewise; in input form G, of which B = G s
+    q: Callable[..., float]  # (x, p) [cost/s], if it varies
+    n: int  # states
+    m: int  # controls
+    varying_rate: bool  # whether q varies
+    noisy_position: bool  # whether noise acts on the position
+    angles: int = 0  # bit k tells whether the k-th state is a heading
+    homing: Callable[..., None] = no_homing  # (x, p, B, aim, radius, rate, out): `Dynamics.homing`
+    input_form: bool = False  # whether noise enters through inputs
+    midway: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
+    astray: bool = False  # a point that drifts, or is shaken more one way: ways, which know neither, do not lead it
+    moving: bool = False  # whether bodies move in the scene
+
+    @property
+    def rows(self) -> int:
+        """Trailing states that B has rows for."""
+        return self.n if self.input_form else self.m
+
+
+@cache
+def diffusion_of(kind: Kind) -> Any:
+    """The kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
+    block: Any = kind.diffusion_block
+    rows, m = kind.rows, kind.m
+
+    @kernel
+    def through_inputs(x, p, s, G, B):  # type: ignore[no-untyped-def]
+        block(x, p, G)
+        for i in range(rows):
+            for j in range(m):
+                total = 0.0
+                for k in range(m):
+                    total += G[i, k] * s[k, j]
+                B[i, j] = total
+
+    @kernel
+    def as_it_is(x, p, s, G, B):  # type: ignore[no-untyped-def]
+        block(x, p, B)
+
+    return through_inputs if kind.input_form else as_it_is
+
+
+def is_gated(kind: Kind) -> bool:
+    """Whether walls that are yet to be passed bend its law (`gates`): of a point where bodies move."""
+    return kind.moving and kind.n == kind.m == 2 and not kind.input_form
+
+
+def takes_law(kind: Kind) -> bool:
+    """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do.
+
+    Where bodies move all are.
+    """
+    if kind.moving:
+        return True
+    car = kind.drift is unicycle_drift and kind.rows == kind.m == 1 and kind.control_block is None
+    return not car and not (kind.n == kind.m == 2 and not kind.astray)
