@@ -14,7 +14,6 @@ With --part car truth is a million samples, see `calibration_car`; with --part m
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -25,12 +24,13 @@ from typing import Any
 import numpy as np
 from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER, summaries, text_of, truth_errors, truth_text
+from benchmarks.first_plan import first_plan
 from benchmarks.scenes import random_states, scenario_of
 from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.errors import NoReference, OptionError
+from pirrht.errors import OptionError
 from pirrht.exact.desirability import Desirability
 from sim.scenario import Scenario, prepare
 
@@ -149,28 +149,6 @@ def _record(scenario: Scenario, truth: Desirability, controller: Controller, x: 
         "finer": None,
         "plans": [plan for plan in plans if plan is not None],
         "without": sum(plan is None for plan in plans),
-    }
-
-
-def first_plan(controller: Controller, x: Array, t: float = 0.0) -> dict[str, Any] | None:
-    """What the first plan claims of a drive from x at t [s]; None without a reference or a survivor."""
-    controller.begin(x, t)
-    began = time.perf_counter()
-    try:
-        e = controller.plan(x).estimate
-    except NoReference:
-        return None
-    seconds = time.perf_counter() - began
-    if e is None:
-        return None
-    return {
-        "v": e.value,
-        "v_error": e.value_error,
-        "u": e.control.tolist(),
-        "u_error": e.control_error.tolist(),
-        "ess": e.ess,
-        "samples": sum(part.size for part in e.parts),
-        "ms": 1e3 * seconds,
     }
 
 

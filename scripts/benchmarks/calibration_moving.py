@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.calibration import first_plan
 from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
+from benchmarks.first_plan import first_plan
 from benchmarks.scenes import random_states
 from tqdm import tqdm
 
