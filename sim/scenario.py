@@ -37,6 +37,7 @@ from sim.system_import import chosen
 from sim.systems import System, named, refuse
 
 Driver = Controller | Mppi | Optimal
+WIDER = (0.8, 1.0, 1.5)  # H_limit where no class reaches the goal within the robot's own
 AMONG = 0.8  # H_limit where bodies move and nobody says another: who waits for one is turned about by it meanwhile
 QUICK = 400  # vertices at most of a tree that is grown within a control period
 
@@ -138,16 +139,18 @@ class Scenario:
         steering: Steering = self.system.steered(self.problem)
         return steering
 
-    def empty_tree(self) -> HomologyTree:
-        """A tree that has its roots only."""
-        return self._rooted(self.space, np.random.default_rng(self.seeds()[0]))
+    def empty_tree(self, limit: float | None = None) -> HomologyTree:
+        """A tree that has its roots only; within another limit than the settings' if one is given."""
+        return self._rooted(self.space, np.random.default_rng(self.seeds()[0]), limit)
 
-    def _rooted(self, space: FreeSpace, rng: np.random.Generator) -> HomologyTree:
+    def _rooted(self, space: FreeSpace, rng: np.random.Generator, limit: float | None = None) -> HomologyTree:
         s = self.settings
-        return HomologyTree(space, self.steering(), limit=s.limit, classes=s.classes, rng=rng)
+        return HomologyTree(space, self.steering(), limit=limit or s.limit, classes=s.classes, rng=rng)
 
     def grown_tree(self, progress: Callable[[int], None] | None = None) -> HomologyTree:
         """A tree of `settings.vertices` vertices, or the one that was saved as `settings.tree`.
+
+        Where no class reaches the goal from the start within the robot's own limit, it is grown anew within wider ones.
 
         Raises:
             OptionError: that is no tree for this scene, robot and limit.
@@ -155,9 +158,16 @@ class Scenario:
         s = self.settings
         if s.tree is not None:
             return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
-        tree = self.empty_tree()
-        tree.grow(s.vertices, progress=progress)
-        return tree
+        own = s.limit == (AMONG if self.moving else self.system.settings.limit)
+        first: HomologyTree | None = None
+        for limit in (s.limit, *(wider for wider in WIDER if own and wider > s.limit)):
+            tree = self.empty_tree(limit)
+            tree.grow(s.vertices, progress=progress)
+            if tree.lengths(tree.homology.asked(self.start, 0.0)):
+                return tree
+            first = first or tree
+        assert first is not None
+        return first
 
     def references(self, tree: HomologyTree) -> list[Reference]:
         """The best path of every class from the start, cheapest first.

@@ -280,6 +280,9 @@ def _planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
     with _bar("plan", scenario.settings.vertices, " vertices") as bar:
         tree = scenario.grown_tree(lambda size: bar.update(size - bar.n))
     references = scenario.references(tree)
+    if tree.limit > scenario.settings.limit and scenario.settings.tree is None:
+        no = f"no class reaches the goal from the start within |1 - H_i| <= {scenario.settings.limit:g}"
+        print(f"{no}: grown within {tree.limit:g}", file=sys.stderr)
     warm.notice().done("plan")
     return tree, references
 

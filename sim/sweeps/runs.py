@@ -247,8 +247,7 @@ def pack(tree: HomologyTree) -> bytes:
 
 def unpack(scenario: Scenario, content: bytes) -> HomologyTree:
     """The tree as it was packed, in the same scenario."""
-    s = scenario.settings
-    return tree_file.load(BytesIO(content), scenario.space, scenario.steering(), limit=s.limit, classes=s.classes)
+    return tree_file.load(BytesIO(content), scenario.space, scenario.steering(), classes=scenario.settings.classes)
 
 
 def key(job: Job, noise: float | None) -> dict[str, Any]:
