@@ -23,6 +23,7 @@ from pirrht.steering.steering import Steering
 EVEN = 16  # stations of the first round, vertices not counted
 CORNERS = 6  # rounds that follow, each with stations twice as near to the corners
 GAIN = 1e-5  # two rounds in turn that save less than this share of the cost are the last
+AHEAD = 6  # corners of an earlier path that another may go on from
 INTO = 1e-3  # of the way from the goal's rim to its centre: where a path ended on the rim the next one ends within
 ROUNDING = 1e-6  # share of the cost of a motion by which its parts may cost more
 
@@ -46,10 +47,30 @@ def cheapest_chain(path: Motions, steering: Steering, space: FreeSpace) -> Any:
 
 
 def resumed(x: Array, path: Motions, steering: Steering, space: FreeSpace) -> Any:
-    """The cheapest path from x (n,) over some of the corners of an earlier one, into the goal; None if none is free."""
+    """The cheapest path from x (n,) to one of the next corners of an earlier one and on; None if none is free.
+
+    Its class is that of x, the next corner and on, if the motion to that is free; else it may be another.
+    """
     goal, corners = space.scene.goal.center, path.heads.copy()
     corners[-1, :2] += INTO * (goal - corners[-1, :2])
-    return _joined(EdgeChecker.of(space, steering), steering, np.vstack([x, corners]))
+    checker, count = EdgeChecker.of(space, steering), min(AHEAD, len(corners))
+    to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
+    tails = np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]])
+    record = checker.motion.record(steering.connect(tails, corners[to]))
+    edges, _ = judge_with(checker.motion.kernels)(checker.around, record, to == len(corners) - 1, to)
+    free, direct = edges.free[:count], edges.cost[:count]
+    if edges.status[0] == UNSURE:
+        free[0] = checker.motion.ask(record, 0, checker.space)
+    key = _keys(edges.turns.first, edges.turns.marker, edges.turns.turn, checker.around.weights)
+    if free[0]:
+        free &= key[:count] == key[0] + np.concatenate([[0], np.cumsum(key[count:])])
+    if not free.any():
+        return None
+    legs = path.cost[1:]
+    onward = legs.sum() - np.concatenate([[0.0], np.cumsum(legs[: count - 1])])
+    first = int(np.argmin(np.where(free, direct + onward, np.inf)))
+    stations = np.vstack([x, corners[first:]])
+    return checker.until_goal(steering.connect(stations[:-1], stations[1:]))
 
 
 def _stations(path: Motions, steering: Steering, number: int) -> Array:
