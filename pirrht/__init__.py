@@ -46,7 +46,7 @@ _HOME = {
     "PirrhtError": "errors",
     "Plan": "control.plan",
     "Problem": "problem",
-    "Reference": "tree.homology_tree",
+    "Reference": "tree.reference",
     "Sampling": "estimation.sampling",
     "Scene": "geometry.scene",
     "SceneError": "errors",

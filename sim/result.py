@@ -10,7 +10,8 @@ import numpy as np
 from pirrht.estimation.estimate import Estimate
 from pirrht.freespace import FreeSpace
 from pirrht.tree.convergence import Convergence
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.drive.truth import Truth
 from sim.scenario import Scenario
 

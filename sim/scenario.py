@@ -26,7 +26,8 @@ from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree import file as tree_file
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim import memory
 from sim.drive import episode, realtime
 from sim.drive.executor import Analytic, Executor, Plant

@@ -35,7 +35,8 @@ from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.topology.homology import Homology, class_id, integers
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 
 BETWEEN = ("classes", "hold")
 ELSEWHEN = 0.1  # a drive that begins so much later is another one [s]

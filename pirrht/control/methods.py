@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pirrht.tree.homology_tree import Reference
+    from pirrht.tree.reference import Reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
-from pirrht.tree.homology_tree import Reference
+from pirrht.tree.reference import Reference
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,81 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht import shown
 from pirrht.arrays import Array
-from pirrht.compiled.threads import mapped
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.shortening.shorten import polish, resume, resumes
-from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, joined
-from pirrht.steering.in_time import InTime
+from pirrht.steering.edges import NO_EDGES, Edges
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Steering
-from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.homology import class_id, integers
 from pirrht.tree import graph as g
 from pirrht.tree import plot as tree_plot
-from pirrht.tree.extend import Vertices, grow_with, insert, near_count
+from pirrht.tree.around import Around
+from pirrht.tree.asking import Asked
+from pirrht.tree.extend import Vertices, grow_with, insert
 from pirrht.tree.nodes import SearchRules
 from pirrht.tree.offers import Offers
-from pirrht.tree.search import Best, best_classes, reaches, relax
+from pirrht.tree.reference import Reference
+from pirrht.tree.search import reaches, relax
 from pirrht.tree.status import ASK, DONE, NODES_FULL, PAIRS_FULL, QUEUE_FULL
 
 GOAL_SHARE = 0.02  # share of the draws that go to the goal's disc, which uniform draws would rarely hit
 DRAWS_PER_VERTEX = 50
-ALIKE = 1e-5  # share of its cost by which a path that was shortened before may exceed one that is not
-NEW = 1  # of the classes in space and time that is polished at once while earlier paths of others are known
-SHARED = 200  # edges that are worth more than one thread
 # Arrays to double, and the axis, by what is full.
 MORE = {NODES_FULL: (g.NODES, 1), QUEUE_FULL: (g.QUEUE, 0), PAIRS_FULL: (g.NODE_PAIRS, 2)}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reference:
-    """The best known path of one homology class from a state into the goal."""
-
-    winding: tuple[int, ...]  # (M,) whole turns against the straight line from the state to the goal point
-    signature: Array  # (M,) the paper's H, leading 1 included [turns]
-    trajectory: Trajectory  # controls (l, m), durations (l,) [s] and path
-
-    @property
-    def path(self) -> Any:
-        """Consecutive motions: along arcs, `Curves`."""
-        return self.trajectory.path
-
-    @property
-    def cost(self) -> float:
-        """Steering cost [cost]; it orders references and is never mixed with psi."""
-        return self.trajectory.cost
-
-    @property
-    def length(self) -> float:
-        """Path length [m]."""
-        return self.trajectory.length
-
-    @property
-    def id(self) -> str:
-        """Public name of the class, relative to the state it was asked for."""
-        return class_id(self.winding)
-
-    def __repr__(self) -> str:
-        return f"Reference(class {shown.turns(self.id)}: cost {self.cost:.4g}, {self.length:.3g} m)"
-
-
-class _Path(NamedTuple):
-    """The path of a class from a state into the goal."""
-
-    winding: tuple[int, ...]
-    motions: Any
-    taut: bool  # whether it goes on from an earlier one that has been shortened
 
 
 class HomologyTree:
@@ -138,7 +91,8 @@ class HomologyTree:
             )
         self.space, self.steering, self.rng = space, steering, rng
         self.rules = SearchRules(float(limit), int(classes), bool(steering.symmetric))
-        self.checker, self.homology = EdgeChecker.of(space, steering), steering.homology(space)
+        self.around = Around.of(space, steering)
+        self.homology = self.around.homology
         self._compiled = steering.compiled
         self._grow_kernel = self._compiled and grow_with(*self._compiled[:2], steering.motion.kernels)
         self.states = np.zeros((256, steering.n))
@@ -148,7 +102,7 @@ class HomologyTree:
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
         for x in roots:
             self._write(x, root=True)
-            self._insert(self._straight(x), NO_EDGES, NO_EDGES)
+            self._insert(self.around.straight(x), NO_EDGES, NO_EDGES)
 
     @property
     def graph(self) -> g.Graph:
@@ -214,7 +168,7 @@ class HomologyTree:
         """The draws from i on in compiled code: how many have been dealt with, and what comes next."""
         if self._compiled is None or self._grow_kernel is None:
             return i, ASK
-        around, numbers = self.checker.around, self._compiled.numbers
+        around, numbers = self.around.checker.around, self._compiled.numbers
         return self._grow_kernel(self._places, self._vertices, draws, i, around, numbers, self.rules)
 
     def aim(self, x: Array) -> None:
@@ -233,16 +187,16 @@ class HomologyTree:
     def extend(self, x: Array) -> bool:
         """One iteration of Algorithm 1 with the state x (n,); whether it became a vertex."""
         self.draws += 1
-        if not self.checker.point_free(x):
+        if not self.around.checker.point_free(x):
             return False
-        straight, out = self._straight(x), NO_EDGES
+        straight, out = self.around.straight(x), NO_EDGES
         root = bool(self.space.scene.goal.contains(x[:2]))
         if not root:
-            out = self._edges_from(x)
+            out = self.around.edges_from(x, self._first(self.size))
             if not reaches(self._places, straight, out, self.rules):
                 return False
         v = self._write(x, root=root)
-        back = self._edges_to(v) if root or not self.rules.mirrored else out
+        back = self.around.edges_to(self._first(v + 1)) if root or not self.rules.mirrored else out
         self._insert(straight, out, back)
         self._relax()
         return True
@@ -270,23 +224,7 @@ class HomologyTree:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        edges = self._edges_from(x, self.steering.asked, threads)
-        best = Best.room(self.classes or max(1, int(self.graph.nodes[edges.near[edges.free]].sum())))
-        weights = self.homology.hash_weights
-        count = best_classes(self._places, self._straight(x), edges, weights, self.rules, best)
-        if count == 0:
-            raise NoReference(x.tolist(), vertices=self.size, limit=self.limit)
-        order = np.argsort(best.cost[:count], kind="stable")
-        known = before if before and polished and resumes(self.steering) else {}
-        paths = mapped(lambda i: self._path(x, edges, int(best.edge[i]), int(best.slot[i]), known), order, threads)
-        if polished:
-            raw = [i for i, path in enumerate(paths) if not path.taut]
-            if known and isinstance(self.steering, InTime):
-                raw = [] if pressed() else raw[:NEW]
-            short = mapped(lambda i: polish(paths[i].motions, self.steering, self.space), raw, threads)
-            for i, motions in zip(raw, short, strict=True):
-                paths[i] = paths[i]._replace(motions=motions)
-        return sorted((self._reference(x, path) for path in paths), key=lambda reference: reference.cost)
+        return self._asked.references(x, polished=polished, before=before, pressed=pressed, threads=threads)
 
     def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
         """Length [m] of the tree's own best path of every allowed class from x (n,), by winding; empty if none."""
@@ -303,16 +241,7 @@ class HomologyTree:
 
     def path_of(self, vertex: int, slot: int) -> list[int]:
         """Vertices from a node to its root, first to last (Algorithm 5, ReconstructPath)."""
-        gr = self.graph
-        key, path = gr.key[vertex, slot], [vertex]
-        while gr.parent[vertex, slot] != g.ROOT:
-            e = gr.parent[vertex, slot]
-            with np.errstate(over="ignore"):
-                key = key - gr.edge_key[e]
-            vertex = int(gr.head[e])
-            slot = g.find(self._places, vertex, key)
-            path.append(vertex)
-        return path
+        return self._asked.path_of(vertex, slot)
 
     def __repr__(self) -> str:
         scene, rules = shown.name(self.space.scene.name), self.rules
@@ -365,6 +294,14 @@ class HomologyTree:
     def _vertices(self) -> Vertices:
         return Vertices(self.states, self.in_goal)
 
+    @property
+    def _asked(self) -> Asked:
+        return Asked(around=self.around, rules=self.rules, places=self._places, vertices=self._first(self.size))
+
+    def _first(self, count: int) -> Vertices:
+        """So many of the vertices, written but not yet inserted ones included."""
+        return Vertices(self.states[:count], self.in_goal[:count])
+
     def _write(self, x: Array, *, root: bool) -> int:
         """Write a state where the next vertex will be; its index."""
         v = self.size
@@ -376,7 +313,7 @@ class HomologyTree:
     def _insert(self, straight: Array, out: Edges, back: Edges) -> None:
         """Make the state that has been written a vertex."""
         self._make_room(len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker))
-        insert(self._places, self._vertices, straight, out, back, self.checker.around, self.rules)
+        insert(self._places, self._vertices, straight, out, back, self.around.checker.around, self.rules)
 
     def _double_vertices(self) -> None:
         self.graph = g.doubled(self.graph, g.VERTICES + g.NODES)
@@ -392,68 +329,3 @@ class HomologyTree:
     def _relax(self) -> None:
         while (status := relax(self._places, self.rules)) != DONE:
             self.graph = g.doubled(self.graph, *MORE[status])
-
-    # -- asking ------------------------------------------------------------------------------------------------
-
-    def _straight(self, x: Array) -> Array:
-        """H of the straight line from x (n,) to the goal point, (M,)."""
-        straight: Array = self.homology.straight(x[None])[0]
-        return straight
-
-    def _near(self, x: Array, size: int, *, forward: bool, least: int = 0) -> NDArray[np.int64]:
-        """NearForward and NearBackward among the first `size` states, at least so many."""
-        count = max(near_count(size, self.steering.n), least)
-        return self.steering.nearest(self.states[:size], x, count, forward=forward)
-
-    def _edges_from(self, x: Array, least: int = 0, threads: int = 1) -> Edges:
-        """Edges from x (n,) to the vertices near it, at least so many."""
-        near = self._near(x, self.size, forward=True, least=least)
-
-        def edges(near: NDArray[np.int64]) -> Edges:
-            motions = self.steering.connect(_repeated(x, len(near)), self.states[near])
-            return self.checker.inspect(motions, self.in_goal[near], near)
-
-        if threads == 1 or len(near) < SHARED:
-            return edges(near)
-        return joined(mapped(edges, np.array_split(near, 2 * threads), threads))
-
-    def _edges_to(self, v: int) -> Edges:
-        """Rewire, lines 1-7: edges from the vertices near the state at v, itself included, to it."""
-        x = self.states[v]
-        near = self._near(x, v + 1, forward=False)
-        near = near[(near != v) & ~self.in_goal[near]]
-        motions = self.steering.connect(self.states[near], _repeated(x, len(near)))
-        return self.checker.inspect(motions, np.full(len(near), self.in_goal[v]), near)
-
-    def _path(self, x: Array, edges: Edges, edge: int, slot: int, before: Mapping[tuple[int, ...], Motions]) -> _Path:
-        """The path from x (n,) over one of the edges and on from a node at its head, or what is left of an earlier."""
-        head = int(edges.near[edge])
-        states = np.vstack([x, self.states[self.path_of(head, slot)]])
-        path = self.checker.until_goal(self.steering.connect(states[:-1], states[1:]))
-        winding = integers(g.class_at(self.graph, head, slot) + edges.turns.dense(edge, self.homology.M))
-        again = self._resumed(x, before[winding], winding) if winding in before else None
-        taut = again is not None and again.cost.sum() <= path.cost.sum() * (1.0 + ALIKE)
-        return _Path(winding, again if taut else path, taut)
-
-    def _reference(self, x: Array, path: _Path) -> Reference:
-        return Reference(
-            winding=path.winding,
-            signature=self.homology.signature(x, path.winding),
-            trajectory=self.steering.trajectory(path.motions),
-        )
-
-    def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
-        """The cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
-        found = resume(x, path, self.steering, self.checker)
-        if found is None:
-            return None
-        count = len(found.cost)
-        edges = self.checker.inspect(found, np.arange(count) == count - 1)
-        turns = np.sum([edges.turns.dense(i, self.homology.M) for i in range(count)], axis=0)
-        return found if integers(turns) == winding else None
-
-
-def _repeated(x: Array, count: int) -> Array:
-    here = np.empty((count, len(x)))
-    here[:] = x
-    return here

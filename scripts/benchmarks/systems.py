@@ -19,7 +19,7 @@ from benchmarks.timing import interleaved, row
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.leads import Batch, Proposal, Tape
-from pirrht.tree.homology_tree import Reference
+from pirrht.tree.reference import Reference
 from sim.rehearsal import rehearse
 from sim.scenario import Scenario, prepare
 

@@ -19,7 +19,8 @@ from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.outcome import Outcome
 from pirrht.tree import file as tree_file
 from pirrht.tree.convergence import Convergence
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.cli import sweep_commands, tables, warm
 from sim.drawing.colors import title
 from sim.drive import episode

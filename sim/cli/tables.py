@@ -10,7 +10,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import FEW, Estimate
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.homology_tree import Reference
+from pirrht.tree.reference import Reference
 from sim.drawing.colors import title
 from sim.drawing.sides import sides
 from sim.drive import realtime_timing

@@ -132,7 +132,7 @@ class OneWay:
     def references(self, x: Any, **_: Any) -> list[Any]:
         """The path from x (n,)."""
         from pirrht.shortening.shorten import polish
-        from pirrht.tree.homology_tree import Reference
+        from pirrht.tree.reference import Reference
 
         x = self.steering.vertex_of(x)
         goal = x.copy()

@@ -6,7 +6,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.topology.moving import MovingHomology, places_at
-from pirrht.tree.homology_tree import Reference
+from pirrht.tree.reference import Reference
 
 MOMENTS = 60  # of a path that are looked at
 BACK = 0.1  # over which a body's direction is taken [s]

@@ -17,7 +17,8 @@ from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
 from pirrht.tree.graph import ROOT, edge_turns_around, node_turns_around
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.drawing.colors import Color
 
 Floats = NDArray[np.float32]

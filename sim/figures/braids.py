@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.plotting.ground import MOVER, outline
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors
 from sim.drawing.sides import sides
 from sim.drawing.strokes import timed

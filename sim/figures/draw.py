@@ -13,7 +13,8 @@ from pirrht.errors import OptionError
 from pirrht.files import replaced
 from pirrht.plotting import ground
 from pirrht.tree.convergence import Convergence
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors, title
 from sim.scenario import Scenario
 

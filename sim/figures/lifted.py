@@ -10,7 +10,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.plotting.ground import outline
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, title
 from sim.figures import style

@@ -15,7 +15,8 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind
 from pirrht.steering.dubins import Dubins
 from pirrht.topology.obstacles import Component
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.mjcf import Loaded, load
 
 NARROW = 4 * 0.15  # four robot radii [m]

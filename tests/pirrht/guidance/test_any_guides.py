@@ -27,7 +27,8 @@ from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.mjcf import load
 
 STEP = 0.1

@@ -27,7 +27,8 @@ from pirrht.systems.dynamics import Dynamics, no_drift
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.mjcf import load
 
 

@@ -21,7 +21,8 @@ from pirrht.problem import Problem
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.trajectory import running_cost
 from pirrht.systems.unicycle import Unicycle
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 
 STEP = 0.1
 OPEN = np.array([0.0, 0.0, 2.6])

@@ -15,7 +15,8 @@ from pirrht.shortening.chain import cheapest_chain
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 
 
 class Foreign(Steering):

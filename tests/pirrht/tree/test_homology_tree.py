@@ -18,7 +18,8 @@ from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.homology import class_id
 from pirrht.tree.graph import class_at
-from pirrht.tree.homology_tree import HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 from sim.scenario import Scenario
 
 EXACT = {"0,0": 8.4, "-1,0": 8.67746, "0,1": 8.67746}  # cost of the taut paths, from their geometry
@@ -118,7 +119,7 @@ def test_equal_seeds_grow_equal_trees_and_other_seeds_others(slit: Scenario):
 @pytest.mark.parametrize("x", [[1.0, 2.5], [0.3, 4.5], [3.4, 2.5], [5.0, 4.7], [2.4, 2.5]])
 def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit, slit_tree, x):
     x = np.array(x)
-    homology, checker, goal = slit.space.homology, slit_tree.checker, slit.problem.scene.goal
+    homology, checker, goal = slit.space.homology, slit_tree.around.checker, slit.problem.scene.goal
     references = slit_tree.references(x)
     assert len({reference.id for reference in references}) == len(references) > 0
     for reference in references:

@@ -14,8 +14,11 @@ from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.crowd import Crowd
 from pirrht.steering.in_time import InTime
+from pirrht.tree.around import SHARED
+from pirrht.tree.extend import Vertices
 from pirrht.tree.file import load, save
-from pirrht.tree.homology_tree import SHARED, HomologyTree, Reference
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
 
 START = np.array([1.0, 2.5, 0.0])
 WAYS = {  # classes that matter
@@ -190,7 +193,8 @@ def test_references_do_not_depend_on_the_number_of_threads(name):
 
 def test_edges_that_are_judged_in_parts_are_those_that_are_judged_at_once():
     tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 500)
-    once, parts = (tree._edges_from(START, tree.steering.asked, threads) for threads in (1, 3))
+    vertices = Vertices(tree.states[: tree.size], tree.in_goal[: tree.size])
+    once, parts = (tree.around.edges_from(START, vertices, tree.steering.asked, threads) for threads in (1, 3))
     assert len(once.near) > 2 * SHARED
     for one, other in zip([*once[:3], *once.turns], [*parts[:3], *parts.turns], strict=True):
         assert np.array_equal(one, other)

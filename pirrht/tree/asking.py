@@ -1,0 +1,121 @@
+"""Algorithm 5: the best path of every class from a state, over the tree or left of an earlier one, and shortened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.compiled.threads import mapped
+from pirrht.errors import NoReference
+from pirrht.shortening.shorten import polish, resume, resumes
+from pirrht.steering.edges import Edges
+from pirrht.steering.in_time import InTime
+from pirrht.steering.motion import Motions
+from pirrht.topology.homology import integers
+from pirrht.tree import graph as g
+from pirrht.tree.around import Around
+from pirrht.tree.extend import Vertices
+from pirrht.tree.nodes import SearchRules
+from pirrht.tree.reference import Reference
+from pirrht.tree.search import Best, best_classes
+
+ALIKE = 1e-5  # share of its cost by which a path that was shortened before may exceed one that is not
+NEW = 1  # of the classes in space and time that is polished at once while earlier paths of others are known
+
+Earlier = Mapping[tuple[int, ...], Motions]  # polished paths by winding
+
+
+class _Path(NamedTuple):
+    """The path of a class from a state into the goal."""
+
+    winding: tuple[int, ...]
+    motions: Any
+    taut: bool  # whether it goes on from an earlier one that has been shortened
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Asked:
+    """A tree as it stands when it is asked; worthless once it has grown."""
+
+    around: Around
+    rules: SearchRules
+    places: g.Places
+    vertices: Vertices  # those that count
+
+    def references(
+        self, x: Array, *, polished: bool, before: Earlier | None, pressed: Callable[[], bool], threads: int
+    ) -> list[Reference]:
+        """See `HomologyTree.references`; x (n,) is a state as vertices are."""
+        known = before if before and polished and resumes(self.around.steering) else {}
+        paths = self._paths(x, known, threads)
+        if polished:
+            raw = [i for i, path in enumerate(paths) if not path.taut]
+            if known and isinstance(self.around.steering, InTime):
+                raw = [] if pressed() else raw[:NEW]
+            self._shorten(paths, raw, threads)
+        return sorted((self._reference(x, path) for path in paths), key=lambda reference: reference.cost)
+
+    def path_of(self, vertex: int, slot: int) -> list[int]:
+        """Vertices from a node to its root, first to last (ReconstructPath)."""
+        gr = self.places.graph
+        key, path = gr.key[vertex, slot], [vertex]
+        while gr.parent[vertex, slot] != g.ROOT:
+            e = gr.parent[vertex, slot]
+            with np.errstate(over="ignore"):
+                key = key - gr.edge_key[e]
+            vertex = int(gr.head[e])
+            slot = g.find(self.places, vertex, key)
+            path.append(vertex)
+        return path
+
+    def _paths(self, x: Array, known: Earlier, threads: int) -> list[_Path]:
+        """The path of every allowed class, cheapest of the tree's own first."""
+        around, nodes = self.around, self.places.graph.nodes
+        edges = around.edges_from(x, self.vertices, around.steering.asked, threads)
+        best = Best.room(self.rules.classes or max(1, int(nodes[edges.near[edges.free]].sum())))
+        weights = around.homology.hash_weights
+        count = best_classes(self.places, around.straight(x), edges, weights, self.rules, best)
+        if count == 0:
+            raise NoReference(x.tolist(), vertices=len(self.vertices.states), limit=self.rules.limit)
+        order = np.argsort(best.cost[:count], kind="stable")
+        return mapped(lambda i: self._path(x, edges, int(best.edge[i]), int(best.slot[i]), known), order, threads)
+
+    def _shorten(self, paths: list[_Path], raw: list[int], threads: int) -> None:
+        """Shorten some of the paths, in place."""
+        around = self.around
+        short = mapped(lambda i: polish(paths[i].motions, around.steering, around.space), raw, threads)
+        for i, motions in zip(raw, short, strict=True):
+            paths[i] = paths[i]._replace(motions=motions)
+
+    def _path(self, x: Array, edges: Edges, edge: int, slot: int, known: Earlier) -> _Path:
+        """The path from x (n,) over one of the edges and on from a node at its head, or what is left of an earlier."""
+        around, head = self.around, int(edges.near[edge])
+        states = np.vstack([x, self.vertices.states[self.path_of(head, slot)]])
+        path = around.checker.until_goal(around.steering.connect(states[:-1], states[1:]))
+        turns = edges.turns.dense(edge, around.homology.M)
+        winding = integers(g.class_at(self.places.graph, head, slot) + turns)
+        again = self._resumed(x, known[winding], winding) if winding in known else None
+        taut = again is not None and again.cost.sum() <= path.cost.sum() * (1.0 + ALIKE)
+        return _Path(winding, again if taut else path, taut)
+
+    def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
+        """The cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
+        checker = self.around.checker
+        found = resume(x, path, self.around.steering, checker)
+        if found is None:
+            return None
+        count = len(found.cost)
+        edges = checker.inspect(found, np.arange(count) == count - 1)
+        turns = np.sum([edges.turns.dense(i, self.around.homology.M) for i in range(count)], axis=0)
+        return found if integers(turns) == winding else None
+
+    def _reference(self, x: Array, path: _Path) -> Reference:
+        return Reference(
+            winding=path.winding,
+            signature=self.around.homology.signature(x, path.winding),
+            trajectory=self.around.steering.trajectory(path.motions),
+        )
