@@ -10,10 +10,10 @@ import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
-from pirrht.compiled.threads import mapped
 from pirrht.control.aside import Aside
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.feedback import ClassMixture, ClassPool
+from pirrht.control.guides import Guides, Wanted
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
@@ -27,7 +27,6 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.guidance.following import Follow, lead_of
 from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
-from pirrht.guidance.tracking import FEW
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
@@ -141,8 +140,7 @@ class Controller(Policy):
         if self.allocation is not None:
             self.allocation.forget()
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
-        self._guides: dict[tuple[int, ...], Any] = {}  # by class of driven path and guide together
-        self._strong: set[tuple[int, ...]] = set()  # classes of those that were worth all N samples
+        self._guides = Guides()
         self._aim(self.homology.asked(x, time))
         self._aside = Aside(self.path_integral)
         self._way, self._pressed = Way(), _never
@@ -302,17 +300,12 @@ class Controller(Policy):
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
         """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""
-        driven = np.array(self.driven_class())
-        references = []
-        for whole, guide in self._guides.items():
-            if whole in known or whole not in self._strong:
-                continue
-            rest = guide.rest(self.drive.since_plan, self.space.scene.goal.center)
-            if rest is None:
-                continue
+        references, driven = [], np.array(self.driven_class())
+        for whole, rest in self._guides.left(self.drive.since_plan, self.space.scene.goal.center):
             winding = integers(np.asarray(whole) - driven)
             signature = self._signature(x, winding)
-            if self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit):
+            allowed = self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit)
+            if allowed and whole not in known:
                 references.append(Reference(winding=winding, signature=signature, trajectory=rest))
         return references
 
@@ -341,27 +334,16 @@ class Controller(Policy):
     def _guided(
         self, guidance: Any, x: Array, times: Array, references: list[Reference]
     ) -> tuple[list[Any], list[int]]:
-        """Guides, each from what is left of the last one of its class, and samples around each.
-
-        If time is short there are none of new classes, the cheapest aside.
-        """
-        classes = self._from_start(references)
-        clock = {"time": self.now} if isinstance(self.homology, TimedHomology) else {}
-
-        def improve(which: tuple[Reference, tuple[int, ...]]) -> Any:
-            reference, whole = which
-            key, last = self.homology.key(reference.winding), self._guides.get(whole)
-            if last is None and reference is not references[0] and self._pressed():
-                return None  # made from nothing it takes ten times as long
-            return guidance.improve(x, times, key, reference.trajectory, last, self.drive.since_plan, **clock)
-
-        guides = mapped(improve, zip(references, classes, strict=True), self.path_integral.threads)
-        counts = guidance.counts(guides, self.path_integral.sampling.samples)
-        self._guides = {
-            whole: guide for whole, guide in zip(classes, guides, strict=True) if guide is not None and guide.valid
-        }
-        self._strong = {whole for whole, count in zip(classes, counts, strict=True) if count > FEW}
-        return guides, counts
+        """Guides, each from what is left of the last one of its class, and samples around each."""
+        wanted = [
+            Wanted(whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory)
+            for whole, one in zip(self._from_start(references), references, strict=True)
+        ]
+        integral, clock = self.path_integral, {"time": self.now} if isinstance(self.homology, TimedHomology) else {}
+        return self._guides.improve(
+            guidance, x, times, wanted, samples=integral.sampling.samples, elapsed=self.drive.since_plan,
+            pressed=self._pressed, threads=integral.threads, **clock,
+        )  # fmt: skip
 
     def _instead(self, batch: Batch, references: list[Reference]) -> Array:
         """What to follow without an estimate, (T, m): the guide of the last favourite or the cheapest, or a tape."""

@@ -1,0 +1,74 @@
+"""Guides from plan to plan: each goes on from what is left of the last one of its class."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from pirrht.arrays import Array
+from pirrht.compiled.threads import mapped
+from pirrht.guidance.tracking import FEW
+from pirrht.steering.trajectory import Trajectory
+
+Whole = tuple[int, ...]  # class of the driven path and the rest together
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """A class that a guide is wanted of."""
+
+    whole: Whole
+    key: int  # of the rest alone, as kernels carry it
+    trajectory: Trajectory  # its reference
+
+
+@dataclass(slots=True)
+class Guides:
+    """The guides of the last plan, for the next one."""
+
+    last: dict[Whole, Any] = field(default_factory=dict)
+    strong: set[Whole] = field(default_factory=set)  # classes that were worth all N samples
+
+    def improve(
+        self,
+        guidance: Any,
+        x: Array,
+        times: Array,
+        wanted: Sequence[Wanted],
+        *,
+        samples: int,
+        elapsed: float,
+        pressed: Callable[[], bool],
+        threads: int,
+        **clock: float,
+    ) -> tuple[list[Any], list[int]]:
+        """Guides from x (n,), None where there is none, and samples around each.
+
+        If time is short there are none of new classes, the first aside.
+
+        Args:
+            times: ends of the steps (T+1,) [s].
+            elapsed: since the last plan [s].
+            pressed: whether time is short.
+            clock: `time` now, where that matters [s].
+        """
+
+        def improved(one: Wanted) -> Any:
+            last = self.last.get(one.whole)
+            if last is None and one is not wanted[0] and pressed():
+                return None  # made from nothing it takes ten times as long
+            return guidance.improve(x, times, one.key, one.trajectory, last, elapsed, **clock)
+
+        guides = mapped(improved, wanted, threads)
+        counts: list[int] = guidance.counts(guides, samples)
+        self.last = {one.whole: guide for one, guide in zip(wanted, guides, strict=True) if guide and guide.valid}
+        self.strong = {one.whole for one, count in zip(wanted, counts, strict=True) if count > FEW}
+        return guides, counts
+
+    def left(self, elapsed: float, goal: Array) -> Iterator[tuple[Whole, Trajectory]]:
+        """What is left of the strong ones after a time [s], for those that have not arrived."""
+        for whole, guide in self.last.items():
+            rest = guide.rest(elapsed, goal) if whole in self.strong else None
+            if rest is not None:
+                yield whole, rest
