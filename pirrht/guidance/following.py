@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.guidance.any_guides import AnyGuide
+from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.gates import beyond_linear, without
 from pirrht.guidance.leads import Along, Lead
 from pirrht.guidance.tracking import Guide

@@ -10,7 +10,8 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.compiled.streams import stream, uniform
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.guidance.any_guides import AnyGuidance, AnyGuide, Track
+from pirrht.guidance.any_guide import AnyGuide, Track
+from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.following import Follow
 from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.guidance.priced_among import touches

@@ -17,7 +17,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.crowd import Crowd
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.traffic import Traffic
-from pirrht.guidance.any_guides import AnyGuidance, AnyGuide
+from pirrht.guidance.any_guide import AnyGuide
+from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.following import Follow
 from pirrht.guidance.leads import Batch, Proposal
 from pirrht.guidance.priced_among import touches

@@ -1,0 +1,86 @@
+"""A guide of any system: the trajectory of one class with feedback around it, and the path that is left of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.steering.trajectory import Trajectory
+from pirrht.systems.dynamics import Dynamics
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """States that a system passes, with straight lines in between; a path that is only looked at."""
+
+    states: Array  # (k+1, n)
+    cost: Array  # (k,) [cost]
+
+    @property
+    def tails(self) -> Array:
+        """First states, (k, n)."""
+        return np.asarray(self.states[:-1])
+
+    @property
+    def heads(self) -> Array:
+        """Last states, (k, n)."""
+        return np.asarray(self.states[1:])
+
+    def points(self, spacing: float) -> list[Array]:
+        """Every piece as a line of two points (2, 2) [m]; `spacing` [m] is of no use to straight ones."""
+        return [np.vstack(pair) for pair in zip(self.states[:-1, :2], self.states[1:, :2], strict=True)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AnyGuide:
+    """A trajectory of one class and the feedback around it, on the grid of the rollouts, in noise units."""
+
+    dynamics: Dynamics
+    times: Array  # (T+1,) ends of the steps [s]
+    states: Array  # (T+1, n)
+    modes: Array  # (T, M) a = B_c^-1 G_c u, or s^-1 u [1/sqrt(s)]; of M = 2 m, the last half rises over each step
+    gains: Array  # (T, M, n) K of a = modes + K (x - states)
+    share: Array  # (T, M, M) L, symmetric: the samples' noise of a step has the covariance L L' dt
+    inverse: Array  # (T, M, M) of L
+    volume: Array  # (T,) log det L
+    metric: Array  # (n,) weights of squared differences between states: one over what noise does to them
+    steep: float  # |a| stays below this [1/sqrt(s)]
+    length: int  # steps until the one that enters the goal
+    cost: float  # integral of q + u'Ru/2 up to the goal [cost]
+    priced: float  # the same with clearance priced [cost]
+    valid: bool  # whether it touches nothing and is of its class
+    pushes: tuple[Array, Array] | None = None  # of walls beside it, (T FINER, 2) [1/m] and how they change, (.., 2, 2)
+    gates: Array | None = None  # (T FINER, GATES, GATE) of a point among what moves: walls it has yet to pass
+
+    def input_of(self, x: Array, a: Array) -> Array:
+        """The control u (m,) at x (n,) of one in noise units (m,)."""
+        return self.dynamics.input_of(x, a)
+
+    @property
+    def tape(self) -> Array:
+        """Its controls u (T, m), over the steps."""
+        m = self.dynamics.m
+        return np.array([self.input_of(x, a[:m]) for x, a in zip(self.states, self.modes, strict=False)])
+
+    def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
+        """What is left of it after some time [s], into the goal around the centre (2,) [m]; None if nothing."""
+        passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
+        if passed >= self.length:
+            return None
+        part = slice(passed, self.length)
+        end = self.states[self.length].copy()
+        end[:2] = goal
+        states = np.vstack([self.states[passed : self.length + 1], end])
+        travel = np.hypot(*np.diff(states[:, :2], axis=0).T)
+        steps = np.diff(self.times)[part]
+        left = travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9)
+        durations = np.append(steps, left)
+        return Trajectory(
+            controls=np.vstack([self.tape[part], np.zeros(self.dynamics.m)]),
+            durations=durations,
+            path=Track(states, durations),
+            cost=float(durations.sum()),
+            length=float(travel.sum()),
+        )

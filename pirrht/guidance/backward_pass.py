@@ -1,0 +1,222 @@
+"""Backward pass of the optimisation: a quadratic model of the cost-to-go, the best change of a law and its feedback."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pirrht.compiled.jit import kernel
+from pirrht.guidance.ddp import LEAST_CURVATURE
+from pirrht.guidance.forward_pass import passes_of
+from pirrht.guidance.priced import expand_price
+from pirrht.guidance.priced_among import expand_among, expand_point
+from pirrht.guidance.spectra import diagonalise, recompose
+from pirrht.guidance.step_map import NUDGE, step_of
+from pirrht.rollouts.general.kind import Kind, is_gated
+
+
+@cache
+def backward_of(kind: Kind) -> Any:
+    """The backward pass of one kind of dynamics; built once per kind."""
+    velocity, _, expand = step_of(kind)
+    arrival, n, m = passes_of(kind).arrival, kind.n, kind.m
+    noisy_position, by_inputs = kind.noisy_position, kind.input_form
+    moving, point = kind.moving, is_gated(kind)
+
+    @kernel
+    def _end(setup, task, x, v, W):  # type: ignore[no-untyped-def]
+        """Gradient v (n,) and Hessian W (n, n) of `arrival` at x (n,), by central differences if it has no kink."""
+        if noisy_position and not by_inputs:
+            ax, ay = x[0] - setup.arena.goal[0], x[1] - setup.arena.goal[1]
+            away = math.sqrt(ax * ax + ay * ay)
+            v[:], W[:, :] = 0.0, 0.0
+            if away > setup.arena.radius:
+                v[0], v[1], bent = task.far * ax / away, task.far * ay / away, task.far / (away * away * away)
+                W[0, 0], W[1, 1], W[0, 1] = bent * ay * ay, bent * ax * ax, -bent * ax * ay
+                W[1, 0] = W[0, 1]
+            return
+        z, f, up, down = x.copy(), np.zeros(n), np.empty(n), np.empty(n)
+        here, h = arrival(setup, task, x, f), NUDGE
+        for i in range(n):
+            z[i] = x[i] + h
+            up[i] = arrival(setup, task, z, f)
+            z[i] = x[i] - h
+            down[i] = arrival(setup, task, z, f)
+            z[i] = x[i]
+            v[i], W[i, i] = 0.5 * (up[i] - down[i]) / h, (up[i] - 2.0 * here + down[i]) / (h * h)
+            for k in range(i):
+                z[i], z[k] = x[i] + h, x[k] + h
+                total = 2.0 * here - up[i] - up[k] - down[i] - down[k] + arrival(setup, task, z, f)
+                z[i], z[k] = x[i] - h, x[k] - h
+                total += arrival(setup, task, z, f)
+                z[i], z[k] = x[i], x[k]
+                W[i, k] = 0.5 * total / (h * h)
+                W[k, i] = W[i, k]
+
+    @kernel
+    def _follow(setup, x, z, bends, chain):  # type: ignore[no-untyped-def]
+        """Write how positions and loss of velocity of a step follow from its states x, z (n,) to `chain` (6, 2 n)."""
+        for k in range(2):
+            chain[k, k] = chain[2 + k, n + k] = 1.0
+        if not bends:
+            return
+        up, down = np.zeros(n), np.zeros(n)
+        for end in range(2):
+            at, sign = x.copy() if end == 0 else z.copy(), 1.0 - 2.0 * end
+            for i in range(n):
+                here = at[i]
+                at[i] = here + NUDGE
+                velocity(setup, at, up)
+                at[i] = here - NUDGE
+                velocity(setup, at, down)
+                at[i] = here
+                for k in range(2):
+                    chain[4 + k, end * n + i] = 0.5 * sign * (up[k] - down[k]) / NUDGE
+
+    @kernel
+    def backward(setup, task, times, course, length, points, damping):  # type: ignore[no-untyped-def]
+        """Backward pass: the best change of each control and its feedback; returns the gain expected [cost].
+
+        Written are the first `length` rows of change, gains, share, inverse and volume; `times` (T+1,) are ends of
+        steps [s], `damping` is what is added to the controls' curvature, as a share of lambda dt.
+        """
+        states, control, gains, share, inverse, volume, change, aims = course
+        modes = control.shape[1]
+        N = n + modes
+        v, W, costate, P = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
+        J, S, Q, g = np.zeros((n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
+        lead, stiff, bows = np.zeros((n, N)), np.zeros((modes, modes)), np.zeros(modes)
+        vectors, inverted = stiff.copy(), stiff.copy()
+        slope, bend, chain, bent = np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)), np.zeros((6, 2 * n))
+        f, other, cross, bends = np.zeros(n), np.zeros(n), np.zeros((n, n)), not noisy_position and modes > m
+        if task.hold == 0.0:
+            _end(setup, task, states[length], v, W)
+        expected = 0.0
+        for i in range(length - 1, -1, -1):
+            dt = times[i + 1] - times[i]
+            x, y = states[i, 0], states[i, 1]
+            dx, dy = states[i + 1, 0] - x, states[i + 1, 1] - y
+            bx, by = 0.0, 0.0
+            if bends:
+                velocity(setup, states[i], f)
+                velocity(setup, states[i + 1], other)
+                bx, by = f[0] - other[0], f[1] - other[1]
+            # The price on clearance is a function of the states before and after the step.
+            if point:
+                near = expand_point(setup.arena.field, task, x, y, dx, dy, dt, points, slope, bend)
+            else:
+                near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, slope, bend)
+            if moving:
+                near = expand_among(
+                    setup.traffic, task, x, y, dx, dy, bx, by, times[i], dt, points, point, near, slope, bend
+                )
+            if near:
+                _follow(setup, states[i], states[i + 1], bends, chain)
+            for j in range(n):
+                costate[j] = v[j]
+                for k in range(n):
+                    P[j, k] = W[j, k]
+            if task.hold > 0.0:
+                for j in range(2):
+                    costate[j] += 2.0 * task.hold * dt * (states[i + 1, j] - aims[i + 1, j])
+                    P[j, j] += 2.0 * task.hold * dt
+            if near:
+                for j in range(2 * n):
+                    for e in range(6):
+                        total = 0.0
+                        for k in range(6):
+                            total += bend[e, k] * chain[k, j]
+                        bent[e, j] = total
+                for j in range(n):
+                    for e in range(6):
+                        costate[j] += slope[e] * chain[e, n + j]
+                    for k in range(n):
+                        for e in range(6):
+                            P[j, k] += chain[e, n + j] * bent[e, n + k]
+            expand(setup, states[i], control[i], dt, costate, task.active, task.curved, J, S)
+            for j in range(n):
+                for k in range(N):
+                    total = 0.0
+                    for e in range(n):
+                        total += P[j, e] * J[e, k]
+                    lead[j, k] = total
+            for j in range(N):
+                g[j] = J[n, j]
+                for e in range(n):
+                    g[j] += costate[e] * J[e, j]
+                for k in range(j + 1):
+                    total = S[j, k]
+                    for e in range(n):
+                        total += J[e, j] * lead[e, k]
+                    Q[j, k] = total
+            if near:  # what the state before has to do with that after
+                for j in range(n):
+                    for k in range(n):
+                        cross[j, k] = 0.0
+                        for e in range(6):
+                            cross[j, k] += chain[e, j] * bent[e, n + k]
+                for j in range(n):
+                    for e in range(6):
+                        g[j] += slope[e] * chain[e, j]
+                    for k in range(j + 1):
+                        for e in range(6):
+                            Q[j, k] += chain[e, j] * bent[e, k]
+                    for k in range(N):
+                        total = 0.0
+                        for e in range(n):
+                            total += cross[j, e] * J[e, k]
+                        Q[max(j, k), min(j, k)] += total if k != j else 2.0 * total
+            passive = task.temperature * dt
+            for j in range(modes):
+                g[n + j] += passive * control[i, j]
+                Q[n + j, n + j] += passive
+            for j in range(N):
+                for k in range(j):
+                    Q[k, j] = Q[j, k]
+            for j in range(modes):
+                for k in range(modes):
+                    stiff[j, k] = Q[n + j, n + k]
+            diagonalise(stiff, vectors)
+            volume[i] = 0.0
+            for j in range(modes):
+                bow = max(stiff[j, j] + damping * passive, LEAST_CURVATURE * passive)
+                left = min(1.0, passive / bow)
+                volume[i] += 0.5 * math.log(left)
+                bows[j], stiff[j, j] = bow, math.sqrt(left)
+            recompose(stiff, vectors, share[i])
+            for j in range(modes):
+                stiff[j, j] = 1.0 / stiff[j, j]
+            recompose(stiff, vectors, inverse[i])
+            for j in range(modes):
+                stiff[j, j] = 1.0 / bows[j]
+            recompose(stiff, vectors, inverted)
+            for j in range(modes):
+                change[i, j] = 0.0
+                for e in range(modes):
+                    change[i, j] -= inverted[j, e] * g[n + e]
+                for k in range(n):
+                    total = 0.0
+                    for e in range(modes):
+                        total -= inverted[j, e] * Q[n + e, k]
+                    gains[i, j, k] = total
+                expected -= 0.5 * g[n + j] * change[i, j]
+            # With the curvature above, the best response leaves the Schur complement.
+            for j in range(n):
+                v[j] = g[j]
+                for e in range(modes):
+                    v[j] += Q[n + e, j] * change[i, e]
+                for k in range(n):
+                    total = Q[j, k]
+                    for e in range(modes):
+                        total += Q[n + e, j] * gains[i, e, k]
+                    W[j, k] = total
+            for j in range(n):
+                for k in range(j):
+                    W[j, k] = 0.5 * (W[j, k] + W[k, j])
+                    W[k, j] = W[j, k]
+        return expected
+
+    return backward

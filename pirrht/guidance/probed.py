@@ -1,0 +1,91 @@
+"""What a system's noise does to its states and what its drift depends on, asked at some states of the scene."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.problem import Problem
+from pirrht.rollouts.records import MovingSetup, Setup
+
+SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
+PIECES = 5  # steps of it
+PROBES = 8  # states at which this is asked
+STRAIGHT = 1e-5  # second derivatives below this are the rounding of differences
+
+
+class Noise(NamedTuple):
+    """What noise alone does to a state."""
+
+    spread: Array  # (n, n) covariance of the state after SPREADING
+    curved: bool  # whether steps have second derivatives
+    at_once: float  # variance per second of a position in the noisiest direction, where inputs carry it, else 0 [m^2/s]
+
+    @property
+    def strength(self) -> float:
+        """b of a position's variance b^2 t^3 / 3, where noise acts on the velocity; for a car b V [m/s^1.5]."""
+        return math.sqrt(3.0 * self._most / SPREADING**3)
+
+    @property
+    def pace(self) -> float:
+        """b of a position's variance b^2 t, where noise acts on the position [m/sqrt(s)]."""
+        return math.sqrt(self.at_once if self.at_once else self._most / SPREADING)
+
+    @property
+    def metric(self) -> Array:
+        """Weights (n,) of squared differences between states: one over what noise does to them, the first's being 1."""
+        squares = np.diag(self.spread)
+        weights = np.zeros(len(squares))
+        np.divide(squares[0], squares, out=weights, where=squares > 1e-9 * squares.max())
+        return weights
+
+    @property
+    def _most(self) -> float:
+        return float(np.linalg.eigvalsh(self.spread[:2, :2])[-1])
+
+
+def noise_of(problem: Problem, setup: Setup | MovingSetup, expand: Any, active: int, width: int) -> Noise:
+    """Noise of a problem by the derivatives of its steps (`step_map`), which have so many modes.
+
+    Where inputs carry the noise, one after the other is what the rate of cost asks for.
+    """
+    d, h = problem.dynamics, SPREADING / PIECES
+    asked, at_once = math.sqrt(2.0 * problem.least_rate / problem.temperature), 0.0
+    spread, bend = np.zeros((d.n, d.n)), 0.0
+    for k, x in enumerate(_probes(problem)):
+        J, S = np.zeros((d.n + 1, d.n + width)), np.zeros((d.n + width,) * 2)
+        control = np.full(width, 0.5)
+        if d.input_form:
+            control = asked * np.eye(width)[k % d.m]
+            B = d.B_c(x)[:2]
+            at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
+        expand(setup, x, control, h, np.ones(d.n), active, True, J, S)
+        A, C = J[:-1, : d.n], J[:-1, d.n :]
+        bend = max(bend, float(np.abs(S).max()))
+        P = np.zeros((d.n, d.n))
+        for _ in range(PIECES):
+            P = A @ P @ A.T + C @ C.T / h
+        spread += P / PROBES
+    return Noise(spread, bend > STRAIGHT, at_once)
+
+
+def active_states(problem: Problem) -> int:
+    """Bits of the states that drift or q depend on anywhere."""
+    found = 0
+    for x in _probes(problem):
+        here, rate = problem.dynamics.f(x), problem.rate(x)
+        for i, off in enumerate(np.eye(problem.dynamics.n)):
+            other = x + off * SPREADING
+            if np.any(problem.dynamics.f(other) != here) or problem.rate(other) != rate:
+                found |= 1 << i
+    return found
+
+
+def _probes(problem: Problem) -> list[Array]:
+    d = problem.dynamics
+    lower, upper = d.box(problem.scene)
+    fractions = np.arange(1, d.n + 1) * 0.7548776662 + np.arange(1, PROBES + 1)[:, None] * 0.5698402910
+    return list(lower + fractions % 1.0 * (upper - lower))

@@ -1,0 +1,98 @@
+"""What the optimisation of a guide begins with: a reference's controls, a way to track, or what is left of a guide."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.guidance.any_guide import AnyGuide
+from pirrht.guidance.course import Course, Task, empty_course
+from pirrht.rollouts.records import MovingSetup, Setup
+from pirrht.steering.trajectory import Trajectory
+from pirrht.systems.dynamics import Dynamics
+
+ON = 2  # steps for which what nothing homes in holds its last control, so that it does not halt on the goal's rim
+HEAD, ROUNDS = 10, 20  # steps by which more of it is tracked, and backward passes at most for each
+RAMP = 0.5  # of the slack of a reference without controls it takes to get up to its pace
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Starts:
+    """Courses of one system and so many modes a step, each with the steps that it prescribes."""
+
+    dynamics: Dynamics
+    setup: Setup | MovingSetup
+    width: int
+    halts: bool  # whether nothing homes in on the goal
+    optimise: Any  # kernel (`any_ddp`)
+    tracking: Task  # under which aims are held to
+
+    def empty(self, T: int) -> Course:
+        """A course of T steps from zeros."""
+        return empty_course(T, self.dynamics.n, self.width)
+
+    def held_on(self, course: Course, times: Array, length: int) -> int:
+        """Hold the last law for ON steps more, in which what nothing homes in enters the goal; how many steps it has.
+
+        The optimiser's trajectories end with the last step outside.
+        """
+        d, end = self.dynamics, min(length + ON, len(course.control)) if self.halts else length
+        for i in range(length, end):
+            for part in (course.control, course.gains, course.share, course.inverse, course.volume):
+                part[i] = part[length - 1]
+            u = d.input_of(course.states[i], course.control[i, : d.m])
+            course.states[i + 1] = d.step(course.states[i], u, np.zeros(d.m), float(times[i + 1] - times[i]))
+        return end
+
+    def along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
+        """A tape that drives along a reference from x (n,)."""
+        d, course = self.dynamics, self.empty(len(times) - 1)
+        tape, state = trajectory.tape(times), x
+        ends = int(np.searchsorted(times, trajectory.durations.sum()))
+        if self.halts:
+            tape[max(ends - 1, 0) : ends + ON] = trajectory.controls[-1]
+        for i, u in enumerate(tape):
+            course.control[i, : d.m] = d.to_noise(state, u)
+            if not (d.constant or d.input_form):
+                state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
+        return course, min(ends, len(tape))
+
+    def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
+        """What stays near where a reference is when, from x (n,); more and more of it is tracked from its start on.
+
+        What is tracked sets off gently, since the system may have to turn about or to get up to speed.
+        """
+        arena, start = self.setup.arena, trajectory.path.start
+        pace = trajectory.length / float(trajectory.durations.sum())
+        ahead = np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])  # on through the goal, without a halt
+        corners = np.vstack([start[:, :2], start[-1, :2] + ahead * pace * (trajectory.durations[-1] + times[-1])])
+        passed = np.cumsum([0.0, *trajectory.durations[:-1], trajectory.durations[-1] + times[-1]])
+        course = self.empty(len(times) - 1)
+        ramp = RAMP * trajectory.slack if trajectory.slack else 0.0
+        along = self.dynamics.f(x)[:2] @ np.array([math.cos(start[0, 2]), math.sin(start[0, 2])])
+        short = 1.0 - min(max(along / pace, 0.0), 1.0)  # of its pace at the start
+        then = times + short * ramp * np.expm1(-times / ramp) if ramp else times
+        course.aims[:] = np.column_stack([np.interp(then, passed, column) for column in corners.T])
+        course.states[0] = x
+        end = float(trajectory.durations.sum()) + arena.radius / pace + short * ramp
+        whole = min(len(times) - 1, int(np.searchsorted(times, end)))
+        length = 0
+        while length < whole:
+            length = min(whole, length + HEAD)
+            self.optimise(self.setup, self.tracking, times, 0, ROUNDS, course, length)
+        return course, length
+
+    def shifted(self, last: AnyGuide, times: Array, elapsed: float) -> tuple[Course, int]:
+        """What is left of a guide after some time, on a new grid."""
+        T, m = len(times) - 1, self.dynamics.m
+        then = times + elapsed
+        states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
+        at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.modes) - 1)
+        length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
+        modes = last.modes[at].copy()
+        modes[:, m:] *= (np.diff(times) / np.diff(last.times)[at])[:, None]
+        return self.empty(T)._replace(states=states, control=modes, gains=last.gains[at]), min(length, T)
