@@ -18,7 +18,7 @@ LEAST = 0.15  # of the samples of a class go around its guide, and beside it
 
 @dataclass(slots=True)
 class Aside:
-    """Splits the samples of a class where `PathIntegral.beside` has something for them to follow besides its guide."""
+    """Splits the samples of a class where `Leading.beside` has something for them to follow besides its guide."""
 
     path_integral: PathIntegral
     shares: dict[str, float] = field(default_factory=dict)  # of samples beside the guide, by class
@@ -35,7 +35,7 @@ class Aside:
         kept, more = [], []
         most = max((one.count for one in proposals), default=0)  # others can hardly carry weight
         for one, trajectory in zip(proposals, trajectories, strict=True):
-            other = self.path_integral.beside(x, trajectory, time) if one.count == most else None
+            other = self.path_integral.leading.beside(x, trajectory, time) if one.count == most else None
             count = 0 if other is None else round(self.shares.get(one.name, 0.5) * one.count)
             kept.append(replace(one, count=one.count - count))
             if other is not None:

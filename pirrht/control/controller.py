@@ -210,7 +210,7 @@ class Controller(Policy):
         ids = tuple(batch.classes.values())
         law, push = None, None
         if estimate is not None:
-            push = self.path_integral.push(estimate.rollouts.leads, x, self.now)
+            push = self.path_integral.leading.push(estimate.rollouts.leads, x, self.now)
             law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
         return Plan(
             state=x,
@@ -319,11 +319,11 @@ class Controller(Policy):
         """What samples around each reference follow, and how many there are; guides start from the last ones."""
         integral, shared = self.path_integral, self.allocation
         trajectories = [reference.trajectory for reference in references]
-        leads = integral.leads(x, times, trajectories, None if shared is None else shared.shortfalls(names))
+        leads = integral.leading.leads(x, times, trajectories, None if shared is None else shared.shortfalls(names))
         if shared is not None:  # never beside guides of a car
             promised = [lead.promise for lead in leads]
             rows = zip(trajectories, promised, strict=True)
-            shared.note(names, [integral.bound(x, trajectory) - promise for trajectory, promise in rows])
+            shared.note(names, [integral.leading.bound(x, trajectory) - promise for trajectory, promise in rows])
             return list(leads), shared.counts(names, promised, [lead.follows for lead in leads])
         if integral.guidance is None:
             return list(leads), [integral.sampling.samples] * len(leads)

@@ -10,7 +10,6 @@ flat: what that biases shrinks with the steps, which are split near walls and go
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -20,35 +19,25 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
 from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
+from pirrht.estimation.leading import Leading
 from pirrht.estimation.replay import Replay
 from pirrht.estimation.sampling import Sampling
+from pirrht.estimation.tables import Tables
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arena import Arena
-from pirrht.geometry.field import clearance, set_back
-from pirrht.geometry.traffic import Traffic, traffic_clearance
+from pirrht.geometry.field import clearance
+from pirrht.geometry.traffic import Traffic
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.leads import Batch, Climb, Lead, Proposal, Tape
+from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.guidance.tracking import Guidance
-from pirrht.guidance.walls import Push, Scales, trust, window
-from pirrht.guidance.ways import NODES, way_of
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kernels_for
-from pirrht.rollouts.records import FINER, LAW, Kernels, Leads, MovingSetup, Origin, Setup, empty_paths
-from pirrht.rollouts.ways import no_ways
+from pirrht.rollouts.records import Kernels, MovingSetup, Origin, Setup, empty_paths
+from pirrht.rollouts.setup import setup_of
 from pirrht.steering.in_time import homology_of
-from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.marks import NO_MARKS, Marks
 
-LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
-SMALL = 0.01  # among bodies that move no step is split over which noise carries a point by so many radii of the robot
-UNSURE = 3.0  # by so many nats a shortfall may change before it is found anew
-HOPELESS = 16.0  # classes that promise so many nats less than another are worth only a few samples
-BEHIND = 0.5826  # deviations of a step; minus zeta(1/2) / sqrt(2 pi)
-SMALLEST = 0.2  # of the goal's disc is left of it at least
-STRAIGHT = 0.01  # bends of a way that are less are none [m]
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 
 
@@ -76,7 +65,7 @@ class PathIntegral:
         self.moving = bool(problem.scene.movers)
         found = homology_of(problem, space) if homology is None else homology
         self.homology = found if isinstance(found, TimedHomology) else None
-        self.setup = _setup(problem, space, sampling.exit == "bridge")
+        self.setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
         self.guidance: Guidance | AnyGuidance | None = None
         if sampling.guide == "feedback" and self.moving:
             self.guidance = AnyGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
@@ -86,25 +75,10 @@ class PathIntegral:
         elif sampling.guide == "feedback" and AnyGuidance.suits(problem):
             self.guidance = AnyGuidance(problem, self.setup, sways=sampling.fitted)
         self.replay = Replay(self.kernels, self.setup)
-        constant = problem.dynamics.constant and not callable(problem.R)
-        start = problem.dynamics.state_of(problem.scene.start)
-        self._everywhere = Scales.of(problem, start) if constant else None
-        self._beyond, self._soft = self._set_back(start)
-        self._last: tuple[Batch | None, Leads | None] = None, None  # what was packed last
+        traffic = self.setup.traffic if isinstance(self.setup, MovingSetup) else None
+        self.leading = Leading(problem, space, sampling, self.setup.arena, traffic)
+        self._tables = Tables(self.leading, self.guidance)
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
-
-    def _set_back(self, x: Array) -> tuple[float, Arena]:
-        """How far behind walls psi vanishes where exits are judged at the ends of steps [m], and an arena without them.
-
-        A path that is looked at every dt meets a wall like one that is always looked at meets a wall 0.5826 deviations
-        of a step behind it (Broadie, Glasserman and Kou, Mathematical Finance 1997); so it does the goal's rim.
-        """
-        arena = self.setup.arena
-        if self.sampling.exit == "bridge" or not self.climbs:
-            return 0.0, arena
-        distance = BEHIND * math.sqrt(self._scales(x).noise * self.sampling.dt)
-        radius = max(arena.radius - distance, SMALLEST * arena.radius)
-        return distance, Arena(set_back(arena.field, distance), arena.goal, radius)
 
     def foresee(self, traffic: Traffic, homology: TimedHomology) -> None:
         """From now on bodies are taken to move otherwise, as `homology` of the same motions has them.
@@ -113,6 +87,7 @@ class PathIntegral:
         """
         assert isinstance(self.setup, MovingSetup)
         self.setup, self.homology = self.setup._replace(traffic=traffic), homology
+        self.leading.traffic = traffic
         if isinstance(self.guidance, AnyGuidance):
             self.guidance.setup, self.guidance.homology = self.setup, homology
 
@@ -148,76 +123,13 @@ class PathIntegral:
         return np.concatenate([fine, np.arange(1, steps + 1) * dt])
 
     @property
-    def climbs(self) -> bool:
-        """Whether samples climb the desirability of references' ways, pushed off walls, instead of following tapes."""
-        return self.sampling.guide == "feedback" and self.problem.dynamics.even and not self.moving
-
-    @property
-    def pointlike(self) -> bool:
-        """Whether samples are led by feedback and it is positions that controls move."""
-        d = self.problem.dynamics
-        return self.sampling.guide == "feedback" and d.n == d.m == 2
-
-    @property
     def leads_itself(self) -> bool:
         """Whether what samples follow is made here, so that references need no controls."""
-        return self.guidance is not None or self.climbs
-
-    def leads(
-        self, x: Array, times: Array, trajectories: Sequence[Trajectory], shortfalls: Sequence[float] | None = None
-    ) -> Sequence[Lead]:
-        """What samples from x (n,) follow: ways of references if it `climbs`, else tapes over the steps (T+1,) [s].
-
-        Args:
-            trajectories: the references, (H,), cheapest first.
-            shortfalls: how much less than without walls they are expected to promise, (H,) [nats]; if given, those
-                that promise less than exp(-HOPELESS) of another's psi hold their tapes.
-        """
-        found: list[Lead] = []
-        goal, most = self.space.scene.goal, -math.inf
-        for h, trajectory in enumerate(trajectories):
-            foretold, lead = -math.inf, None
-            expected = math.inf
-            if shortfalls is not None:
-                expected = self.bound(x, trajectory) - max(0.0, shortfalls[h] - UNSURE)
-            if self.climbs and expected >= most - HOPELESS:
-                lead = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
-                foretold = lead.promise
-            if lead is None or (shortfalls is not None and foretold < most - HOPELESS):
-                found.append(Tape(times, trajectory.tape(times), foretold))
-            else:
-                found.append(lead)
-            most = max(most, foretold)
-        return found
-
-    def bound(self, x: Array, trajectory: Trajectory) -> float:
-        """About the most that log psi of a reference's class can be from x (n,) [nats]: what it is without walls."""
-        return -self._scales(x).decay * trajectory.length
-
-    def climbing(self, x: Array, line: Array, time: float = 0.0) -> Climb:
-        """Climbing the desirability of the way from x (n,) over the corners of a line (k, 2) [m] to the goal point.
-
-        Args:
-            time: now, on the clock of what moves [s].
-        """
-        scales = self._scales(x)
-        push = self._push(scales.reach, self.sampling.leading, time=time)
-        return Climb(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
-
-    def beside(self, x: Array, trajectory: Trajectory, time: float) -> Climb | None:
-        """What samples of a point may follow besides a guide among bodies that move; None of other systems.
-
-        Walls that stand bend psi more than a law that is linear around one trajectory tells, and a way knows how. It
-        knows nothing of bodies, but those that are near push.
-        """
-        if not (self.moving and self.pointlike and self.problem.dynamics.even):
-            return None
-        line = np.vstack([trajectory.path.tails[:, :2], self.space.scene.goal.center])
-        return self.climbing(x, _bends(line)[1:], time)
+        return self.guidance is not None or self.leading.climbs
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
-        leads = self._packed(batch)
+        leads = self._tables.of(batch, self.setup, self.homology)
         first, H = leads.first, len(batch.proposals)
         S = int(first[-1])
         paths, log_weight = empty_paths(S, H, self.problem.dynamics.m), np.empty(S)
@@ -259,141 +171,9 @@ class PathIntegral:
         Raises:
             NoSurvivingSample: no sample has any weight.
         """
-        return weigh(
-            self.problem, parts, self.push(parts[0].leads, parts[0].x0, parts[0].origin.time)(parts[0].x0), classes
-        )
-
-    def push(self, leads: Leads, x: Array | None = None, time: float = 0.0) -> Push:
-        """What the nearest walls add to the control (m,) near samples that followed these leads, for any state (n,).
-
-        Args:
-            x: the state (n,) that they start from; close to it FCL's clearance is used, not the field's lower bound.
-            time: when they do, on the clock of what moves [s].
-        """
-        slack = 0.0
-        if x is not None and leads.reach > 0.0:
-            known = float(clearance(self.space.field, x[0], x[1]))
-            slack = (
-                max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known) if known < leads.reach else 0.0
-            )
-        return self._push(leads.reach, float(leads.times[1]), slack, time)
-
-    def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> Push:
-        traffic = self.setup.traffic if isinstance(self.setup, MovingSetup) else None
-        return Push(
-            problem=self.problem, field=self.space.field, reach=reach, step=step, beyond=self._beyond, slack=slack,
-            traffic=traffic, time=time,
-        )  # fmt: skip
-
-    def _scales(self, x: Array) -> Scales:
-        """Those at x (n,), which are the same everywhere if G, B and R are."""
-        return Scales.of(self.problem, x) if self._everywhere is None else self._everywhere
-
-    def _packed(self, batch: Batch) -> Leads:
-        """The tables that kernels read; those of the last batch if only the numbers of samples differ."""
-        known, leads = self._last
-        first = np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64)
-        if leads is None or not _alike(known, batch):
-            leads = self._tables(batch)
-        self._last = batch, leads
-        return leads._replace(first=first)
-
-    def _tables(self, batch: Batch) -> Leads:
-        """The same of a batch."""
-        x, times, m = batch.state, batch.times, self.problem.dynamics.m
-        H, T = len(batch.proposals), len(times) - 1
-        C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
-        longest, scales = self.sampling.window, self._scales(x)
-        bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
-        near = self._nearest(x, batch.time) if self.pointlike else np.inf
-        leads = Leads(
-            control=np.zeros((H, T, m)),
-            drift=np.zeros((H, T, m)),
-            times=np.ascontiguousarray(times, dtype=float),
-            active=np.zeros(H, dtype=np.int64),
-            first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, NODES, scales.decay),
-            reach=self._reach(scales),
-            beyond=self._beyond,
-            least=self._least(scales) if self.sampling.fitted else np.inf,
-            weighed=bridge and self.problem.phi > end,
-            window=window(scales.noise, near, times, longest) if self.pointlike else 1,
-            mirrored=self.sampling.draws == "antithetic",
-            law=self._laws(H, T),
-            led=np.zeros(H, np.int64),
-            marks=NO_MARKS if self.homology is None else Marks.of(self.homology, x, times + batch.time),
-            trust=trust(scales.noise, near) if self.pointlike and self.moving else 1.0,
-        )
-        for h, proposal in enumerate(batch.proposals):
-            proposal.lead.pack(leads, h)
-        busy = np.any(leads.control != 0.0, axis=2)
-        leads.active[:] = np.where(busy.any(axis=1), T - np.argmax(busy[:, ::-1], axis=1), 0)
-        leads.drift[:] = leads.control @ self.setup.gain.T
-        return leads
-
-    def _least(self, scales: Scales) -> float:
-        """No step near walls is shorter than this [s]."""
-        least = LEAST * self.sampling.dt
-        if not self.moving or not self.problem.dynamics.noisy_position:
-            return least
-        return max(least, (SMALL * self.problem.scene.robot_radius) ** 2 / scales.noise)
-
-    def _nearest(self, x: Array, time: float) -> float:
-        """Distance of x (n,) from the nearest wall or the goal's disc at a time [s], [m]."""
-        arena = self.setup.arena
-        near = float(np.hypot(*(x[:2] - np.array(arena.goal)))) - arena.radius
-        near = min(float(clearance(arena.field, x[0], x[1])), near)
-        if isinstance(self.setup, MovingSetup):
-            near = min(near, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
-        return near
-
-    def _reach(self, scales: Scales) -> float:
-        """Of walls that push (`Leads.reach`) [m]; 0: they do not."""
-        pushing = self.climbs or (isinstance(self.guidance, AnyGuidance) and self.guidance.gated)
-        return scales.reach if pushing else 0.0
-
-    def _laws(self, H: int, T: int) -> Array:
-        """Room for the laws of H references over T steps."""
-        if isinstance(self.guidance, AnyGuidance):
-            return np.zeros((H, T * FINER, self.guidance.law_width))
-        return np.zeros((H, T, LAW))
-
-
-def _alike(one: Batch | None, other: Batch) -> bool:
-    """Whether two batches differ in nothing but numbers of samples."""
-    if one is None or one.state is not other.state or one.times is not other.times or one.time != other.time:
-        return False
-    pairs = zip(one.proposals, other.proposals, strict=False)
-    return len(one.proposals) == len(other.proposals) and all(a.lead is b.lead for a, b in pairs)
-
-
-def _bends(line: Array) -> Array:
-    """Corners (j, 2) of a line (k, 2) [m] that is off them by STRAIGHT at most [m]."""
-    if len(line) < 3:
-        return line
-    along = line[-1] - line[0]
-    away = line[1:-1] - line[0]
-    off = np.abs(along[0] * away[:, 1] - along[1] * away[:, 0]) / max(float(np.hypot(*along)), STRAIGHT)
-    i = int(np.argmax(off)) + 1
-    return line[[0, -1]] if off[i - 1] <= STRAIGHT else np.vstack([_bends(line[: i + 1])[:-1], _bends(line[i:])])
-
-
-def _setup(problem: Problem, space: FreeSpace, bridge: bool) -> Setup | MovingSetup:
-    d = problem.dynamics
-    x = np.zeros(d.n)
-    constant, told = d.constant, d.constant or d.input_form
-    setup = Setup(
-        arena=space.arena,
-        cuts=space.homology.cuts,
-        parameters=np.asarray(d.parameters, dtype=float),
-        inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
-        gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
-        diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
-        rate=0.0 if callable(problem.q) else float(problem.q),
-        bridge=bridge,
-        pace=problem.least_rate / problem.temperature,
-    )
-    return MovingSetup.of(setup, space.traffic) if problem.scene.movers else setup
+        first = parts[0]
+        push = self.leading.push(first.leads, first.x0, first.origin.time)
+        return weigh(self.problem, parts, push(first.x0), classes)
 
 
 def _in_parallel(work, count: int, threads: int) -> None:  # type: ignore[no-untyped-def]

@@ -24,7 +24,7 @@ Made = Callable[..., Solved]
 def way(known: Solved) -> tuple[PathIntegral, Climb]:
     """The way of the first reference from the start."""
     integral = PathIntegral(known.problem, known.space, Sampling())
-    return integral, integral.climbing(known.x, known.lines[0])
+    return integral, integral.leading.climbing(known.x, known.lines[0])
 
 
 def beside(known: Solved, seed: int, count: int = 300) -> Array:
@@ -51,7 +51,7 @@ def test_in_an_empty_room_a_way_climbs_the_bessel_function(radius, b):
     integral, k = PathIntegral(problem, space, Sampling()), 1.0 / b**2
     for r in (0.5, 1.2, 3.0, 6.0):
         x = r * np.array([np.cos(0.7), np.sin(0.7)])
-        lead = integral.climbing(x, np.zeros((1, 2)))
+        lead = integral.leading.climbing(x, np.zeros((1, 2)))
         steep = k * k1(k * r) / k0(k * r)
         np.testing.assert_allclose(slope(integral, lead, x), -steep * x / r, atol=0.02 * steep)
         exact = np.log(k0(k * r) / k0(k * radius))
@@ -86,8 +86,8 @@ def test_in_a_channel_psi_falls_at_the_rate_of_its_slowest_mode():
     """Between two starts, two meters apart, log psi differs by sqrt(k^2 + (pi / w)^2) times that; within 2.5 %."""
     for b, width in ((0.3, 0.4), (0.5, 0.5), (0.5, 1.0), (0.7, 0.5)):
         known = in_channel(b, width)
-        integral = PathIntegral(known.problem, known.space, Sampling())
-        near, far = (integral.climbing(known.x + np.array([x, 0.0]), known.lines[0]).promise for x in (2.0, 0.0))
+        leading = PathIntegral(known.problem, known.space, Sampling()).leading
+        near, far = (leading.climbing(known.x + np.array([x, 0.0]), known.lines[0]).promise for x in (2.0, 0.0))
         assert near - far == pytest.approx(2.0 * np.hypot(1.0 / b**2, np.pi / width), rel=0.025)
 
 

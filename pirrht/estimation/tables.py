@@ -1,0 +1,106 @@
+"""The tables that kernels read of a batch: its leads, its steps, and how they are to be cut."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.estimation.leading import Leading
+from pirrht.guidance.any_guides import AnyGuidance
+from pirrht.guidance.leads import Batch
+from pirrht.guidance.tracking import Guidance
+from pirrht.guidance.walls import Scales, trust, window
+from pirrht.guidance.ways import NODES
+from pirrht.rollouts.records import FINER, LAW, Leads, MovingSetup, Setup
+from pirrht.rollouts.ways import no_ways
+from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.marks import NO_MARKS, Marks
+
+LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
+SMALL = 0.01  # among bodies that move no step is split over which noise carries a point by so many radii of the robot
+
+
+class Tables:
+    """Tables of one sampler; those of the last batch are kept for one that differs in numbers of samples only."""
+
+    def __init__(self, leading: Leading, guidance: Guidance | AnyGuidance | None) -> None:
+        self.leading, self.guidance = leading, guidance
+        self.problem, self.sampling = leading.problem, leading.sampling
+        self._last: tuple[Batch | None, Leads | None] = None, None
+
+    def of(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> Leads:
+        """The tables of a batch.
+
+        Args:
+            setup: what rollouts meet.
+            homology: of paths in space and time, where bodies move.
+        """
+        known, leads = self._last
+        first = np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64)
+        if leads is None or not _alike(known, batch):
+            leads = self._made(batch, setup, homology)
+        self._last = batch, leads
+        return leads._replace(first=first)
+
+    def _made(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> Leads:
+        x, times, m = batch.state, batch.times, self.problem.dynamics.m
+        H, T = len(batch.proposals), len(times) - 1
+        C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
+        longest, scales = self.sampling.window, self.leading.scales(x)
+        bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
+        pointlike = self.leading.pointlike
+        near = self.leading.nearest(x, batch.time) if pointlike else np.inf
+        leads = Leads(
+            control=np.zeros((H, T, m)),
+            drift=np.zeros((H, T, m)),
+            times=np.ascontiguousarray(times, dtype=float),
+            active=np.zeros(H, dtype=np.int64),
+            first=np.zeros(H + 1, dtype=np.int64),
+            ways=no_ways(H, C, NODES, scales.decay),
+            reach=self._reach(scales),
+            beyond=self.leading.beyond,
+            least=self._least(scales) if self.sampling.fitted else np.inf,
+            weighed=bridge and self.problem.phi > end,
+            window=window(scales.noise, near, times, longest) if pointlike else 1,
+            mirrored=self.sampling.draws == "antithetic",
+            law=self._laws(H, T),
+            led=np.zeros(H, np.int64),
+            marks=NO_MARKS if homology is None else Marks.of(homology, x, times + batch.time),
+            trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
+        )
+        for h, proposal in enumerate(batch.proposals):
+            proposal.lead.pack(leads, h)
+        busy = np.any(leads.control != 0.0, axis=2)
+        leads.active[:] = np.where(busy.any(axis=1), T - np.argmax(busy[:, ::-1], axis=1), 0)
+        leads.drift[:] = leads.control @ setup.gain.T
+        return leads
+
+    @property
+    def _moving(self) -> bool:
+        return self.leading.traffic is not None
+
+    def _least(self, scales: Scales) -> float:
+        """No step near walls is shorter than this [s]."""
+        least = LEAST * self.sampling.dt
+        if not self._moving or not self.problem.dynamics.noisy_position:
+            return least
+        return max(least, (SMALL * self.problem.scene.robot_radius) ** 2 / scales.noise)
+
+    def _reach(self, scales: Scales) -> float:
+        """Of walls that push (`Leads.reach`) [m]; 0: they do not."""
+        pushing = self.leading.climbs or (isinstance(self.guidance, AnyGuidance) and self.guidance.gated)
+        return scales.reach if pushing else 0.0
+
+    def _laws(self, H: int, T: int) -> Array:
+        """Room for the laws of H references over T steps."""
+        if isinstance(self.guidance, AnyGuidance):
+            return np.zeros((H, T * FINER, self.guidance.law_width))
+        return np.zeros((H, T, LAW))
+
+
+def _alike(one: Batch | None, other: Batch) -> bool:
+    """Whether two batches differ in nothing but numbers of samples."""
+    if one is None or one.state is not other.state or one.times is not other.times or one.time != other.time:
+        return False
+    pairs = zip(one.proposals, other.proposals, strict=False)
+    return len(one.proposals) == len(other.proposals) and all(a.lead is b.lead for a, b in pairs)
