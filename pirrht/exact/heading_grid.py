@@ -24,7 +24,8 @@ from pirrht.exact.lagrange import derivative, polynomial
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.problem import Problem
-from pirrht.rollouts.first_exit import GOAL, INSIDE, sweep_exit
+from pirrht.rollouts.first_exit import GOAL, INSIDE
+from pirrht.rollouts.sweep import sweep_exit
 from pirrht.systems.unicycle import Unicycle
 
 BEYOND = 6.5  # smoothing is cut off so many deviations beyond a turn rate of FASTEST

@@ -21,9 +21,10 @@ from pirrht.guidance.ddp import HALVINGS, class_of
 from pirrht.guidance.forward_pass import passes_of
 from pirrht.guidance.priced_among import touches
 from pirrht.guidance.step_map import step_of
-from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
+from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.general.kind import Kind
 from pirrht.rollouts.listed import held_of
+from pirrht.rollouts.sweep import sweep_exit, turn_of
 from pirrht.topology.marks import key_of_path
 
 

@@ -2,43 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import Curves, entry_of_piece
-from pirrht.geometry.certify import FREE, certify_segment
-from pirrht.geometry.field import clearance
+from pirrht.geometry.arcs import Curves
 from pirrht.shortening import arcs_resumed, chain, in_time
 from pirrht.shortening.dubins_shortcut import shortcut
+from pirrht.shortening.polyline import taut_polyline
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.along_legs import Legs
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
-from pirrht.steering.motion import Surroundings
 from pirrht.steering.rover import RoverSteering
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
 from pirrht.steering.tracked import Tracked
-from pirrht.topology.cuts import key_of_segment
 
 AHEAD = 4  # corners of an earlier path that it may go on from
-ROUNDS = 12
-GAIN = 1e-5  # a round that shortens the path by less than this share is the last
-FLAT = 0.02  # corners that turn less than this [rad] stay if they touch something
-STRAIGHT = 1e-6  # turns that are rounding [rad]
-TOUCH = 4e-3  # a corner of more clearance than this [m] touches nothing
-ROOM = 64, 8  # for corners while a path gets shorter: at least, and per corner that it had
-MORE_ROOM = 256  # for the last corners that touch nothing
-LOOSE_ROUNDS = 8  # after the others, as long as some corner touches nothing
-HALVINGS = 6
-SLIDES = 12  # halvings of a leg along which a corner slides
 
 
 def polish(path: Any, steering: Steering, space: FreeSpace) -> Any:
@@ -122,200 +107,7 @@ def _(steering: InTime, path: Legs, space: FreeSpace) -> Legs:
     return in_time.taut_in_time(path, steering, space)
 
 
-def taut_polyline(points: Array, space: FreeSpace) -> Array:
-    """A polyline (k, 2) [m] that ends in the goal's disc, pulled taut inside its class, (l, 2) [m]; never longer."""
-    room = max(ROOM[0], ROOM[1] * len(points))
-    out = np.empty((room + MORE_ROOM, 2))
-    short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), room, out)].copy()
-    return short if _length(short) <= _length(points) else points
-
-
 def _end(path: Curves) -> Array:
     x, y, theta = path.start[-1]
     s = float(path.length[-1].sum())
     return np.array([x + s * np.cos(theta), y + s * np.sin(theta)])
-
-
-def _length(points: Array) -> float:
-    return float(np.hypot(*np.diff(points, axis=0).T).sum())
-
-
-@kernel
-def _contractible(around, points, i, j):  # type: ignore[no-untyped-def]
-    """Whether the loop points[i..j] and straight back encircles no marker."""
-    key = key_of_segment(around.cuts, points[j, 0], points[j, 1], points[i, 0], points[i, 1])
-    for a in range(i, j):
-        key += key_of_segment(around.cuts, points[a, 0], points[a, 1], points[a + 1, 0], points[a + 1, 1])
-    return key == 0
-
-
-@kernel
-def _entry(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Length of a segment, and where it enters the goal's disc; infinity if it does not."""
-    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
-    heading = math.atan2(by - ay, bx - ax)
-    return length, entry_of_piece(ax, ay, heading, 0.0, length, around.goal_x, around.goal_y, around.reach)
-
-
-@kernel
-def _clear(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Whether the segment ab is certainly free up to where it enters the goal's disc."""
-    length, s = _entry(around, ax, ay, bx, by)
-    if s < length:
-        bx, by = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
-    return certify_segment(around.field, ax, ay, bx, by) == FREE
-
-
-@kernel
-def _replaceable(around, points, i, j):  # type: ignore[no-untyped-def]
-    """Whether a free straight piece of the same class leads from points[i] to points[j]."""
-    free = _clear(around, points[i, 0], points[i, 1], points[j, 0], points[j, 1])
-    return free and _contractible(around, points, i, j)
-
-
-@kernel
-def _shortcut(around, points, count):  # type: ignore[no-untyped-def]
-    """Leave out every run of corners that a free straight piece of the same class can replace."""
-    i = 0
-    while i < count - 2:
-        for j in range(count - 1, i + 1, -1):
-            if _replaceable(around, points, i, j):
-                for k in range(j, count):
-                    points[i + 1 + k - j, 0] = points[k, 0]
-                    points[i + 1 + k - j, 1] = points[k, 1]
-                count -= j - i - 1
-                break
-        i += 1
-    return count
-
-
-@kernel
-def _blunted(around, corner):  # type: ignore[no-untyped-def]
-    """Largest share of both legs by which a corner can be blunted; corner is (before, corner, after), (3, 2).
-
-    Rows 0 and 2 are replaced by the ends of the piece that does so.
-    """
-    x, y = corner[1, 0], corner[1, 1]
-    ax, ay, bx, by = corner[0, 0] - x, corner[0, 1] - y, corner[2, 0] - x, corner[2, 1] - y
-    low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
-        t = 0.5 * (low + high)
-        corner[0, 0], corner[0, 1] = x + t * ax, y + t * ay
-        corner[2, 0], corner[2, 1] = x + t * bx, y + t * by
-        if _replaceable(around, corner, 0, 2):
-            low = t
-        else:
-            high = t
-    corner[0, 0], corner[0, 1] = x + low * ax, y + low * ay
-    corner[2, 0], corner[2, 1] = x + low * bx, y + low * by
-    return low
-
-
-@inlined
-def _turn(corner):  # type: ignore[no-untyped-def]
-    """How much a path turns at a corner (before, corner, after), (3, 2) [rad]."""
-    ax, ay = corner[1, 0] - corner[0, 0], corner[1, 1] - corner[0, 1]
-    bx, by = corner[2, 0] - corner[1, 0], corner[2, 1] - corner[1, 1]
-    return abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
-
-
-@inlined
-def _touches(around, x, y):  # type: ignore[no-untyped-def]
-    """Whether something keeps a corner at (x, y) [m] from being cut."""
-    return clearance(around.field, x, y) <= TOUCH
-
-
-@kernel
-def _blunt_corners(around, points, count, least, room, out):  # type: ignore[no-untyped-def]
-    """Blunt every corner that turns more than `least` [rad], or touches nothing, as far as the obstacles allow.
-
-    The number of points written to out, fewer than `room`.
-    """
-    out[0, 0], out[0, 1] = points[0, 0], points[0, 1]
-    n = 1
-    corner = np.empty((3, 2))
-    for i in range(1, count - 1):
-        for c in range(2):
-            corner[0, c], corner[1, c], corner[2, c] = out[n - 1, c], points[i, c], points[i + 1, c]
-        t, turn = 0.0, _turn(corner)
-        wanted = turn > least or (turn > STRAIGHT and not _touches(around, points[i, 0], points[i, 1]))
-        if wanted and n + 2 + count - i < room:
-            t = _blunted(around, corner)
-        if t > 0.0:
-            for c in range(2):
-                out[n, c], out[n + 1, c] = corner[0, c], corner[2, c]
-            n += 2
-        else:
-            out[n, 0], out[n, 1] = points[i, 0], points[i, 1]
-            n += 1
-    out[n, 0], out[n, 1] = points[count - 1, 0], points[count - 1, 1]
-    return n + 1
-
-
-@kernel
-def _slide(around, points, i, to, leg):  # type: ignore[no-untyped-def]
-    """Move corner i towards its neighbour `to` as long as the leg (3, 2) from or to its other neighbour stays free."""
-    last = 2 if to > i else 0  # the leg leads forward, since it ends where it enters the goal's disc
-    x, y = points[i, 0], points[i, 1]
-    dx, dy = points[to, 0] - x, points[to, 1] - y
-    for c in range(2):
-        leg[2 - last, c], leg[1, c] = points[2 * i - to, c], points[i, c]
-    low, high = 0.0, 1.0
-    for _ in range(SLIDES):
-        t = 0.5 * (low + high)
-        leg[last, 0], leg[last, 1] = x + t * dx, y + t * dy
-        if _replaceable(around, leg, 0, 2):
-            low = t
-        else:
-            high = t
-    points[i, 0], points[i, 1] = x + low * dx, y + low * dy
-
-
-@kernel
-def _slide_corners(around, points, count):  # type: ignore[no-untyped-def]
-    """Slide every corner that touches nothing along both of its legs until it does; whether there was one."""
-    loose, leg = False, np.empty((3, 2))
-    for i in range(1, count - 1):
-        for to in (i + 1, i - 1):
-            if not _touches(around, points[i, 0], points[i, 1]):
-                loose = True
-                _slide(around, points, i, to, leg)
-    return loose
-
-
-@kernel
-def _copied(points, count, out):  # type: ignore[no-untyped-def]
-    for i in range(count):
-        out[i, 0], out[i, 1] = points[i, 0], points[i, 1]
-    return count
-
-
-@kernel
-def _taut(around, points, room, out):  # type: ignore[no-untyped-def]
-    """Shortcut and blunt corners in turn until nothing is gained; number of points written to out."""
-    count = _copied(points, points.shape[0], out)
-    work = np.empty((out.shape[0], 2))
-    out[count, 0], out[count, 1] = around.goal_x, around.goal_y
-    count += 1
-    before = np.inf
-    for _ in range(ROUNDS):
-        count = _shortcut(around, out, count)
-        length = 0.0
-        for i in range(count - 1):
-            length += math.sqrt((out[i + 1, 0] - out[i, 0]) ** 2 + (out[i + 1, 1] - out[i, 1]) ** 2)
-        if before - length < GAIN * length:
-            break
-        before = length
-        count = _copied(work, _blunt_corners(around, out, count, FLAT, room, work), out)
-    for _ in range(LOOSE_ROUNDS):
-        if not _slide_corners(around, out, count):
-            break
-        count = _shortcut(around, out, count)
-        count = _copied(work, _blunt_corners(around, out, count, np.pi, out.shape[0], work), out)
-    for i in range(count - 1):
-        ax, ay, bx, by = out[i, 0], out[i, 1], out[i + 1, 0], out[i + 1, 1]
-        length, s = _entry(around, ax, ay, bx, by)
-        if s <= length:
-            out[i + 1, 0], out[i + 1, 1] = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
-            return i + 2
-    return count

@@ -15,8 +15,9 @@ from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.following import Follow
 from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.guidance.priced_among import touches
-from pirrht.rollouts.first_exit import COLLISION, sweep_exit
+from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.listed import held_of
+from pirrht.rollouts.sweep import sweep_exit
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.homology import class_id
 

@@ -63,9 +63,6 @@ from pirrht.rollouts.first_exit import (
     fitting,
     line_of,
     rim_along,
-    sweep_exit,
-    sweep_onward,
-    turn_of,
     two_walls,
     wall_slope,
 )
@@ -76,6 +73,7 @@ from pirrht.rollouts.general.law import nearest_of
 from pirrht.rollouts.homing import STEEP, homing, wrapped
 from pirrht.rollouts.listed import forget, held_of, listing, surely
 from pirrht.rollouts.records import FINER
+from pirrht.rollouts.sweep import sweep_exit, sweep_onward, turn_of
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.dynamics import no_drift
 from pirrht.systems.unicycle import unicycle_drift

@@ -24,10 +24,8 @@ from pirrht.rollouts.first_exit import (
     endpoint_exit,
     facing,
     first_crossing,
-    sweep_exit,
-    sweep_onward,
-    turn_of,
 )
+from pirrht.rollouts.sweep import sweep_exit, sweep_onward, turn_of
 
 DRAWS = 20000
 ENDS = [(0.3, 0.5), (0.3, -0.2), (0.05, 0.4), (1.0, 0.0), (0.6, -1.5), (1e-3, 1e-3)]

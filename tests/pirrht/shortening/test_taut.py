@@ -8,7 +8,7 @@ from discs import block, disc, scattered, scene_of
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.shortening.shorten import taut_polyline
+from pirrht.shortening.polyline import taut_polyline
 from pirrht.steering.straight_line import StraightLine
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
