@@ -20,6 +20,7 @@ from pirrht.arrays import Array, BoolArray
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from sim.mjcf import load
+from sim.mjcf.robot import read_robot
 from sim.scenario import Scenario, prepare
 
 SIDE = 5.0  # of the workspace [m]
@@ -96,19 +97,22 @@ class Layout:
 """
 
 
-def random_scene(seed: int, most: int = 8) -> str:
-    """MJCF text of a scene of 5 x 5 m with 2 to `most` solids, start and goal connected."""
+def random_scene(seed: int, most: int = 8, least: float = 0.0) -> str:
+    """MJCF text of a scene of 5 x 5 m with 2 to `most` solids for a robot of a radius [m] of at least so much.
+
+    Start and goal are connected.
+    """
     rng = np.random.default_rng([seed, 52])
     while True:
         layout = _task(_solids(rng, most), rng)
-        if layout is not None:
+        if layout is not None and layout.radius >= least:
             return layout.text(f"random{seed}")
 
 
-def write_scene(seed: int, folder: Path, most: int = 8) -> Path:
+def write_scene(seed: int, folder: Path, most: int = 8, least: float = 0.0) -> Path:
     """The file of a random scene."""
     path = folder / f"random{seed}.xml"
-    path.write_text(random_scene(seed, most))
+    path.write_text(random_scene(seed, most, least))
     return path
 
 
@@ -119,9 +123,14 @@ def scene_of(seed: int) -> Scene:
 
 
 def scenario_of(seed: int, given: Mapping[str, Any], *, most: int = 8, **task: Any) -> Scenario:
-    """A random scene ready to be planned in, under settings by name; `task` may name robot and radius [m]."""
+    """A random scene ready to be planned in, under settings by name; `task` may name robot and radius [m].
+
+    A robot that is named has room for what collides of it in its footprint.
+    """
+    robot = task.get("robot")
+    least = 0.0 if robot is None or task.get("radius") else read_robot(robot, None).radius
     with tempfile.TemporaryDirectory() as folder:
-        return prepare(write_scene(seed, Path(folder), most), given=given, **task)
+        return prepare(write_scene(seed, Path(folder), most, least), given=given, **task)
 
 
 def random_states(space: FreeSpace, count: int, seed: int) -> Array:

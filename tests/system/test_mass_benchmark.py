@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 from functools import cache
+from itertools import islice
 from types import SimpleNamespace
 
 import benchmark
@@ -15,6 +16,7 @@ from benchmarks import mass
 
 from pirrht.control.controller import Controller
 from sim.files import plain
+from sim.mjcf.robot import read_robot
 from sim.scenario import Scenario, prepare
 
 START, ABOVE = (1.0, 2.5, 0.0, 0.0), (1.0, 3.5, 0.5, 0.8)
@@ -107,3 +109,11 @@ def test_a_benchmark_names_the_parts_that_there_are(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         benchmark.main()
     assert "`mass` has no part 'plane'; it has line" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("robot", ["hover", "rover", "car"])
+def test_random_scenes_have_room_for_what_collides_of_the_robot(robot: str):
+    """Seeds 0 to 7; those of 2, 3 and 7 would else be too small for a car, that of 2 for the others."""
+    own = read_robot(robot, None).radius
+    found = [scenario.loaded.scene.robot_radius for scenario in islice(mass.scenarios(0, None, robot), 8)]
+    assert min(found) >= own
