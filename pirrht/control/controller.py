@@ -27,6 +27,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.guidance.following import Follow, lead_of
 from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
+from pirrht.guidance.tracking import FEW
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
@@ -125,7 +126,7 @@ class Controller(Policy):
                 'samples could follow: guide them by "feedback", not "open-loop"'
             )
         self.polished, self.rng, self.between = polished, rng, between
-        shared = self.method.mixes and sampling.allocation == "contribution" and self.path_integral.guidance is None
+        shared = self.method.mixes and sampling.allocation == "contribution" and self.path_integral.shares
         self.allocation = Allocation(sampling.samples) if shared else None
         self.pool = ClassPool(problem) if between == "classes" else None
         self.begin(problem.dynamics.state_of(problem.scene.start))
@@ -258,7 +259,7 @@ class Controller(Policy):
         except NoSurvivingSample:
             return None
         if self.allocation is not None:
-            self.allocation.learn(ids, estimate)
+            self.allocation.learn([one.name for one in batch.proposals], estimate)
         if self.method.alone and ids:
             estimate = self._alone(estimate, ids, batch.classes)
         if self.method.mixes:
@@ -319,31 +320,50 @@ class Controller(Policy):
         """What samples around each reference follow, and how many there are; guides start from the last ones."""
         integral, shared = self.path_integral, self.allocation
         trajectories = [reference.trajectory for reference in references]
-        leads = integral.leading.leads(x, times, trajectories, None if shared is None else shared.shortfalls(names))
-        if shared is not None:  # never beside guides of a car
-            promised = [lead.promise for lead in leads]
-            rows = zip(trajectories, promised, strict=True)
-            shared.note(names, [integral.leading.bound(x, trajectory) - promise for trajectory, promise in rows])
-            return list(leads), shared.counts(names, promised, [lead.follows for lead in leads])
-        if integral.guidance is None:
+        known = None if shared is None or integral.guidance is not None else shared.shortfalls(names)
+        leads = integral.leading.leads(x, times, trajectories, known)
+        if integral.guidance is not None:
+            guides, counts = self._guided(integral.guidance, x, times, references)
+            if shared is not None:  # prices of guides promise too little to go by
+                counts = shared.counts(names, [0.0] * len(names), [count > FEW for count in counts])
+            d = self.problem.dynamics
+            led = [one if guide is None else lead_of(guide, d) for one, guide in zip(leads, guides, strict=True)]
+            return led, counts
+        if shared is None:
             return list(leads), [integral.sampling.samples] * len(leads)
-        guides, counts = self._guided(integral.guidance, x, times, references)
-        d = self.problem.dynamics
-        return [one if guide is None else lead_of(guide, d) for one, guide in zip(leads, guides, strict=True)], counts
+        promised = [lead.promise for lead in leads]
+        rows = zip(trajectories, promised, strict=True)
+        shared.note(names, [integral.leading.bound(x, trajectory) - promise for trajectory, promise in rows])
+        return list(leads), shared.counts(names, promised, [lead.follows for lead in leads])
 
     def _guided(
         self, guidance: Any, x: Array, times: Array, references: list[Reference]
     ) -> tuple[list[Any], list[int]]:
         """Guides, each from what is left of the last one of its class, and samples around each."""
+        known = {} if self._guides.last else self._reversed(x)
         wanted = [
-            Wanted(whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory)
+            Wanted(
+                whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory,
+                reversed=known.get(one.winding),
+            )
             for whole, one in zip(self._from_start(references), references, strict=True)
-        ]
+        ]  # fmt: skip
         integral, clock = self.path_integral, {"time": self.now} if isinstance(self.homology, TimedHomology) else {}
         return self._guides.improve(
             guidance, x, times, wanted, samples=integral.sampling.samples, elapsed=self.drive.since_plan,
             pressed=self._pressed, threads=integral.threads, **clock,
         )  # fmt: skip
+
+    def _reversed(self, x: Array) -> dict[tuple[int, ...], Trajectory]:
+        """Paths from x (n,) that are driven backwards, by winding; none of a system that does not reverse."""
+        turned = None if self.tree is None else self.tree.steering.backwards(self.homology.asked(x, self.now))
+        if self.tree is None or turned is None:
+            return {}
+        try:
+            found = self.tree.references(turned, polished=self.polished, threads=self.path_integral.threads)
+        except NoReference:
+            return {}
+        return {one.winding: self.tree.steering.reversing(one.trajectory) for one in found}
 
     def _instead(self, batch: Batch, references: list[Reference]) -> Array:
         """What to follow without an estimate, (T, m): the guide of the last favourite or the cheapest, or a tape."""

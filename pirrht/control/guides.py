@@ -8,8 +8,11 @@ from typing import Any
 
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
+from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.tracking import FEW
 from pirrht.steering.trajectory import Trajectory
+
+THOROUGH = 4  # cheapest classes for whose first guides all ways to begin are looked at
 
 Whole = tuple[int, ...]  # class of the driven path and the rest together
 
@@ -21,6 +24,7 @@ class Wanted:
     whole: Whole
     key: int  # of the rest alone, as kernels carry it
     trajectory: Trajectory  # its reference
+    reversed: Trajectory | None = None  # another that is driven backwards
 
 
 @dataclass(slots=True)
@@ -54,8 +58,13 @@ class Guides:
             clock: `time` now, where that matters [s].
         """
 
+        anew = not self.last
+
         def improved(one: Wanted) -> Any:
             last = self.last.get(one.whole)
+            if anew and one in wanted[:THOROUGH] and isinstance(guidance, AnyGuidance):
+                also = [] if one.reversed is None else [one.reversed]
+                return guidance.first(x, times, one.key, one.trajectory, also, **clock)
             if last is None and one is not wanted[0] and pressed():
                 return None  # made from nothing it takes ten times as long
             return guidance.improve(x, times, one.key, one.trajectory, last, elapsed, **clock)

@@ -78,7 +78,7 @@ class Allocation:
         return number
 
     def learn(self, names: Sequence[str], estimate: Estimate) -> None:
-        """Take in what the samples of a plan contributed; `names` (H,) are classes in the order of its samples."""
+        """Take in what the samples of a plan contributed; `names` are classes in the order of its samples."""
         first = estimate.rollouts.leads.first
         for name, start, stop in zip(names, first[:-1], first[1:], strict=False):
             found = math.sqrt(float(np.mean(estimate.weight[start:stop] ** 2)))

@@ -127,6 +127,11 @@ class PathIntegral:
         """Whether what samples follow is made here, so that references need no controls."""
         return self.guidance is not None or self.leading.climbs
 
+    @property
+    def shares(self) -> bool:
+        """Whether references may have unequal numbers of samples, by what those of earlier plans contributed."""
+        return self.guidance is None or (isinstance(self.guidance, AnyGuidance) and not self.moving)
+
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
         leads = self._tables.of(batch, self.setup, self.homology)

@@ -37,6 +37,7 @@ from pirrht.topology.marks import NO_MARKS, Marks
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
 NONE = ((1.0, 0),)
+PUSHED = ((1.0, 60),)  # from a reference that is pushed aside
 HOLD = 10.0  # time spent as far off a reference without controls as walls are wide costs so many times its q
 STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
 STEERED = 3.0  # lambda / (time in which noise carries the position over its clearance) costs so much
@@ -65,12 +66,12 @@ class AnyGuidance:
         self.passes = optimiser(kind)
         self.active = active_states(problem)
         noise = noise_of(problem, setup, self.passes.expand, self.active, self.width)
-        self.metric = noise.metric
+        self.metric, self.curved = noise.metric, noise.curved
         self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in COLD}
         hold = HOLD * problem.least_rate / wall_radius(problem) ** 2
         self.starts = Starts(
             dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.passes.optimise,
-            tracking=self.tasks[COLD[0][0]]._replace(hold=hold),
+            tracking=self.tasks[COLD[0][0]]._replace(hold=hold), asked=self.tasks[1.0].steep / STEEP,
         )  # fmt: skip
 
     @property
@@ -152,6 +153,28 @@ class AnyGuidance:
         if guide is None or guide.valid:
             return guide
         return self._from(clock, x, times, key, begun(x, trajectory, times), NONE)
+
+    def first(
+        self,
+        x: Array,
+        times: Array,
+        key: int,
+        trajectory: Trajectory,
+        also: Sequence[Trajectory] = (),
+        time: float = 0.0,
+    ) -> AnyGuide | None:
+        """The same without any earlier one, the cheapest of several that begin in different ways.
+
+        Args:
+            also: other references of the class.
+        """
+        found = [self.improve(x, times, key, trajectory, time=time)]
+        if self.curved:
+            clock, starts = self._clock(x, times, time), list(self.starts.pushed(x, trajectory, times))
+            starts += [self.starts.along(x, one, times) for one in also]
+            found += [self._from(clock, x, times, key, start, PUSHED) for start in starts]
+        valid = [one for one in found if one is not None and one.valid]
+        return min(valid, key=lambda one: one.priced, default=found[0])
 
     def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
         """What paths from x (n,) meet, and ends of their steps (T+1,) [s] on the clock of what moves."""

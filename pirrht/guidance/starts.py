@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,8 @@ from pirrht.systems.dynamics import Dynamics
 
 ON = 2  # steps for which what nothing homes in holds its last control, so that it does not halt on the goal's rim
 HEAD, ROUNDS = 10, 20  # steps by which more of it is tracked, and backward passes at most for each
+PUSHED, STRENGTHS = 1.0, (0.5, 1.0)  # time [s] for which a course is pushed, and how hard in that |a| (`asked`)
+MANY = 2  # inputs, more of which are pushed one by one
 RAMP = 0.5  # of the slack of a reference without controls it takes to get up to its pace
 
 
@@ -30,6 +34,7 @@ class Starts:
     halts: bool  # whether nothing homes in on the goal
     optimise: Any  # kernel (`any_ddp`)
     tracking: Task  # under which aims are held to
+    asked: float  # |a| under which control costs what time does [1/sqrt(s)]
 
     def empty(self, T: int) -> Course:
         """A course of T steps from zeros."""
@@ -60,6 +65,21 @@ class Starts:
             if not (d.constant or d.input_form):
                 state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
         return course, min(ends, len(tape))
+
+    def pushed(self, x: Array, trajectory: Trajectory, times: Array) -> Iterator[tuple[Course, int]]:
+        """The same, each with its inputs pushed another way at first: to turn the other way, to brake, to reverse.
+
+        A law is improved downhill only, and what turns about has several valleys.
+        """
+        (course, length), m = self.along(x, trajectory, times), self.dynamics.m
+        signs = product((-1.0, 0.0, 1.0), repeat=m) if m <= MANY else np.vstack([np.eye(m), -np.eye(m)])
+        ways = [np.asarray(way) for way in signs if np.any(way)]
+        steps = int(np.searchsorted(times, PUSHED))
+        for strength, way in product(STRENGTHS, ways):
+            other = self.empty(len(times) - 1)
+            other.control[:] = course.control
+            other.control[:steps, :m] += strength * self.asked * way
+            yield other, max(length, min(steps, len(other.control)))
 
     def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
         """What stays near where a reference is when, from x (n,); more and more of it is tracked from its start on.

@@ -5,14 +5,15 @@ by wider ones is worth it the more the farther one goes: sqrt(r_w / r_v) is the 
 few radii the cheapest is taken, at the smallest of which the rover all but turns on the spot. For r_w / r_v = 0.25 m^2
 that is within 0.3 % of the best of twelve radii between random headings 2 m apart or more, and within 2 % at 0.6 m.
 
-It does not drive backwards. Between random headings that would pay in half of all pairs, saving 7 % 8 m apart and 31 %
-at 0.3 m, but ways have headings of their own: facing along the way it saves nothing, facing away pi sqrt(2 q r_w) once.
+Its curves are driven ahead. Between random headings reversing would pay in half of all pairs, saving 7 % 8 m apart and
+31 % at 0.3 m, but ways have headings of their own: facing along the way it saves nothing, facing away pi sqrt(2 q r_w)
+once. So only a drive's first guides look at ways that are driven backwards as a whole (`backwards`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from pirrht.steering.dubins import EPS, _ends, _opposite_turns, _same_turns
 from pirrht.steering.motion import Motion
 from pirrht.steering.poses import PoseSteering, rows
 from pirrht.steering.steering import Compiled
+from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.rover import Rover
 
 RADII = (0.1, 0.3, 0.7, 1.4)  # times sqrt(r_w / r_v)
@@ -172,6 +174,14 @@ class RoverSteering(PoseSteering):
     def _numbers(self) -> tuple[float, ...]:
         scale = math.sqrt(self.r_w / self.r_v)
         return (2.0 * self.q * self.r_v, 2.0 * self.q * self.r_w, *(share * scale for share in RADII))
+
+    def backwards(self, x: Array) -> Array:
+        """The same place (3,), faced the other way."""
+        return np.asarray(x + np.array([0.0, 0.0, math.pi]))
+
+    def reversing(self, trajectory: Trajectory) -> Trajectory:
+        """The same way and turn rates at the opposite speeds, at the same cost."""
+        return replace(trajectory, controls=trajectory.controls * np.array([-1.0, 1.0]))
 
     def distance(self, tails: Array, heads: Array) -> Array:
         """Least cost from tails to heads, (..., 3) x 2 -> (...,) [cost]. Not symmetric."""

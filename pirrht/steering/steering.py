@@ -67,6 +67,14 @@ class Steering(ABC):
         """What a vertex of the tree has of a state (..., n) of the system; here all of it."""
         return x
 
+    def backwards(self, x: Array) -> Array | None:
+        """The state (n,) whose paths `reversing` turns into such from x (n,); None: nothing reverses."""
+        return None
+
+    def reversing(self, trajectory: Trajectory) -> Trajectory:
+        """What drives along a trajectory backwards, from the state that faces the other way."""
+        return trajectory
+
     def at_rest(self, x: Array) -> Array:
         """A vertex' state (n,) at the same place without its speed; here the same, since a vertex has none."""
         return x

@@ -29,14 +29,18 @@ def by_speed_and_turn(x, p, out):  # type: ignore[no-untyped-def]
 
 @jitable
 def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """Drive at the best speed where the goal's disc lies ahead of x (3,), else turn to it; a written to out (2,)."""
+    """Drive at the best speed where the goal's disc lies ahead of x (3,), else turn to it; a written to out (2,).
+
+    A disc that lies behind is reversed to likewise.
+    """
     dx, dy = aim[0] - x[0], aim[1] - x[1]
-    off = math.atan2(dy, dx) - x[2]
+    way = 1.0 if dx * math.cos(x[2]) + dy * math.sin(x[2]) >= 0.0 else -1.0
+    off = math.atan2(way * dy, way * dx) - x[2]
     off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)
     within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
     beyond = max(0.0, off - within) + min(0.0, off + within)
     asked = math.sqrt(2.0 * rate)  # |a| under which control costs what time does
-    out[0] = asked * math.cos(min(NARROW * abs(beyond), 0.5 * math.pi))
+    out[0] = way * asked * math.cos(min(NARROW * abs(beyond), 0.5 * math.pi))
     out[1] = max(-QUICK * asked, min(QUICK * asked, TURN_GAIN * beyond / B[2, 1]))
 
 

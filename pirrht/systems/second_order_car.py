@@ -32,14 +32,20 @@ def cruising(x, p):  # type: ignore[no-untyped-def]
 
 @jitable
 def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """Turn until the goal's disc lies ahead and drive at CRUISE, slower as long as it lies aside; out (2,)."""
+    """Turn until the goal's disc lies ahead and drive at CRUISE, slower as long as it lies aside; out (2,).
+
+    Who reverses towards it goes on so.
+    """
     dx, dy = aim[0] - x[0], aim[1] - x[1]
-    off = math.atan2(dy, dx) - x[2]
+    way = 1.0
+    if x[3] < 0.0 and dx * math.cos(x[2]) + dy * math.sin(x[2]) < 0.0:
+        way = -1.0
+    off = math.atan2(way * dy, way * dx) - x[2]
     off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)
     within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
     off = max(0.0, off - within) + min(0.0, off + within)
     out[0] = GAIN * off / B[0, 0]
-    out[1] = GAIN * (CRUISE * max(0.2, math.cos(off)) - x[3]) / B[1, 1]
+    out[1] = GAIN * (way * CRUISE * max(0.2, math.cos(off)) - x[3]) / B[1, 1]
 
 
 @dataclass(frozen=True, eq=False)
