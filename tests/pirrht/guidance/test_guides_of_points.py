@@ -128,7 +128,7 @@ def test_the_control_of_a_point_in_the_wind_is_the_slope_of_its_value():
 
 
 def test_only_a_point_that_stands_still_and_is_shaken_alike_climbs():
-    assert around_a_post(SingleIntegrator(b=0.1)).climbs
+    assert around_a_post(SingleIntegrator(b=0.1)).leading.climbs
     assert around_a_post(SingleIntegrator(b=0.1)).guidance is None
 
 

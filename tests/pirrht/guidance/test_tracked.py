@@ -25,7 +25,7 @@ from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics, no_drift
-from pirrht.systems.second_order_car import SecondOrderCar, cruising
+from pirrht.systems.second_order_car import SecondOrderCar, cruising, towards_goal
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.tree.homology_tree import HomologyTree
@@ -209,3 +209,17 @@ def test_a_car_that_faces_away_is_turned_about():
         assert guide is not None
         assert guide.valid
         assert guide.states[guide.length, 0] > 4.5
+
+
+@pytest.mark.parametrize("x", [(0.0, 0.0, 0.5, -0.3), (0.0, 0.0, 0.2, -1.0), (3.0, 1.2, 0.1, -0.5)])
+def test_homing_lets_a_car_that_reverses_towards_the_goal_go_on_so(x):
+    """Into the disc of radius 0.3 m, 2 m further left, within 6 s, never faster than 1 m/s and never ahead."""
+    car, state, a, h = SecondOrderCar(b=0.1), np.array(x), np.zeros(2), 0.01
+    goal = (x[0] - 2.0, 0.0)
+    for _ in range(600):
+        towards_goal(state, np.zeros(0), car.B_c(state), goal, 0.3, 50.0, a)
+        state = car.step(state, car.input_of(state, a), np.zeros(2), h)
+        assert -1.0 - 1e-9 <= state[3] < 0.0
+        if np.hypot(state[0] - goal[0], state[1] - goal[1]) < 0.3:
+            return
+    pytest.fail(f"still at {state}")

@@ -284,7 +284,7 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
         np.testing.assert_allclose(wrapped(finish[:-1, 2] - path.start[1:, 2]), 0.0, atol=1e-8)
         assert np.hypot(*(finish[-1, :2] - goal.center)) == pytest.approx(goal.radius, abs=1e-8)
         assert homology.winding(np.vstack(path.points(0.005))) == raw.winding
-        assert np.all(grown.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
+        assert np.all(grown.around.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
         np.testing.assert_array_equal(polish(raw.path, car, grown.space).length, path.length)
         more = shortcut(path, car, grown.space, (30, 40))
         assert more.length.sum() > 0.9 * path.length.sum()
