@@ -56,7 +56,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     tree = scenario.grown_tree()
     found = [figure for x in driven(scenario, tree) for figure in figures(scenario, tree, x)]
     table = []
-    for guide in GUIDES:
+    for guide in ways_of(tree):
         own = [figure for figure in found if figure.guide == guide]
         table.append(
             [
@@ -77,6 +77,11 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     return header, table, [{**vars(figure), "off": figure.off} for figure in found]
 
 
+def ways_of(tree: HomologyTree) -> tuple[str, ...]:
+    """Ways of guiding; references that are only a path have no tapes."""
+    return GUIDES if tree.steering.drives else GUIDES[:1]
+
+
 def driven(scenario: Scenario, tree: HomologyTree) -> list[Array]:
     """States of one drive under the defaults, APART control steps from each other."""
     frames = scenario.drive(scenario.plant(), scenario.driver(tree))
@@ -92,7 +97,7 @@ def figures(scenario: Scenario, tree: HomologyTree, x: Array) -> list[Figure]:
     plenty = estimates(scenario.with_settings(samples=MANY // H), tree, x, 1)[0]
     favourite = max(plenty.class_weights, key=lambda name: plenty.class_weights[name])
     found = []
-    for guide in GUIDES:
+    for guide in ways_of(tree):
         runs = estimates(scenario.with_settings(guide=guide), tree, x, REPEATS)
         alive = [run for run in runs if run.survivors > 0]
         log_psi, error = averaged([run.log_psi for run in alive], REPEATS)

@@ -111,7 +111,8 @@ PLANNER_OPTIONS = (
         choices=BETWEEN, paper="hold",
     ),
     _setting(
-        "allocation", "samples of a puck go to the references by contribution in earlier plans, or equal (paper)",
+        "allocation", "samples go to the references by contribution in earlier plans, or equal (paper), as a "
+        "unicycle's and those among bodies that move do anyway",
         metavar="RULE", choices=ALLOCATIONS, paper="equal",
     ),
     _setting(
