@@ -49,7 +49,7 @@ class Guides:
     ) -> tuple[list[Any], list[int]]:
         """Guides from x (n,), None where there is none, and samples around each.
 
-        If time is short there are none of new classes, the first aside.
+        The first of a drive are looked for thoroughly. If time is short there are none of new classes, the first aside.
 
         Args:
             times: ends of the steps (T+1,) [s].
@@ -58,11 +58,12 @@ class Guides:
             clock: `time` now, where that matters [s].
         """
 
-        anew = not self.last
+        anew = isinstance(guidance, AnyGuidance) and not self.last and not pressed()
+        thorough = {one.whole for one in wanted[:THOROUGH]} if anew else set()
 
         def improved(one: Wanted) -> Any:
             last = self.last.get(one.whole)
-            if anew and one in wanted[:THOROUGH] and isinstance(guidance, AnyGuidance):
+            if one.whole in thorough:
                 also = [] if one.reversed is None else [one.reversed]
                 return guidance.first(x, times, one.key, one.trajectory, also, **clock)
             if last is None and one is not wanted[0] and pressed():
