@@ -18,7 +18,8 @@ def tape() -> Tape:
 
 def test_only_classes_with_the_most_samples_have_some_beside_their_guides_and_none_is_lost():
     ways = {"a": tape(), "b": tape(), "c": tape()}
-    aside = Aside(SimpleNamespace(beside=lambda x, trajectory, time: ways[trajectory]))
+    leading = SimpleNamespace(beside=lambda x, trajectory, time: ways[trajectory])
+    aside = Aside(SimpleNamespace(leading=leading))
     aside.shares["b"] = 0.2
     asked = [Proposal(lead=tape(), count=count, name=name) for name, count in (("a", 300), ("b", 300), ("c", 30))]
     found = aside.split(np.zeros(2), asked, ["a", "b", "c"], 0.0)
