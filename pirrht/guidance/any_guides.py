@@ -163,7 +163,7 @@ class AnyGuidance:
         also: Sequence[Trajectory] = (),
         time: float = 0.0,
     ) -> AnyGuide | None:
-        """The same without any earlier one, the cheapest of several that begin in different ways.
+        """The same without any earlier one, or one that begins in another way and is surely cheaper.
 
         Args:
             also: other references of the class.
@@ -173,8 +173,12 @@ class AnyGuidance:
             clock, starts = self._clock(x, times, time), list(self.starts.pushed(x, trajectory, times))
             starts += [self.starts.along(x, one, times) for one in also]
             found += [self._from(clock, x, times, key, start, PUSHED) for start in starts]
-        valid = [one for one in found if one is not None and one.valid]
-        return min(valid, key=lambda one: one.priced, default=found[0])
+        own, valid = found[0], [one for one in found if one is not None and one.valid]
+        best = min(valid, key=lambda one: one.priced, default=own)
+        if own is None or not own.valid or best is None:
+            return best
+        # Prices are no nearer to what a class is worth than lambda.
+        return best if best.priced < own.priced - self.problem.temperature else own
 
     def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
         """What paths from x (n,) meet, and ends of their steps (T+1,) [s] on the clock of what moves."""
