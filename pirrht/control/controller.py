@@ -340,7 +340,7 @@ class Controller(Policy):
         self, guidance: Any, x: Array, times: Array, references: list[Reference]
     ) -> tuple[list[Any], list[int]]:
         """Guides, each from what is left of the last one of its class, and samples around each."""
-        known = {} if self._guides.last else self._reversed(x)
+        known = {} if self._guides.last or self._pressed() else self._reversed(x)
         wanted = [
             Wanted(
                 whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory,

@@ -66,7 +66,7 @@ class AnyGuidance:
         self.passes = optimiser(kind)
         self.active = active_states(problem)
         noise = noise_of(problem, setup, self.passes.expand, self.active, self.width)
-        self.metric, self.curved = noise.metric, noise.curved
+        self.metric = noise.metric
         self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in COLD}
         hold = HOLD * problem.least_rate / wall_radius(problem) ** 2
         self.starts = Starts(
@@ -169,7 +169,7 @@ class AnyGuidance:
             also: other references of the class.
         """
         found = [self.improve(x, times, key, trajectory, time=time)]
-        if self.curved:
+        if self.tasks[1.0].curved:
             clock, starts = self._clock(x, times, time), list(self.starts.pushed(x, trajectory, times))
             starts += [self.starts.along(x, one, times) for one in also]
             found += [self._from(clock, x, times, key, start, PUSHED) for start in starts]

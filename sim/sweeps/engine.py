@@ -249,7 +249,7 @@ def in_turn(work: Callable[[Any], Any], agenda: Agenda, stop: Stop) -> Iterator[
 def _hand_out(workers: Sequence[Worker], work: Callable[[Any], Any], agenda: Agenda, stop: Stop) -> None:
     for worker in workers:
         if worker.item is None and agenda and not stop.asked:
-            others = [other.last for other in workers if other is not worker and other.item is not None]
+            others = [other.last for other in workers if other is not worker]  # who is idle too stays where it was
             worker.give(work, agenda.take(worker.last, others))
 
 

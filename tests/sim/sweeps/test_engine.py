@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from repository import environment
 
-from sim.sweeps.engine import LIBRARIES, TRIES, Agenda, Pool, Stop, in_turn, interruptible
+from sim.sweeps.engine import LIBRARIES, TRIES, Agenda, Pool, Stop, _hand_out, in_turn, interruptible
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,22 @@ def test_processes_do_linear_algebra_in_one_thread_each_unless_told_otherwise(mo
     monkeypatch.setenv(LIBRARIES[0], "3")
     assert results(threads_of, TASKS[:1]) == [["3", *["1"] * (len(LIBRARIES) - 1)]]
     assert threads_of(TASKS[0]) == ["3", *[None] * (len(LIBRARIES) - 1)]
+
+
+class Hand:
+    """A process that is idle after an item of a scene, and takes note of what it is given."""
+
+    def __init__(self, scene: str) -> None:
+        self.item, self.last = None, (scene,)
+
+    def give(self, work, item):
+        self.item, self.last = item, item.point
+
+
+def test_who_is_idle_at_the_same_time_keeps_its_scene():
+    hands = [Hand("a"), Hand("b")]
+    _hand_out(hands, square, Agenda([task for task in TASKS if task.scene != "a"]), Stop())
+    assert [hand.last for hand in hands] == [("c",), ("b",)]
 
 
 def test_an_item_goes_to_a_point_that_nobody_is_at():
