@@ -21,6 +21,7 @@ from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
 
+from pirrht.compiled.alone import one_at_a_time
 from pirrht.compiled.disk import KernelCache, may_be_written
 from pirrht.compiled.identity import OURS, identity, name_of, named
 
@@ -31,7 +32,7 @@ DISABLED = bool(numba.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels are pl
 if DISABLED:
     np.seterr(over="ignore", divide="ignore", invalid="ignore")  # as compiled: keys wrap, division is IEEE's
 
-NOTES = "known"  # folder beside the kernels
+NOTES, LOCKS = "known", "locks"  # folders beside the kernels
 _inlined: set[str] = set()
 _HERE = Path(__file__).resolve().parent.parent  # the package
 
@@ -94,8 +95,10 @@ def _compiled(function: F, **options: Any) -> F:
         return function
     compiled = njit(nogil=True, error_model="numpy", **options)(function)
     compiled.get_call_template = _widened(compiled.get_call_template)
-    if _name(compiled, identity(function)) and os.path.exists(function.__code__.co_filename):
+    known = identity(function)
+    if _name(compiled, known) and os.path.exists(function.__code__.co_filename):
         compiled._cache = KernelCache(function, _FOLDER)
+        compiled.compile = one_at_a_time(compiled.compile, _FOLDER / LOCKS / f"{function.__name__}-{known}")
     kernel: F = compiled
     return kernel
 

@@ -21,8 +21,9 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, with_slope
 from pirrht.rollouts.first_exit import COLLISION
-from pirrht.rollouts.homing import STEEP, homing, wrapped
+from pirrht.rollouts.homing import STEEP, homing
 from pirrht.rollouts.sweep import sweep_exit
+from pirrht.systems.heading import wrapped
 from pirrht.topology.cuts import key_of_segment
 
 ACROSS = 1.0 / math.sqrt(3.0)  # share of half a step's turn by which as much sway turns the way

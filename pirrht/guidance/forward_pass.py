@@ -14,8 +14,8 @@ from pirrht.guidance.priced import price_of
 from pirrht.guidance.priced_among import point_price, price_among
 from pirrht.guidance.step_map import step_of
 from pirrht.rollouts.general.kind import Kind, diffusion_of, is_gated
-from pirrht.rollouts.homing import wrapped
 from pirrht.systems.dynamics import no_homing
+from pirrht.systems.heading import wrapped
 
 
 class Passes(NamedTuple):

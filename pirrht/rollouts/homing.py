@@ -5,29 +5,16 @@ from __future__ import annotations
 import math
 
 from pirrht.compiled.jit import inlined, jitable
+from pirrht.systems.heading import beyond_disc
 
 STEEP = 6.0  # |u| of a guide stays below this
-
-
 TURN_GAIN = 3.0  # turn rate per heading error past the end of a guide [1/s]
-
-
-AIM = 0.9  # share of the goal's radius that is aimed at
-
-
-@inlined
-def wrapped(angle):  # type: ignore[no-untyped-def]
-    """The same angle within half a turn of zero [rad]."""
-    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @inlined
 def homing(x, y, theta, gx, gy, radius, bound):  # type: ignore[no-untyped-def]
     """Turn rate that brings the goal's disc ahead of (x, y) [m], at most `bound`; none where it lies ahead [rad/s]."""
-    dx, dy = gx - x, gy - y
-    off = wrapped(math.atan2(dy, dx) - theta)
-    within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
-    return max(-bound, min(bound, TURN_GAIN * (max(0.0, off - within) + min(0.0, off + within))))
+    return max(-bound, min(bound, TURN_GAIN * beyond_disc(gx - x, gy - y, theta, radius)))
 
 
 @jitable

@@ -12,8 +12,8 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
 from pirrht.errors import OptionError
 from pirrht.systems.dynamics import Dynamics, _check_noise, no_drift
+from pirrht.systems.heading import beyond_disc
 
-AIM = 0.9  # share of the goal's radius that is aimed at
 TURN_GAIN = 3.0  # turn rate of homing per heading error [1/s]
 NARROW = 3.0  # it drives where the disc lies less than pi / 2 over this aside: faster it would circle around it
 QUICK = 1.5  # times what the rate of cost asks for, homing turns at most
@@ -35,10 +35,7 @@ def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-de
     """
     dx, dy = aim[0] - x[0], aim[1] - x[1]
     way = 1.0 if dx * math.cos(x[2]) + dy * math.sin(x[2]) >= 0.0 else -1.0
-    off = math.atan2(way * dy, way * dx) - x[2]
-    off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)
-    within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
-    beyond = max(0.0, off - within) + min(0.0, off + within)
+    beyond = beyond_disc(way * dx, way * dy, x[2], radius)
     asked = math.sqrt(2.0 * rate)  # |a| under which control costs what time does
     out[0] = way * asked * math.cos(min(NARROW * abs(beyond), 0.5 * math.pi))
     out[1] = max(-QUICK * asked, min(QUICK * asked, TURN_GAIN * beyond / B[2, 1]))

@@ -11,8 +11,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
 from pirrht.systems.dynamics import Dynamics, _check_noise
+from pirrht.systems.heading import beyond_disc
 
-AIM = 0.9  # share of the goal's radius that is aimed at
 GAIN = 3.0  # turn rate per heading error, and acceleration per error of the speed, of what homes in [1/s]
 CRUISE = 1.0  # speed at which a meter costs least [m/s]
 
@@ -40,12 +40,9 @@ def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-de
     way = 1.0
     if x[3] < 0.0 and dx * math.cos(x[2]) + dy * math.sin(x[2]) < 0.0:
         way = -1.0
-    off = math.atan2(way * dy, way * dx) - x[2]
-    off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)
-    within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
-    off = max(0.0, off - within) + min(0.0, off + within)
-    out[0] = GAIN * off / B[0, 0]
-    out[1] = GAIN * (way * CRUISE * max(0.2, math.cos(off)) - x[3]) / B[1, 1]
+    beyond = beyond_disc(way * dx, way * dy, x[2], radius)
+    out[0] = GAIN * beyond / B[0, 0]
+    out[1] = GAIN * (way * CRUISE * max(0.2, math.cos(beyond)) - x[3]) / B[1, 1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.jit import inlined
-from pirrht.rollouts.homing import wrapped
+from pirrht.systems.heading import wrapped
 
 
 @cache

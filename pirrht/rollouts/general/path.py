@@ -70,12 +70,13 @@ from pirrht.rollouts.first_exit import GOAL as REACHED
 from pirrht.rollouts.gates import gate_slope
 from pirrht.rollouts.general.kind import SWAY, Kind, diffusion_of, is_gated, takes_law
 from pirrht.rollouts.general.law import nearest_of
-from pirrht.rollouts.homing import STEEP, homing, wrapped
+from pirrht.rollouts.homing import STEEP, homing
 from pirrht.rollouts.listed import forget, held_of, listing, surely
 from pirrht.rollouts.records import FINER
 from pirrht.rollouts.sweep import sweep_exit, sweep_onward, turn_of
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.dynamics import no_drift
+from pirrht.systems.heading import wrapped
 from pirrht.systems.unicycle import unicycle_drift
 from pirrht.topology.cuts import key_of_step
 from pirrht.topology.marks import key_among, open_sides

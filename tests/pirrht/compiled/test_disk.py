@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,31 @@ def laid_out(files: dict[Path, bytes], folder: Path) -> None:
 def test_a_second_process_finds_what_the_first_has_compiled(whole, tmp_path):
     laid_out(whole, tmp_path)
     assert asked(tmp_path) == ([*SAID, "0"], [])
+
+
+WAITS = """
+import os, sys, time
+from pathlib import Path
+import pirrht
+folder = Path(sys.argv[1])
+(folder / f"{os.getpid()}.ready").touch()
+while not (folder / "go").exists():
+    time.sleep(0.001)
+"""
+
+
+@pytest.mark.slow
+def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(tmp_path):
+    known = environment() | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "-c", WAITS + SQUARES, str(tmp_path)]
+    both = [subprocess.Popen(command, env=known, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    while len(list(tmp_path.glob("*.ready"))) < 2:
+        assert all(process.poll() is None for process in both)
+        time.sleep(0.01)
+    (tmp_path / "go").touch()
+    said = [process.communicate()[0].split() for process in both]
+    assert [one[:4] for one in said] == [SAID, SAID]
+    assert sum(int(one[4]) for one in said) == 2  # its two kinds of numbers
 
 
 @pytest.mark.slow

@@ -1,0 +1,23 @@
+"""Angles between a heading and the way to a goal's disc, inside compiled functions."""
+
+from __future__ import annotations
+
+import math
+
+from pirrht.compiled.jit import inlined
+
+AIM = 0.9  # share of the goal's radius that is aimed at
+
+
+@inlined
+def wrapped(angle):  # type: ignore[no-untyped-def]
+    """The same angle within half a turn of zero [rad]."""
+    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+
+
+@inlined
+def beyond_disc(dx, dy, theta, radius):  # type: ignore[no-untyped-def]
+    """How far a disc (dx, dy) [m] away must still be turned to until it lies ahead of a heading; 0 if it does [rad]."""
+    off = wrapped(math.atan2(dy, dx) - theta)
+    within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
+    return max(0.0, off - within) + min(0.0, off + within)
