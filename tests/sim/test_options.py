@@ -265,20 +265,20 @@ def test_a_scene_says_how_often_an_estimate_is_repeated_and_the_command_line_win
 
 @pytest.mark.parametrize(("said", "hz"), [([], 25.0), (["--record-hz", "50"], 50.0)])
 def test_a_scene_says_how_often_a_recording_is_drawn_and_the_command_line_wins(tmp_path, monkeypatch, said, hz):
-    from sim.cli import commands
+    from sim.cli import run_command
 
     seen = {}
-    monkeypatch.setattr(commands, "_recorder", lambda arguments, *_: seen.update(hz=arguments.record_hz))
+    monkeypatch.setattr(run_command, "_recorder", lambda arguments, *_: seen.update(hz=arguments.record_hz))
     words = ["run", scene_with(tmp_path, record_hz=25), "--method", "passive", "--max-time", "0.02", *QUICK]
     assert main([*words, *said]) == 1
     assert seen["hz"] == hz
 
 
 def test_without_a_word_of_the_scene_five_pictures_a_second_are_recorded(monkeypatch):
-    from sim.cli import commands
+    from sim.cli import run_command
 
     seen = {}
-    monkeypatch.setattr(commands, "_recorder", lambda arguments, *_: seen.update(hz=arguments.record_hz))
+    monkeypatch.setattr(run_command, "_recorder", lambda arguments, *_: seen.update(hz=arguments.record_hz))
     assert main(["run", "slit", "--method", "passive", "--max-time", "0.02", *QUICK]) == 1
     assert seen["hz"] == 5.0
 

@@ -12,7 +12,7 @@ import pytest
 
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
-from sim.cli import commands, main, warm
+from sim.cli import main, plan_command, warm
 from sim.drive.episode import Frame, Tally
 from sim.drive.executor import Advance
 from sim.drive.odometer import Odometer, ending
@@ -146,7 +146,7 @@ class Compiler:
 
 
 def test_compiling_is_not_told_as_planning(monkeypatch: pytest.MonkeyPatch, capsys):
-    wall, notice, real = Compiler(), warm.notice(), commands._planned
+    wall, notice, real = Compiler(), warm.notice(), plan_command.planned
     kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="numba.np"))
 
     def planned(scenario: Scenario) -> Any:
@@ -156,8 +156,8 @@ def test_compiling_is_not_told_as_planning(monkeypatch: pytest.MonkeyPatch, caps
         return real(scenario)
 
     monkeypatch.setattr(warm, "time", wall)
-    monkeypatch.setattr(commands, "_planned", planned)
-    assert commands.plan(_arguments("plan slit --vertices 60")) == 0
+    monkeypatch.setattr(plan_command, "planned", planned)
+    assert plan_command.plan(_arguments("plan slit --vertices 60")) == 0
     assert wall.now == 90.0
     assert "FCL calls, 0.00 s" in capsys.readouterr().out
 

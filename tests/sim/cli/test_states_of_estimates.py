@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pirrht.errors import NoReference, OptionError
-from sim.cli import commands
+from sim.cli import estimate_command
 from sim.cli.parser import read
 from sim.scenario import Scenario, prepare
 
@@ -23,12 +23,12 @@ def hover() -> Scenario:
 
 @pytest.mark.parametrize("said", [[1.0, 2.5], [1.0, 2.5, 0.3], [1.0, 2.5, 0.3, -0.2]])
 def test_what_is_not_said_of_a_state_is_zero(hover, said):
-    np.testing.assert_array_equal(commands._state(said, hover), [*said, *[0.0] * (4 - len(said))])
+    np.testing.assert_array_equal(estimate_command._state(said, hover), [*said, *[0.0] * (4 - len(said))])
 
 
 @pytest.mark.parametrize(("robot", "n"), [("puck", 2), ("unicycle", 3), ("car", 4)])
 def test_three_numbers_are_a_pose_of_every_robot(robot, n):
-    known = commands._state([1.0, 2.5, 0.3], prepare("slit", robot=robot, given=FEW))
+    known = estimate_command._state([1.0, 2.5, 0.3], prepare("slit", robot=robot, given=FEW))
     np.testing.assert_array_equal(known, [1.0, 2.5, 0.3, 0.0][:n])
 
 
@@ -36,7 +36,7 @@ def test_three_numbers_are_a_pose_of_every_robot(robot, n):
 def test_too_few_and_too_many_numbers_are_refused(hover, said):
     plural = "" if len(said) == 1 else "s"
     with pytest.raises(OptionError, match=rf"has {len(said)} number{plural}; .* the first few of X Y VX VY"):
-        commands._state(said, hover)
+        estimate_command._state(said, hover)
 
 
 @pytest.mark.slow
@@ -56,5 +56,5 @@ def test_a_speed_that_nothing_can_brake_is_named_as_the_reason(hover):
 def test_where_samples_of_a_fast_car_all_die_its_speed_is_named(capsys):
     line = "estimate slit --robot car --vertices 200 --samples 50 --at 2.2 2.8 0 8"
     arguments: Namespace = read(line.split())
-    assert commands.estimate(arguments) == 0
+    assert estimate_command.estimate(arguments) == 0
     assert "no sample reached the goal; start slower" in capsys.readouterr().out

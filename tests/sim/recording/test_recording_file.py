@@ -39,7 +39,8 @@ with drive.recorder(Path(sys.argv[1])) as recorder:
 def planned(monkeypatch):
     """Whether a command has come to plan."""
     begun: list[str] = []
-    monkeypatch.setattr("sim.cli.commands._planned", lambda *_: begun.append("planned"))
+    for command in ("plan", "run", "estimate"):
+        monkeypatch.setattr(f"sim.cli.{command}_command.planned", lambda *_: begun.append("planned"))
     return begun
 
 

@@ -1,0 +1,119 @@
+"""The command `pirrht run`: one drive, watched and recorded."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from contextlib import closing, nullcontext
+from typing import Any
+
+from pirrht.control.methods import TREELESS
+from pirrht.estimation.estimate import OTHER
+from pirrht.outcome import Outcome
+from pirrht.tree.homology_tree import HomologyTree
+from sim.cli import tables, warm
+from sim.cli.shared import check_outputs, planned, progress_bar, scenario_of, wait
+from sim.drawing.colors import title
+from sim.drive import episode
+from sim.drive.truth import Witness
+from sim.files import write_json
+from sim.rehearsal import rehearse
+from sim.result import run_json, settings_json
+from sim.scenario import Scenario
+from sim.text import width
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plan, drive, record and sum up."""
+    check_outputs(arguments, "json", "record", "video", "png")
+    _sinks(arguments)
+    scenario = scenario_of(arguments)
+    _look(arguments, scenario)
+    settings = scenario.settings
+    optimal = settings.method == "optimal"
+    film = _film(arguments, scenario)
+    truth = scenario.truth() if arguments.truth else None
+    witness = None if truth is None else Witness(truth)
+    compiling = None if optimal else warm.start(scenario.loaded.dynamics_name)
+    tree, references = (None, []) if settings.method in TREELESS else planned(scenario)
+    if references:
+        print(tables.class_table(references, width(), scenario.homology))
+    wait(compiling)
+    driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None)
+    rehearse(scenario, driving=True)
+    tally = episode.Tally(settings.period)
+    frames = scenario.drive(scenario.plant(), driver)
+    recorder = _recorder(arguments, scenario, tree, driver.path_integral, truth)
+    with closing(frames), recorder or nullcontext(), progress_bar("drive", settings.max_time, "s") as bar:
+        for frame in frames:
+            news = tally.add(frame)
+            known = None if witness is None else witness.add(frame.plan)
+            if recorder is not None:
+                recorder.log(frame, news, known)
+            if film is not None:
+                film.add(frame)
+            if news and frame.outcome is None:  # how it ended is in the summary
+                bar.write(news)
+            bar.update(round(frame.end_time - bar.n, 6))
+            bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
+    warm.notice().done("sample")
+    drive = tally.drive()
+    result = {**drive.json(), **({} if witness is None else {"truth": witness.result()})}
+    tables.summary(drive, result.get("truth"))
+    if recorder is not None and recorder.live:
+        result["dropped_frames"] = recorder.dropped
+        print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
+    if arguments.record:
+        print(f"recording: {arguments.record}  (open it with: rerun {arguments.record})")
+    if arguments.json:
+        write_json(arguments.json, run_json(scenario, references, result))
+    if film is not None:
+        with progress_bar("film", film.length, " pictures") as bar:
+            film.save(bar.update)
+        print("film:", *(file for file in (arguments.video, arguments.png) if file is not None))
+    if recorder is not None and recorder.server is not None and sys.stdout.isatty():
+        print("served until Ctrl-C", flush=True)
+        recorder.server.stay()
+    return 0 if tally.outcome is Outcome.GOAL else 1
+
+
+def _sinks(arguments: argparse.Namespace) -> Any:
+    """Where a recording goes; refused before any work is done if that cannot be."""
+    from sim.recording.sinks import Sinks
+
+    sinks = Sinks(file=arguments.record, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
+    sinks.check()
+    return sinks
+
+
+def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
+    """What a recording shows; refused before the plan if the scene has no such obstacle."""
+    from sim.recording.look import Look
+
+    samples, lift = arguments.record_samples, arguments.record_lift
+    look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
+    look.check(scenario.space)
+    return look
+
+
+def _recorder(
+    arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any, truth: Any
+) -> Any:
+    sinks, look = _sinks(arguments), _look(arguments, scenario)
+    if not sinks:
+        return None
+    from sim.recording.recorder import Recorder
+
+    settings = settings_json(scenario)
+    recorder = Recorder(scenario.loaded, tree, path_integral, sinks, look, settings=settings, grid=truth)
+    if recorder.server is not None:
+        print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
+    return recorder
+
+
+def _film(arguments: argparse.Namespace, scenario: Scenario) -> Any:
+    if arguments.video is None and arguments.png is None:
+        return None
+    from sim.film.film import Film
+
+    return Film(scenario.loaded, video=arguments.video, still=arguments.png)

@@ -1,0 +1,81 @@
+"""What several commands do: read the scene, check where results go, grow the tree, show how far they are."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from pirrht.errors import OptionError
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
+from sim.cli import warm
+from sim.files import check_writable
+from sim.options import table as options
+from sim.scenario import Scenario, prepare
+from sim.text import counted
+
+
+def given(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the user said, by setting."""
+    return options.settings(arguments.command, vars(arguments))
+
+
+def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenario:
+    """The scene and the task as the command line has them, and in `arguments` what the scene says of the rest.
+
+    Raises:
+        OptionError, SceneError: something is wrong with them.
+    """
+    if arguments.start is not None and len(arguments.start) not in (2, 3):
+        raise OptionError(
+            f"--start has {counted(len(arguments.start), 'number')}; it must be X Y, and TH if the robot has a heading"
+        )
+    warm.notice().sampling = arguments.command != "plan"
+    said = vars(arguments)
+    scenario = prepare(
+        arguments.scene, **options.task(said), given=given(arguments), known=warm.notice().known, loose=loose
+    )
+    if arguments.start is not None and len(arguments.start) == 3 and not scenario.problem.dynamics.angles:
+        raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
+    said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
+    return scenario
+
+
+def check_outputs(arguments: argparse.Namespace, *options: str) -> None:
+    """Refuse files that could not be written, before any work is done.
+
+    Raises:
+        OptionError: one of them cannot.
+    """
+    for option in options:
+        path: Path | None = getattr(arguments, option)
+        if path is not None:
+            check_writable(path, f"--{option}")
+
+
+def planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
+    """The grown tree and the references at the start."""
+    with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
+        tree = scenario.grown_tree(lambda size: bar.update(size - bar.n))
+    references = scenario.references(tree)
+    if tree.limit > scenario.settings.limit and scenario.settings.tree is None:
+        no = f"no class reaches the goal from the start within |1 - H_i| <= {scenario.settings.limit:g}"
+        print(f"{no}: grown within {tree.limit:g}", file=sys.stderr)
+    warm.notice().done("plan")
+    return tree, references
+
+
+def wait(compiling: Any) -> None:
+    """Until what is compiled elsewhere is there."""
+    if compiling is not None and compiling.wait() == 0:
+        warm.notice().done("sample")
+
+
+def progress_bar(what: str, total: float, unit: str) -> Any:
+    """A bar on a terminal, nothing in a pipe."""
+    style = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit} {postfix}"
+    return tqdm(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=style)
