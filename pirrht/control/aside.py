@@ -1,41 +1,34 @@
-"""Samples of one class around its guide and beside it, shared by what each weighed last."""
+"""Samples of one class around its guide and around something else, shared by what each weighed last."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.guidance.leads import Batch, Proposal
-from pirrht.steering.trajectory import Trajectory
+from pirrht.guidance.leads import Batch, Lead, Proposal
 
 LEAST = 0.15  # of the samples of a class go around its guide, and beside it
 
 
 @dataclass(slots=True)
 class Aside:
-    """Splits the samples of a class where `Leading.beside` has something for them to follow besides its guide."""
+    """Splits the samples of a class where there is something for them to follow besides its guide."""
 
-    path_integral: PathIntegral
     shares: dict[str, float] = field(default_factory=dict)  # of samples beside the guide, by class
 
-    def split(
-        self, x: Array, proposals: Sequence[Proposal], trajectories: Sequence[Trajectory], time: float
-    ) -> list[Proposal]:
+    def split(self, proposals: Sequence[Proposal], beside: Callable[[int], Lead | None]) -> list[Proposal]:
         """As many samples of each class as before, some of those with the most around what goes beside its guide.
 
         Args:
-            trajectories: the references from x (n,), one for each proposal.
-            time: now, on the clock of what moves [s].
+            beside: what that is of the k-th proposal, None if there is nothing.
         """
         kept, more = [], []
         most = max((one.count for one in proposals), default=0)  # others can hardly carry weight
-        for one, trajectory in zip(proposals, trajectories, strict=True):
-            other = self.path_integral.leading.beside(x, trajectory, time) if one.count == most else None
+        for k, one in enumerate(proposals):
+            other = beside(k) if one.count == most else None
             count = 0 if other is None else round(self.shares.get(one.name, 0.5) * one.count)
             kept.append(replace(one, count=one.count - count))
             if other is not None:

@@ -143,7 +143,7 @@ class Controller(Policy):
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
         self._guides = Guides()
         self._aim(self.homology.asked(x, time))
-        self._aside = Aside(self.path_integral)
+        self._aside = Aside()
         self._way, self._pressed = Way(), _never
 
     def _aim(self, here: Array) -> None:
@@ -243,12 +243,21 @@ class Controller(Policy):
             return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),), time=self.now)
         names = [class_id(whole) for whole in self._from_start(references)]
         leads, counts = self._leads(x, times, references, names)
+        rivals = [self._guides.rivals.get(whole) for whole in self._from_start(references)]
         keys = [self.homology.key(reference.winding) for reference in references]
         proposals = [
             Proposal(lead=a, count=n, name=i, key=k) for a, n, i, k in zip(leads, counts, names, keys, strict=True)
         ]
+
+        def beside(k: int) -> Lead | None:
+            """Of the k-th class: another valley, or the way that a point climbs."""
+            rival = rivals[k]
+            if rival is not None:
+                return lead_of(rival, self.problem.dynamics)
+            return integral.leading.beside(x, trajectories[k], self.now)
+
         if self.method.mixes:
-            proposals = self._aside.split(x, proposals, trajectories, self.now)
+            proposals = self._aside.split(proposals, beside)
         return Batch(state=x, times=times, proposals=tuple(proposals), time=self.now)
 
     def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
@@ -367,7 +376,7 @@ class Controller(Policy):
 
     def _instead(self, batch: Batch, references: list[Reference]) -> Array:
         """What to follow without an estimate, (T, m): the guide of the last favourite or the cheapest, or a tape."""
-        led = {one.name: one.lead.guide for one in batch.proposals if isinstance(one.lead, Along | Follow)}
+        led = {one.name: one.lead.guide for one in reversed(batch.proposals) if isinstance(one.lead, Along | Follow)}
         if not led:
             steps = (len(batch.times) - 1, self.problem.dynamics.m)
             return references[0].trajectory.tape(batch.times) if references else np.zeros(steps)

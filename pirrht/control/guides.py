@@ -8,6 +8,7 @@ from typing import Any
 
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
+from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.tracking import FEW
 from pirrht.steering.trajectory import Trajectory
@@ -32,6 +33,7 @@ class Guides:
     """The guides of the last plan, for the next one."""
 
     last: dict[Whole, Any] = field(default_factory=dict)
+    rivals: dict[Whole, AnyGuide] = field(default_factory=dict)  # of another valley of the same class
     strong: set[Whole] = field(default_factory=set)  # classes that were worth all N samples
 
     def improve(
@@ -47,7 +49,7 @@ class Guides:
         threads: int,
         **clock: float,
     ) -> tuple[list[Any], list[int]]:
-        """Guides from x (n,), None where there is none, and samples around each.
+        """Guides from x (n,), None where there is none, and samples around each; what else to sample is in `rivals`.
 
         The first of a drive are looked for thoroughly. If time is short there are none of new classes, the first aside.
 
@@ -61,16 +63,25 @@ class Guides:
         anew = isinstance(guidance, AnyGuidance) and not self.last and not pressed()
         thorough = {one.whole for one in wanted[:THOROUGH]} if anew else set()
 
-        def improved(one: Wanted) -> Any:
-            last = self.last.get(one.whole)
+        def improved(one: Wanted) -> tuple[Any, Any]:
+            last, rival = self.last.get(one.whole), self.rivals.get(one.whole)
             if one.whole in thorough:
                 also = [] if one.reversed is None else [one.reversed]
-                return guidance.first(x, times, one.key, one.trajectory, also, **clock)
+                found: tuple[Any, Any] = guidance.first(x, times, one.key, one.trajectory, also, **clock)
+                return found
             if last is None and one is not wanted[0] and pressed():
-                return None  # made from nothing it takes ten times as long
-            return guidance.improve(x, times, one.key, one.trajectory, last, elapsed, **clock)
+                return None, None  # made from nothing it takes ten times as long
+            guide = guidance.improve(x, times, one.key, one.trajectory, last, elapsed, **clock)
+            if rival is None:
+                return guide, None
+            rival = guidance.onward(x, times, one.key, rival, elapsed, **clock)
+            if _cheaper(rival, guide):
+                guide, rival = rival, guide
+            return guide, guidance.rival(guide, [rival])
 
-        guides = mapped(improved, wanted, threads)
+        both = mapped(improved, wanted, threads)
+        guides = [guide for guide, _ in both]
+        self.rivals = {one.whole: rival for one, (_, rival) in zip(wanted, both, strict=True) if rival is not None}
         counts: list[int] = guidance.counts(guides, samples)
         self.last = {one.whole: guide for one, guide in zip(wanted, guides, strict=True) if guide and guide.valid}
         self.strong = {one.whole for one, count in zip(wanted, counts, strict=True) if count > FEW}
@@ -82,3 +93,10 @@ class Guides:
             rest = guide.rest(elapsed, goal) if whole in self.strong else None
             if rest is not None:
                 yield whole, rest
+
+
+def _cheaper(one: AnyGuide | None, other: AnyGuide | None) -> bool:
+    """Whether a guide is sound, and another is not or is dearer."""
+    if one is None or not one.valid:
+        return False
+    return other is None or not other.valid or one.priced < other.priced

@@ -58,6 +58,19 @@ class AnyGuide:
         """The control u (m,) at x (n,) of one in noise units (m,)."""
         return self.dynamics.input_of(x, a)
 
+    def unlike(self, other: AnyGuide) -> float:
+        """By how much another's path is less likely than its own under its own law [nats].
+
+        That is half the integral of |a - b|^2, a being what the law says at the other's states, b what is done there.
+        """
+        most = min(other.length, len(other.modes))
+        y, own = other.states[:most], self.states[: max(self.length, 1)]
+        near = np.argmin((self.metric * (y[:, None] - own) ** 2).sum(axis=2), axis=1)
+        asked = self.modes[near] + np.einsum("ijk,ik->ij", self.gains[near], y - own[near])
+        m = self.dynamics.m
+        off = np.clip(asked, -self.steep, self.steep)[:, :m] - other.modes[:most, :m]
+        return float(0.5 * (off**2).sum(axis=1) @ np.diff(other.times)[:most])
+
     @property
     def tape(self) -> Array:
         """Its controls u (T, m), over the steps."""

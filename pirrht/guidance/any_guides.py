@@ -38,6 +38,8 @@ COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda,
 WARM = ((1.0, 8),)  # from the last guide
 NONE = ((1.0, 0),)
 PUSHED = ((1.0, 60),)  # from a reference that is pushed aside
+RIVAL = 3.0  # lambda by which another valley of a class may be dearer and still be sampled
+APART = 3.0  # nats from which on samples around a guide hardly come to another one
 HOLD = 10.0  # time spent as far off a reference without controls as walls are wide costs so many times its q
 STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
 STEERED = 3.0  # lambda / (time in which noise carries the position over its clearance) costs so much
@@ -141,7 +143,7 @@ class AnyGuidance:
         """
         guide, clock = None, self._clock(x, times, time)
         if last is not None:
-            guide = self._from(clock, x, times, key, self.starts.shifted(last, times, elapsed), WARM)
+            guide = self.onward(x, times, key, last, elapsed, time)
             if guide is not None and guide.valid:
                 return guide
         if guide is not None and not self._clearance(x, time) > 0.0:
@@ -154,6 +156,13 @@ class AnyGuidance:
             return guide
         return self._from(clock, x, times, key, begun(x, trajectory, times), NONE)
 
+    def onward(
+        self, x: Array, times: Array, key: int, last: AnyGuide, elapsed: float, time: float = 0.0
+    ) -> AnyGuide | None:
+        """What is left of an earlier guide, improved; arguments as of `improve`."""
+        start = self.starts.shifted(last, times, elapsed)
+        return self._from(self._clock(x, times, time), x, times, key, start, WARM)
+
     def first(
         self,
         x: Array,
@@ -162,8 +171,8 @@ class AnyGuidance:
         trajectory: Trajectory,
         also: Sequence[Trajectory] = (),
         time: float = 0.0,
-    ) -> AnyGuide | None:
-        """The same without any earlier one, or one that begins in another way and is surely cheaper.
+    ) -> tuple[AnyGuide | None, AnyGuide | None]:
+        """The same without any earlier one, or one that begins in another way and is surely cheaper; and its rival.
 
         Args:
             also: other references of the class.
@@ -175,10 +184,19 @@ class AnyGuidance:
             found += [self._from(clock, x, times, key, start, PUSHED) for start in starts]
         own, valid = found[0], [one for one in found if one is not None and one.valid]
         best = min(valid, key=lambda one: one.priced, default=own)
-        if own is None or not own.valid or best is None:
-            return best
         # Prices are no nearer to what a class is worth than lambda.
-        return best if best.priced < own.priced - self.problem.temperature else own
+        if own is not None and own.valid and best is not None:
+            best = best if best.priced < own.priced - self.problem.temperature else own
+        return best, self.rival(best, valid)
+
+    def rival(self, guide: AnyGuide | None, others: Sequence[AnyGuide | None]) -> AnyGuide | None:
+        """The cheapest of other guides of a class that weighs too, and that samples around this one do not come to."""
+        if guide is None or not guide.valid:
+            return None
+        most = guide.priced + RIVAL * self.problem.temperature
+        dear = [one for one in others if one is not None and one.valid and one is not guide and one.priced < most]
+        apart = [one for one in dear if guide.unlike(one) > APART]
+        return min(apart, key=lambda one: one.priced, default=None)
 
     def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
         """What paths from x (n,) meet, and ends of their steps (T+1,) [s] on the clock of what moves."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
 from pirrht.control.aside import Aside
@@ -17,11 +15,10 @@ def tape() -> Tape:
 
 
 def test_only_classes_with_the_most_samples_have_some_beside_their_guides_and_none_is_lost():
-    ways = {"a": tape(), "b": tape(), "c": tape()}
-    leading = SimpleNamespace(beside=lambda x, trajectory, time: ways[trajectory])
-    aside = Aside(SimpleNamespace(leading=leading))
+    ways = [tape(), tape(), tape()]
+    aside = Aside()
     aside.shares["b"] = 0.2
     asked = [Proposal(lead=tape(), count=count, name=name) for name, count in (("a", 300), ("b", 300), ("c", 30))]
-    found = aside.split(np.zeros(2), asked, ["a", "b", "c"], 0.0)
+    found = aside.split(asked, ways.__getitem__)
     assert [(one.name, one.count) for one in found] == [("a", 150), ("b", 240), ("c", 30), ("a", 150), ("b", 60)]
-    assert [one.lead for one in found[3:]] == [ways["a"], ways["b"]]
+    assert [one.lead for one in found[3:]] == ways[:2]
