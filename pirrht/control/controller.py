@@ -241,9 +241,9 @@ class Controller(Policy):
         if not references:
             still = Tape(times, np.zeros((len(times) - 1, self.problem.dynamics.m)))
             return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),), time=self.now)
-        names = [class_id(whole) for whole in self._from_start(references)]
+        classes = self._from_start(references)
+        names = [class_id(whole) for whole in classes]
         leads, counts = self._leads(x, times, references, names)
-        rivals = [self._guides.rivals.get(whole) for whole in self._from_start(references)]
         keys = [self.homology.key(reference.winding) for reference in references]
         proposals = [
             Proposal(lead=a, count=n, name=i, key=k) for a, n, i, k in zip(leads, counts, names, keys, strict=True)
@@ -251,7 +251,7 @@ class Controller(Policy):
 
         def beside(k: int) -> Lead | None:
             """Of the k-th class: another valley, or the way that a point climbs."""
-            rival = rivals[k]
+            rival = self._guides.rivals.get(classes[k])
             if rival is not None:
                 return lead_of(rival, self.problem.dynamics)
             return integral.leading.beside(x, trajectories[k], self.now)

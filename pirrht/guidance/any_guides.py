@@ -141,13 +141,10 @@ class AnyGuidance:
         If the improvement leaves the class or touches something, samples follow the reference itself, with feedback;
         but where noise has carried the robot into a wall's zone the last guide is the way out of it.
         """
-        guide, clock = None, self._clock(x, times, time)
-        if last is not None:
-            guide = self.onward(x, times, key, last, elapsed, time)
-            if guide is not None and guide.valid:
-                return guide
-        if guide is not None and not self._clearance(x, time) > 0.0:
+        guide = None if last is None else self.onward(x, times, key, last, elapsed, time)
+        if guide is not None and (guide.valid or not self._clearance(x, time) > 0.0):
             return guide
+        clock = self._clock(x, times, time)
         begun = self.starts.along if trajectory.slack is None else self.starts.tracked
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of a room.
         stages = COLD[1:] if self.problem.dynamics.noisy_position else COLD
