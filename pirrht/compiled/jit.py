@@ -93,7 +93,7 @@ def note(name: str) -> None:
 def _compiled(function: F, **options: Any) -> F:
     if DISABLED:
         return function
-    compiled = njit(nogil=True, error_model="numpy", **options)(function)
+    compiled = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
     compiled.get_call_template = _widened(compiled.get_call_template)
     known = identity(function)
     if _name(compiled, known) and os.path.exists(function.__code__.co_filename):

@@ -122,7 +122,7 @@ def record(scenario: Scenario, controller: Controller, x: Array, samples: int, p
     out: dict[str, Any] = {
         "scene": scenario.loaded.scene.name, "x": x.tolist(), "noise": scenario.settings.noise,
         "clearance": scenario.space.clearance(x), "speed": _speed(scenario, x),
-        "classes": len(batches["guided"].proposals), "v": v, "v_error": lam * truth.error,
+        "classes": len(batches["tapes"].proposals), "v": v, "v_error": lam * truth.error,
         "claims_enough": all(said[kind].ess >= 100.0 for kind in KINDS),
     }  # fmt: skip
     for kind, one in said.items():
@@ -154,7 +154,8 @@ def batches_at(controller: Controller, x: Array) -> dict[str, Batch]:
     references = controller.tree.references(x)
     guided = controller.batch(x, references)
     tapes = [Tape(guided.times, reference.trajectory.tape(guided.times)) for reference in references]
-    held = [replace(one, lead=tape, count=1) for one, tape in zip(guided.proposals, tapes, strict=True)]
+    first = guided.proposals[: len(tapes)]  # what is sampled beside a reference's guide comes after them
+    held = [replace(one, lead=tape, count=1) for one, tape in zip(first, tapes, strict=True)]
     out = {"guided": guided, "tapes": replace(guided, proposals=tuple(held))}
     led = sorted(
         (one for one in guided.proposals if isinstance(one.lead, Follow)),

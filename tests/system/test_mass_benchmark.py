@@ -20,6 +20,7 @@ from sim.mjcf.robot import read_robot
 from sim.scenario import Scenario, prepare
 
 START, ABOVE = (1.0, 2.5, 0.0, 0.0), (1.0, 3.5, 0.5, 0.8)
+ACROSS = (4.9, 2.5, np.pi / 2.0)  # heads past the goal at (5.5, 2.5)
 
 
 @cache
@@ -58,6 +59,20 @@ def test_another_classs_guide_leads_most_samples_of_the_third_kind():
     assert led.name != cheapest.name
     assert not any(one.lead.follows for one in held)
     assert led.count / sum(batches["crossed"].counts) == pytest.approx(1.0 - mass.TAPES, abs=0.02)
+
+
+@pytest.mark.slow
+def test_where_a_class_has_two_valleys_tapes_are_those_of_its_reference():
+    """Across from the goal a rover may as well turn left as right: two guides of a class, one tape."""
+    scenario = prepare("slit", robot="rover", given={"vertices": 500, "samples": 400, "threads": 2})
+    controller = scenario.controller(scenario.grown_tree())
+    x = np.array(ACROSS)
+    batches = mass.batches_at(controller, x)
+    led = [one for one in batches["guided"].proposals if one.lead.follows]
+    assert len(led) > len({one.name for one in led})
+    held = batches["tapes"].proposals
+    assert len(held) == len({one.name for one in held}) == len(controller.tree.references(x))
+    assert not any(one.lead.follows for one in held)
 
 
 def test_psi_is_the_mean_of_weights_whatever_the_parts_that_they_are_drawn_in(monkeypatch):
