@@ -4,36 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
-from pirrht.control.aside import Aside
+from pirrht.control.around import Around, Moment
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.feedback import ClassMixture, ClassPool
-from pirrht.control.guides import Guides, Wanted
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import Prediction, Way
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
-from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.following import Follow, lead_of
-from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
-from pirrht.guidance.tracking import FEW
+from pirrht.guidance.following import Follow
+from pirrht.guidance.leads import Along, Batch
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
 from pirrht.steering.motion import Motions
-from pirrht.steering.trajectory import Trajectory, running_cost
-from pirrht.topology.homology import Homology, class_id, integers
+from pirrht.steering.trajectory import Trajectory
+from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
@@ -126,8 +122,7 @@ class Controller(Policy):
                 'samples could follow: guide them by "feedback", not "open-loop"'
             )
         self.polished, self.rng, self.between = polished, rng, between
-        shared = self.method.mixes and sampling.allocation == "contribution" and self.path_integral.shares
-        self.allocation = Allocation(sampling.samples) if shared else None
+        self.around = Around(problem, self.path_integral, homology, mixes=self.method.mixes)
         self.pool = ClassPool(problem) if between == "classes" else None
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
@@ -138,12 +133,9 @@ class Controller(Policy):
         self._followed: str | None = None  # class, where only one is
         if self.pool is not None:
             self.pool.forget()
-        if self.allocation is not None:
-            self.allocation.forget()
+        self.around.begin()
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
-        self._guides = Guides()
         self._aim(self.homology.asked(x, time))
-        self._aside = Aside()
         self._way, self._pressed = Way(), _never
 
     def _aim(self, here: Array) -> None:
@@ -235,30 +227,10 @@ class Controller(Policy):
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
         """What a plan at x (n,) draws, over steps (T+1,) [s]: around references, or of passive dynamics if none."""
-        integral, N = self.path_integral, self.path_integral.sampling.samples
-        trajectories = [reference.trajectory for reference in references]
-        times = integral.grid(self._least_cost(x, trajectories))
-        if not references:
-            still = Tape(times, np.zeros((len(times) - 1, self.problem.dynamics.m)))
-            return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),), time=self.now)
-        classes = self._from_start(references)
-        names = [class_id(whole) for whole in classes]
-        leads, counts = self._leads(x, times, references, names)
-        keys = [self.homology.key(reference.winding) for reference in references]
-        proposals = [
-            Proposal(lead=a, count=n, name=i, key=k) for a, n, i, k in zip(leads, counts, names, keys, strict=True)
-        ]
-
-        def beside(k: int) -> Lead | None:
-            """Of the k-th class: another valley, or the way that a point climbs."""
-            rival = self._guides.rivals.get(classes[k])
-            if rival is not None:
-                return lead_of(rival, self.problem.dynamics)
-            return integral.leading.beside(x, trajectories[k], self.now)
-
-        if self.method.mixes:
-            proposals = self._aside.split(proposals, beside)
-        return Batch(state=x, times=times, proposals=tuple(proposals), time=self.now)
+        moment = Moment(
+            now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=partial(self._reversed, x)
+        )
+        return self.around.batch(x, references, self._from_start(references), moment)
 
     def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
         """What samples say; None if none survives."""
@@ -267,12 +239,9 @@ class Controller(Policy):
             estimate = sample(self.path_integral, batch, seed, left=left)
         except NoSurvivingSample:
             return None
-        if self.allocation is not None:
-            self.allocation.learn([one.name for one in batch.proposals], estimate)
+        self.around.learn(batch, estimate)
         if self.method.alone and ids:
             estimate = self._alone(estimate, ids, batch.classes)
-        if self.method.mixes:
-            self._aside.learn(batch, estimate)
         guided = self.path_integral.guidance is not None and ids
         return None if guided and estimate.survivors == 0 else estimate
 
@@ -311,7 +280,7 @@ class Controller(Policy):
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
         """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""
         references, driven = [], np.array(self.driven_class())
-        for whole, rest in self._guides.left(self.drive.since_plan, self.space.scene.goal.center):
+        for whole, rest in self.around.guides.left(self.drive.since_plan, self.space.scene.goal.center):
             winding = integers(np.asarray(whole) - driven)
             signature = self._signature(x, winding)
             allowed = self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit)
@@ -322,46 +291,6 @@ class Controller(Policy):
     def _signature(self, x: Array, winding: tuple[int, ...]) -> Array:
         homology = self.homology if self._foreseen is None else self._foreseen.homology
         return homology.signature(homology.asked(x, self.now), winding)
-
-    def _leads(
-        self, x: Array, times: Array, references: list[Reference], names: list[str]
-    ) -> tuple[list[Lead], list[int]]:
-        """What samples around each reference follow, and how many there are; guides start from the last ones."""
-        integral, shared = self.path_integral, self.allocation
-        trajectories = [reference.trajectory for reference in references]
-        known = None if shared is None or integral.guidance is not None else shared.shortfalls(names)
-        leads = integral.leading.leads(x, times, trajectories, known)
-        if integral.guidance is not None:
-            guides, counts = self._guided(integral.guidance, x, times, references)
-            if shared is not None:  # prices of guides promise too little to go by
-                counts = shared.counts(names, [0.0] * len(names), [count > FEW for count in counts])
-            d = self.problem.dynamics
-            led = [one if guide is None else lead_of(guide, d) for one, guide in zip(leads, guides, strict=True)]
-            return led, counts
-        if shared is None:
-            return list(leads), [integral.sampling.samples] * len(leads)
-        promised = [lead.promise for lead in leads]
-        rows = zip(trajectories, promised, strict=True)
-        shared.note(names, [integral.leading.bound(x, trajectory) - promise for trajectory, promise in rows])
-        return list(leads), shared.counts(names, promised, [lead.follows for lead in leads])
-
-    def _guided(
-        self, guidance: Any, x: Array, times: Array, references: list[Reference]
-    ) -> tuple[list[Any], list[int]]:
-        """Guides, each from what is left of the last one of its class, and samples around each."""
-        known = {} if self._guides.last or self._pressed() else self._reversed(x)
-        wanted = [
-            Wanted(
-                whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory,
-                reversed=known.get(one.winding),
-            )
-            for whole, one in zip(self._from_start(references), references, strict=True)
-        ]  # fmt: skip
-        integral, clock = self.path_integral, {"time": self.now} if isinstance(self.homology, TimedHomology) else {}
-        return self._guides.improve(
-            guidance, x, times, wanted, samples=integral.sampling.samples, elapsed=self.drive.since_plan,
-            pressed=self._pressed, threads=integral.threads, **clock,
-        )  # fmt: skip
 
     def _reversed(self, x: Array) -> dict[tuple[int, ...], Trajectory]:
         """Paths from x (n,) that are driven backwards, by winding; none of a system that does not reverse."""
@@ -388,12 +317,6 @@ class Controller(Policy):
         """Classes of the driven path and each reference together."""
         driven = np.array(self.driven_class())
         return [integers(driven + np.asarray(reference.winding)) for reference in references]
-
-    def _least_cost(self, x: Array, trajectories: list[Trajectory]) -> float:
-        """Least cost of the references under q + u'Ru/2; without references that of the straight line."""
-        if not trajectories:
-            return 4.0 * self.problem.least_rate * float(np.hypot(*(x[:2] - self.space.scene.goal.center)))
-        return min(running_cost(self.problem, x, trajectory) for trajectory in trajectories)
 
 
 def _never() -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,8 +24,8 @@ class Wanted:
 
     whole: Whole
     key: int  # of the rest alone, as kernels carry it
+    winding: tuple[int, ...]  # the same
     trajectory: Trajectory  # its reference
-    reversed: Trajectory | None = None  # another that is driven backwards
 
 
 @dataclass(slots=True)
@@ -46,6 +46,7 @@ class Guides:
         samples: int,
         elapsed: float,
         pressed: Callable[[], bool],
+        reversed: Callable[[], Mapping[tuple[int, ...], Trajectory]],
         threads: int,
         **clock: float,
     ) -> tuple[list[Any], list[int]]:
@@ -57,16 +58,18 @@ class Guides:
             times: ends of the steps (T+1,) [s].
             elapsed: since the last plan [s].
             pressed: whether time is short.
+            reversed: paths that are driven backwards, by winding; asked where a drive begins.
             clock: `time` now, where that matters [s].
         """
 
         anew = isinstance(guidance, AnyGuidance) and not self.last and not pressed()
         thorough = {one.whole for one in wanted[:THOROUGH]} if anew else set()
+        backwards = reversed() if anew else {}
 
         def improved(one: Wanted) -> tuple[Any, Any]:
             last, rival = self.last.get(one.whole), self.rivals.get(one.whole)
             if one.whole in thorough:
-                also = [] if one.reversed is None else [one.reversed]
+                also = [backwards[one.winding]] if one.winding in backwards else []
                 found: tuple[Any, Any] = guidance.first(x, times, one.key, one.trajectory, also, **clock)
                 return found
             if last is None and one is not wanted[0] and pressed():

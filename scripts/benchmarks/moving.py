@@ -33,7 +33,7 @@ from sim.scenario import Scenario
 BODIES, VERTICES, SAMPLES, PERIOD = 24, 2000, 300, 0.1
 SEEDS = (0, 1, 2)  # of the scenes that are driven through
 REPEATS = 5
-PHASES = {"_references": "references", "_guided": "guides", "_estimate": "samples"}  # methods of the controller
+PHASES = {"_references": "references", "_guided": "guides", "_estimate": "samples"}  # methods of a controller's own
 
 
 def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
@@ -111,7 +111,8 @@ def control_steps(scenarios: list[Scenario], seconds: float) -> tuple[dict[str, 
         driver = timed.driver(timed.grown_tree())
         now: dict[str, float] = defaultdict(float)
         for method, name in PHASES.items():
-            setattr(driver, method, _timing(getattr(driver, method), name, now))
+            whose = driver if hasattr(driver, method) else driver.around
+            setattr(whose, method, _timing(getattr(whose, method), name, now))
         for frame in timed.drive(timed.plant(), driver):
             now["rest"] = frame.plan_seconds - sum(now.values())
             now["all"] = frame.plan_seconds

@@ -74,7 +74,7 @@ def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(r
         state = np.array(x)
         controller.begin(state)
         reference = controller._references(state)[0]
-        times = controller.path_integral.grid(controller._least_cost(state, [reference.trajectory]))
+        times = controller.path_integral.grid(controller.around.least_cost(state, [reference.trajectory]))
         key = controller.homology.key(reference.winding)
         usual = guidance.improve(state, times, key, reference.trajectory)
         first, rival = guidance.first(state, times, key, reference.trajectory)
@@ -154,10 +154,10 @@ def test_the_valley_that_noise_leaves_is_forgotten_and_the_other_leads():
     controller, x = alone_in_a_room(0.1), np.array([0.6, 1.5, np.pi / 2])
     controller.begin(x)
     controller.plan(x)
-    assert list(controller._guides.rivals) == [()]
-    first = controller._guides.last[()]
+    assert list(controller.around.guides.rivals) == [()]
+    first = controller.around.guides.last[()]
     ahead = 1.0 if first.modes[0, 1] < 0.0 else -1.0  # whether it is the one that drives ahead
     controller.drive.since_plan = 0.2
     controller.plan(np.array([0.6, 1.5, np.pi / 2 + 0.7 * ahead]))  # towards where the other one turns
-    assert controller._guides.rivals == {}
-    assert controller._guides.last[()].modes[0, 1] * first.modes[0, 1] < 0.0
+    assert controller.around.guides.rivals == {}
+    assert controller.around.guides.last[()].modes[0, 1] * first.modes[0, 1] < 0.0

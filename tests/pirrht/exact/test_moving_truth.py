@@ -262,11 +262,14 @@ def test_optimal_paths_pass_a_crossing_disc_on_both_sides(crossed):
 @pytest.mark.parametrize("b", [0.1, 0.2, 0.3])
 @pytest.mark.parametrize("name", list(V))
 def test_values_and_shares_are_those_of_an_independent_march(name, b):
-    """Values within 0.3 %, shares within 3 points."""
-    row = round(10 * b) - 1
+    """Values within 0.3 %, shares within 3 points; their standard errors are 1.1 at most, seed 0.
+
+    At b = 0.1, where paths take longest to draw, shares are near 0 or 1, and 600 paths tell as much.
+    """
+    row, paths = round(10 * b) - 1, 600 if b == 0.1 else 2000
     grid = solved(SCENES[name](), b)
     assert grid.value(START) == pytest.approx(V[name][row], rel=3e-3)
-    shares = grid.shares(START, 2000)
+    shares = grid.shares(START, paths)
     for winding, share in SHARES[name][row].items():
         assert shares.get(winding, 0.0) == pytest.approx(share, abs=0.03)
 

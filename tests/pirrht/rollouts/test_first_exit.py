@@ -1,19 +1,16 @@
-"""First exits within a step against the law of the Brownian bridge, and sweeps that never pass through a wall."""
+"""First exits within a step against the law of the Brownian bridge."""
 
 from __future__ import annotations
-
-from functools import cache
 
 import numpy as np
 import pytest
 from scipy.special import erfcx
 from scipy.stats import kstest, norm
+from walled_room import room
 
 from pirrht.arrays import Array
 from pirrht.compiled.streams import stream, uniform
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, interpolate
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.rollouts.first_exit import (
     COLLISION,
     GOAL,
@@ -25,7 +22,6 @@ from pirrht.rollouts.first_exit import (
     facing,
     first_crossing,
 )
-from pirrht.rollouts.sweep import sweep_exit, sweep_onward, turn_of
 
 DRAWS = 20000
 ENDS = [(0.3, 0.5), (0.3, -0.2), (0.05, 0.4), (1.0, 0.0), (0.6, -1.5), (1e-3, 1e-3)]
@@ -97,21 +93,6 @@ def test_finely_simulated_bridges_cross_as_often_and_as_soon(c0, c1):
 
 
 # -- in a scene --------------------------------------------------------------------------------------------------
-
-
-@cache
-def room() -> FreeSpace:
-    """A wall at x = 2 that is 2 cm thick and reaches from border to border, and a goal before it."""
-    wall = Obstacle(
-        name="wall", kind=Kind.BOX, size=np.array([0.01, 2.0, 0.5]), position=np.array([2.0, 2.0, 0.5]),
-        rotation=np.eye(3),
-    )  # fmt: skip
-    return FreeSpace.of(
-        Scene(
-            name="room", lower=np.zeros(2), upper=np.array([4.0, 4.0]), obstacles=(wall,), robot_radius=0.05,
-            goal=Goal(center=np.array([0.6, 3.2]), radius=0.2), start=np.array([0.5, 0.5, 0.0]),
-        )
-    )  # fmt: skip
 
 
 def bridges(
@@ -228,117 +209,6 @@ def test_the_endpoint_rule_reads_the_end_only():
     assert endpoint_exit(arena, 2.0, 2.0) == (COLLISION, 1.0)
     assert endpoint_exit(arena, -0.1, 2.0) == (COLLISION, 1.0)
     assert endpoint_exit(arena, 0.6, 3.1) == (GOAL, 1.0)
-
-
-def test_a_sweep_never_passes_through_a_thin_wall():
-    """2000 random segments across a wall of 2 cm, up to 4 m long, all of them longer than it is thick."""
-    space = room()
-    arena = space.arena
-    rng = np.random.default_rng(5)
-    for _ in range(2000):
-        tail, head = rng.uniform([0.01, 0.01], [1.9, 3.99]), rng.uniform([2.1, 0.01], [3.99, 3.99])
-        if rng.random() < 0.5:
-            tail, head = head, tail
-        if space.scene.goal.contains(tail):
-            continue
-        exit, share = sweep_exit(arena, *tail, *head)
-        assert exit != INSIDE
-        where = tail + share * (head - tail)
-        if exit == COLLISION:
-            assert space.collision.clearance(where[None])[0] < 0.02
-        else:
-            assert np.hypot(*(where - np.array(space.arena.goal))) == pytest.approx(space.arena.radius)
-
-
-def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_by_step():
-    """400 walks of steps up to 0.3 m that turn by up to 0.5 rad; they differ at most within 5 mm of a wall."""
-    space = room()
-    arena, rng, compared = space.arena, np.random.default_rng(8), []
-    for _ in range(400):
-        at, theta, known = np.array([1.0, 2.0]), rng.uniform(-np.pi, np.pi), 0.0
-        for _ in range(60):
-            turn, length = rng.uniform(-0.5, 0.5), rng.uniform(0.02, 0.3)
-            head = at + length * np.array([np.cos(theta + turn / 2), np.sin(theta + turn / 2)])
-            found, share, known = sweep_onward(arena, *at, *head, turn, known)
-            exit, wanted = sweep_exit(arena, *at, *head, turn)
-            assert known <= space.collision.clearance(head[None])[0] + 1e-9 or found != INSIDE
-            if found != exit:
-                way = at + np.linspace(0.0, 1.0, 200)[:, None] * (head - at)
-                assert space.collision.clearance(way).min() < 0.005 + abs(turn) * length / 8.0
-            else:
-                assert share == wanted
-            compared.append(exit)
-            if exit != INSIDE or found != INSIDE:
-                break
-            at, theta = head, theta + turn
-    assert min(compared.count(outcome) for outcome in (GOAL, COLLISION)) > 20
-
-
-@pytest.mark.slow
-def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
-    space = room()
-    arena = space.arena
-    rng = np.random.default_rng(6)
-    exits = []
-    for _ in range(1500):
-        tail, head = rng.uniform(-0.2, 4.2, (2, 2))
-        if not space.collision.free(tail[None])[0] or space.scene.goal.contains(tail):
-            continue
-        exit, share = sweep_exit(arena, *tail, *head)
-        exits.append(exit)
-        line = tail + np.linspace(0, share if exit == GOAL else 1.0, 200)[:, None] * (head - tail)
-        gap = space.collision.clearance(line).min()
-        if gap > 0.01:
-            assert exit != COLLISION
-        if gap <= 0:
-            assert exit == COLLISION
-    assert min(exits.count(outcome) for outcome in (INSIDE, GOAL, COLLISION)) > 20
-
-
-@pytest.mark.slow
-def test_a_sweep_of_a_step_that_turns_agrees_with_fcl_along_the_arc():
-    """600 arcs along the wall of up to 1.5 m and 0.4 rad; where chord and arc differ in what they touch, it decides."""
-    space = room()
-    rng = np.random.default_rng(7)
-    told_apart = 0
-    for _ in range(600):
-        tail, length = rng.uniform([1.8, 0.2], [2.2, 2.2]), rng.uniform(0.8, 1.5)
-        turn = rng.uniform(0.2, 0.4) * rng.choice([-1.0, 1.0])
-        theta = 0.5 * np.pi - 0.5 * turn + rng.normal(scale=0.02)
-        headings = theta + turn * np.linspace(0.0, 1.0, 301)
-        arc = tail + length / turn * np.stack(
-            [np.sin(headings) - np.sin(theta), np.cos(theta) - np.cos(headings)], axis=-1
-        )
-        chord = tail + np.linspace(0.0, 1.0, 301)[:, None] * (arc[-1] - tail)
-        if min(np.hypot(*(line - space.scene.goal.center).T).min() for line in (arc, chord)) < space.arena.radius:
-            continue
-        gap, straight = (space.collision.clearance(line).min() for line in (arc, chord))
-        if abs(gap) < 0.005:
-            continue
-        exit, _ = sweep_exit(space.arena, *tail, *arc[-1], turn)
-        assert exit == (INSIDE if gap > 0.0 else COLLISION)
-        told_apart += (gap > 0.0) != (straight > 0.0)
-    assert told_apart > 10
-
-
-def test_the_sweep_judges_with_the_clearance_of_fcl():
-    """The wall as FCL has it is where the sweep meets it."""
-    space = room()
-    arena = space.arena
-    exit, share = sweep_exit(arena, 1.0, 2.0, 3.0, 2.0)
-    assert exit == COLLISION
-    assert 1.0 + 2.0 * share == pytest.approx(2.0 - 0.01 - 0.05, abs=0.01)
-    assert space.collision.clearance(np.array([[1.0 + 2.0 * share - 0.02, 2.0]]))[0] > 0
-
-
-def test_a_step_around_a_circle_turns_by_its_angle():
-    """Velocities are tangents; to the cube of the angle, and never by more than 1 rad."""
-    for angle in (-0.3, 0.05, 0.4):
-        v, w = (1.0, 0.0), (np.cos(angle), np.sin(angle))
-        dx, dy = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle
-        assert turn_of(*v, *w, dx, dy, 1.0) == pytest.approx(angle, abs=0.1 * abs(angle) ** 3)
-    assert turn_of(1.0, 0.0, -1.0, 0.1, 0.01, 0.0, 1.0) == 1.0
-    assert turn_of(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0) == 0.0
 
 
 def test_noise_along_a_wall_carries_nothing_towards_it():
