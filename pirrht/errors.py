@@ -53,8 +53,8 @@ class NoReference(PirrhtError):
             text += f"; the nearest blocked signature is ({', '.join(f'{h:.3g}' for h in self.blocked)})"
         if hasty:
             super().__init__(
-                f"no class reaches the goal from ({where}), and from the same place at rest some do: at this speed it "
-                "cannot brake or turn before a wall. Start slower, or further from what is ahead."
+                f"no class was found from ({where}), and from the same place at rest some are: few ways brake or turn "
+                "in time at this speed, if any does. Try more --vertices, start slower, or further from what is ahead."
             )
             return
         super().__init__(text + ". Try more --vertices, a larger --limit or a smaller --radius.")

@@ -338,6 +338,7 @@ def prepare(
     given: Mapping[str, Any] | None = None,
     known: Callable[[System, Problem], object] | None = None,
     loose: bool = False,
+    driven: bool = True,
 ) -> Scenario:
     """Load a scene and settle everything a run needs.
 
@@ -346,6 +347,7 @@ def prepare(
         given: settings by name, None where not said.
         known: told of system and problem as soon as they are known, before anything is compiled for them.
         loose: whether what stands can be moved (`sim.mjcf.load`).
+        driven: whether a robot that its plant cannot drive is refused.
 
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
@@ -363,5 +365,6 @@ def prepare(
         known(kind, problem)
     space = FreeSpace.of(loaded.scene)
     scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)
-    scenario.plant()
+    if driven:
+        scenario.plant()
     return scenario

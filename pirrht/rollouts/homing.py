@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 from pirrht.compiled.jit import inlined, jitable
-from pirrht.systems.heading import beyond_disc
+from pirrht.systems.heading import TURN_GAIN, beyond_disc
 
 STEEP = 6.0  # |u| of a guide stays below this
-TURN_GAIN = 3.0  # turn rate per heading error past the end of a guide [1/s]
 
 
 @inlined

@@ -62,7 +62,7 @@ class Tracked(Steering):
         d = problem.dynamics
         x = moving(problem, pace)
         rate = max(problem.rate(d.state_of(problem.scene.start) if x is None else x), problem.least_rate)
-        rate = 2.0 * rate if x is None or not callable(problem.q) else rate
+        rate = 2.0 * rate if _actuated(problem) else rate  # at the best speed control costs as much as time does
         return cls(pace=pace, cost_per_meter=rate / pace, slack=_delay(problem, pace), m=d.m)
 
     @property
@@ -116,10 +116,9 @@ def pace_of(problem: Problem) -> float:
         OptionError: the cost tells none.
     """
     d = problem.dynamics
-    here = d.state_of(problem.scene.start)
-    moved = np.linalg.eigvalsh(_yield(problem, here)[:2, :2])
-    if moved[-1] > 0:  # in the direction in which positions yield least, of those in which they do
-        return float(math.sqrt(2.0 * problem.least_rate * moved[moved > 1e-9 * moved[-1]][0]))
+    moved = _actuated(problem)
+    if moved:  # in the direction in which positions yield least, of those in which they do
+        return math.sqrt(2.0 * problem.least_rate * moved[0])
     lower, upper = d.box(problem.scene)
     fractions = (np.arange(1, d.n + 1) * 0.7548776662 + np.arange(PROBES)[:, None] * 0.5698402910) % 1.0
     speeds = [math.hypot(*d.f(lower + fraction * (upper - lower))[:2]) for fraction in fractions]
@@ -131,7 +130,8 @@ def pace_of(problem: Problem) -> float:
         if 0 < best < len(SPEEDS) - 1:
             return float(SPEEDS[best])
     raise OptionError(
-        f"the cost of {type(d).__name__} does not tell how fast its references should be; declare a pace [m/s]"
+        f"the cost of {type(d).__name__} does not tell how fast its references should be; declare a pace [m/s], as in "
+        "System(..., pace=1.0)"
     )
 
 
@@ -153,6 +153,13 @@ def _delay(problem: Problem, pace: float) -> float:
     change = np.array([math.pi if i in d.angles else pace for i in range(d.n)])
     turned = [change[i] / strength[i] for i in range(2, d.n) if strength[i] > 0]
     return float(max(turned, default=0.0))
+
+
+def _actuated(problem: Problem) -> list[float]:
+    """How much positions yield to a control of a given cost, by direction, least first; empty where none moves them."""
+    here = problem.dynamics.state_of(problem.scene.start)
+    moved = np.linalg.eigvalsh(_yield(problem, here)[:2, :2])
+    return [float(part) for part in moved if part > max(0.0, 1e-9 * float(moved[-1]))]
 
 
 def _yield(problem: Problem, x: Array) -> Array:

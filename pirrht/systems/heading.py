@@ -7,6 +7,7 @@ import math
 from pirrht.compiled.jit import inlined
 
 AIM = 0.9  # share of the goal's radius that is aimed at
+TURN_GAIN = 3.0  # turn rate of homing per heading error [1/s]
 
 
 @inlined

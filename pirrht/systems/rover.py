@@ -12,9 +12,8 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
 from pirrht.errors import OptionError
 from pirrht.systems.dynamics import Dynamics, _check_noise, no_drift
-from pirrht.systems.heading import beyond_disc
+from pirrht.systems.heading import TURN_GAIN, beyond_disc
 
-TURN_GAIN = 3.0  # turn rate of homing per heading error [1/s]
 NARROW = 3.0  # it drives where the disc lies less than pi / 2 over this aside: faster it would circle around it
 QUICK = 1.5  # times what the rate of cost asks for, homing turns at most
 

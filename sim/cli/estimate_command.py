@@ -21,6 +21,8 @@ from sim.scenario import Scenario
 from sim.systems import POSE, SPEED, VELOCITIES, typed
 from sim.text import counted, say, width
 
+TOUCHING = 1e-4  # free distance below which paths end at once [m]
+
 
 def estimate(arguments: argparse.Namespace) -> int:
     """What the controller would do at one state, repeated with independent samples."""
@@ -47,7 +49,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     if any(e is None for e in estimates):
         dead = sum(e is None for e in estimates)
         remedy = "start slower" if _too_fast(scenario, controller, x) else "try more --samples"
-        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; {remedy}")
+        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; {touching(scenario, x) or remedy}")
     for line in tables.doubts(estimates, [r.id for r in references], scenario.settings.target_error):
         say(line)
     if scenario.settings.weights == "biased":
@@ -55,6 +57,16 @@ def estimate(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(arguments.json, estimate_json(scenario, references, estimates, truth))
     return 0
+
+
+def touching(scenario: Scenario, x: Array) -> str | None:
+    """What to do at x (n,) where every path ends at once; None elsewhere."""
+    room = scenario.space.clearance(x[:2])
+    return (
+        f"the free distance there is {max(room, 0.0):.1g} m, so paths end at once: ask elsewhere"
+        if room < TOUCHING
+        else None
+    )
 
 
 def _truth(scenario: Scenario, x: Array, time: float) -> Truth:

@@ -20,7 +20,7 @@ from sim.files import write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
 from sim.scenario import Scenario
-from sim.text import width
+from sim.text import say, width
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -38,6 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     tree, references = (None, []) if settings.method in TREELESS else planned(scenario)
     if references:
         print(tables.class_table(references, width(), scenario.homology))
+    say(tables.odds(scenario))
     wait(compiling)
     driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None)
     rehearse(scenario, driving=True)
@@ -70,7 +71,9 @@ def run(arguments: argparse.Namespace) -> int:
     if film is not None:
         with progress_bar("film", film.length, " pictures") as bar:
             film.save(bar.update)
-        print("film:", *(file for file in (arguments.video, arguments.png) if file is not None))
+        for what, file in (("film", arguments.video), ("picture", arguments.png)):
+            if file is not None:
+                print(f"{what}: {file}")
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()

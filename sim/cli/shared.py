@@ -32,13 +32,15 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
     """
     if arguments.start is not None and len(arguments.start) not in (2, 3):
         raise OptionError(
-            f"--start has {counted(len(arguments.start), 'number')}; it must be X Y, and TH if the robot has a heading"
+            f"--start has {counted(len(arguments.start), 'number')}; it must be X Y, and TH of what has a heading; "
+            "drives begin at rest (`pirrht estimate --at` takes any state)"
         )
     warm.notice().sampling = arguments.command != "plan"
     said = vars(arguments)
     scenario = prepare(
-        arguments.scene, **options.task(said), given=given(arguments), known=warm.notice().known, loose=loose
-    )
+        arguments.scene, **options.task(said), given=given(arguments), known=warm.notice().known, loose=loose,
+        driven=arguments.command not in ("plan", "estimate"),
+    )  # fmt: skip
     if arguments.start is not None and len(arguments.start) == 3 and not scenario.problem.dynamics.angles:
         raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
     said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))

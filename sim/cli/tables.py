@@ -16,6 +16,7 @@ from sim.drawing.sides import sides
 from sim.drive import realtime_timing
 from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
+from sim.scenario import Scenario
 from sim.text import LEAST, counted, say, table
 
 FEW_CLASSES = 4
@@ -132,6 +133,14 @@ def passages_line(found: dict[str, Any]) -> str:
         f"{first['width']:.2f} m wide at ({first['at'][0]:.2f}, {first['at'][1]:.2f}) between "
         f"{' and '.join(first['between'])}: more --vertices or --classes or a higher --limit may lead there"
     )
+
+
+def odds(scenario: Scenario) -> str:
+    """What is uncertain, in a line: noise, where the system asks for it, and lambda."""
+    unit = scenario.system.noise_in.removeprefix("in ")
+    heeds = "noise" in scenario.system.heeds
+    noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if heeds else "noise of its own"
+    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}"
 
 
 def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from sim.drawing.colors import Color
+from sim.film.dressed import dress, has_sky
 
 Picture = NDArray[np.uint8]  # (height, width, 3)
 
 BACKENDS = ("egl", "osmesa")
 CHOSEN = os.environ.get("MUJOCO_GL")  # by the user; MuJoCo's bindings have heeded it when they were imported
+SKY: Color = (204, 216, 228)  # behind what has no sky
 MOST = 6000  # shapes in a picture
 SLICES, STACKS = 28, 8  # corners of round shapes
 
@@ -37,6 +39,7 @@ class Offscreen:
         # Without a GPU corners and mirrors are what takes time: 100 ms a picture instead of 800.
         self._model.vis.quality.numslices, self._model.vis.quality.numstacks = SLICES, STACKS
         self._model.mat_reflectance[:] = 0.0
+        dress(self._model)
         self._gl = _context(width, height, option)
         self._gl.make_current()
         self._renderer = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_150)
@@ -83,7 +86,10 @@ class Offscreen:
         self._gl.make_current()
         mujoco.mjr_render(self._frame, self._scene, self._renderer)
         pixels = np.empty((self._frame.height, self._frame.width, 3), np.uint8)
-        mujoco.mjr_readPixels(pixels, None, self._frame, self._renderer)
+        depth = None if has_sky(self._model) else np.empty(pixels.shape[:2], np.float32)
+        mujoco.mjr_readPixels(pixels, depth, self._frame, self._renderer)
+        if depth is not None:
+            pixels[depth >= 1.0] = SKY
         return pixels[::-1]
 
     def close(self) -> None:

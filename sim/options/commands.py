@@ -56,7 +56,7 @@ TASK = (
         "collides of it does not", kind=float, metavar="M", numeric=True, unset="none, or the scene's",
         bounds=Bounds(low=0.0, high=10.0, why="less is a bump, and no scene has more room"),
     ),
-    _task("start", "start: X Y [TH]", kind=float, count="+", metavar="X", unset="the scene's"),
+    _task("start", "start: X Y [m] and TH [rad]", kind=float, count="+", metavar="X", unset="the scene's"),
     _task("goal", "goal disc", kind=float, count=3, metavar=("X", "Y", "R"), unset="the scene's"),
 )  # fmt: skip
 
@@ -68,8 +68,8 @@ PLAN = (
 
 ESTIMATE = (
     Option(
-        name="at", text="state, X Y or more of it, and what is not said is 0", kind=float, count="+", metavar="X",
-        commands=("estimate",), required=True, of_robots="coordinates",
+        name="at", text="state, X Y or more of it [m, rad, m/s], and what is not said is 0", kind=float, count="+",
+        metavar="X", commands=("estimate",), required=True, of_robots="coordinates",
     ),
     Option(
         name="time", text="time of the drive, by which bodies move", kind=float, metavar="S", commands=("estimate",),
@@ -176,7 +176,8 @@ OTHERS = (
         commands=("import",), unset="its only one",
     ),
     Option(
-        name="start", text="start: X Y [TH]", kind=float, count="+", metavar="X", commands=("import",), bounds=PLACE,
+        name="start", text="start: X Y [m] and TH [rad]", kind=float, count="+", metavar="X", commands=("import",),
+        bounds=PLACE,
     ),
     Option(
         name="goal", text="goal disc", kind=float, count=3, metavar=("X", "Y", "R"), commands=("import",), bounds=PLACE,

@@ -54,4 +54,5 @@ def refuse(system: System, given: Mapping[str, Any]) -> None:
         if given.get(name) is not None:
             *others, last = [one.called for one in _known.values() if name in one.heeds] or ["other systems"]
             who = " or ".join(filter(None, (", ".join(others), last)))
-            raise OptionError(f"--{name} is for {who}, and this robot is a {system.called}; leave it out")
+            ours = "" if system.name in BUILT_IN else f', or write `heeds=("{name}",)` and read it from its settings'
+            raise OptionError(f"--{name} is for {who}, and this robot is a {system.called}; leave it out{ours}")

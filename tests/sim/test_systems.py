@@ -214,7 +214,7 @@ def test_a_speed_is_the_one_at_which_references_are_driven(robot):
 
 
 def test_noise_that_a_system_has_in_itself_is_not_asked_for(folder):
-    with pytest.raises(OptionError, match="--noise is for"):
+    with pytest.raises(OptionError, match=r'--noise is for .*; leave it out, or write `heeds=\("noise",\)`'):
         prepare("slit", system=raft(heeds=()), given={"noise": 0.2})
     scenario = prepare("slit", system=raft(heeds=()))
     assert scenario.with_settings(seed=3, noise=scenario.settings.noise).settings.seed == 3

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 
+import mujoco
 import numpy as np
 import pytest
 
 from pirrht.errors import OptionError
 from sim.cli import main
 from sim.film import film, offscreen
+from sim.film.dressed import dress
 from sim.mjcf import load
 from sim.scenario import prepare
 
@@ -50,6 +52,46 @@ def test_a_film_shows_the_drive_and_a_still_its_end(graphics, tmp_path, capsys, 
     assert np.abs(pictures[-1].astype(int) - last).mean() < 6.0
     assert yellow(last) > yellow(pictures[0]) + 20
     assert sorted(tmp_path.iterdir()) == [video, still]
+
+
+BARE = """<mujoco model="bare">
+  <worldbody>
+    <geom name="floor" type="plane" pos="2 1 0" size="2 1 0.1"/>
+    <geom name="post" type="cylinder" pos="2 1 0.25" size="0.3 0.25"/>
+    <site name="start" pos="0.4 1 0"/>
+    <site name="goal" type="cylinder" pos="3.5 1 0" size="0.3 0.01"/>
+    <site name="workspace" type="box" pos="2 1 0.5" size="2 1 0.5"/>
+  </worldbody>
+</mujoco>"""
+
+
+def test_what_a_scene_says_nothing_of_has_light_colours_and_a_sky(graphics, tmp_path):
+    """The goal is green, the floor bright, the post darker than it, nothing black, and no workspace hides them."""
+    (tmp_path / "bare.xml").write_text(BARE)
+    scenario = prepare(tmp_path / "bare.xml", given={"vertices": 50, "samples": 10, "max_time": 0.02})
+    one = film.Film(scenario.loaded, size=(320, 180))
+    for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+        one.add(frame)
+    (picture,) = one.shots([0.0])
+    one.close()
+    red, green, blue = (picture[..., k].astype(int) for k in range(3))
+    assert np.sum((green > red + 40) & (green > blue + 30)) > 200
+    assert tuple(picture[0, 0]) == offscreen.SKY
+    floor, post = picture[150, 160].astype(int), picture[85, 160].astype(int)
+    assert floor.min() > 140
+    assert post.max() < floor.min() - 30
+    assert np.mean(picture.max(axis=-1) < 20) < 0.01
+
+
+@pytest.mark.parametrize("said", ['rgba="1 0 0 1"', 'material="paint"'])
+def test_what_a_scene_says_of_its_looks_stays(said):
+    text = BARE.replace('size="0.3 0.25"', f'size="0.3 0.25" {said}')
+    head = '<asset><material name="paint" rgba="1 0 0 1"/></asset><worldbody><light pos="0 0 4"/>'
+    model = mujoco.MjModel.from_xml_string(text.replace("<worldbody>", head))
+    before, light = model.geom_rgba[1].copy(), model.vis.headlight.ambient.copy()
+    dress(model)
+    np.testing.assert_array_equal(model.geom_rgba[1], before)
+    np.testing.assert_array_equal(model.vis.headlight.ambient, light)
 
 
 @pytest.mark.slow

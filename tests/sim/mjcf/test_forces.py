@@ -126,6 +126,7 @@ def test_a_state_that_the_robot_has_not_is_refused_by_name_and_driven_by_the_equ
     assert "this robot has no surge, which is a state of surge" in said
     assert "x, y, heading, vx, vy: drive it with --plant sde" in said
     assert len(prepare("slit", robot="hover", system=system, given={"plant": "sde"}).plant().state) == 4
+    assert prepare("slit", robot="hover", system=system, driven=False).system.name == "surge"
 
 
 def test_a_robot_of_ones_own_is_driven_by_motors_in_twenty_lines(tmp_path):

@@ -1,0 +1,50 @@
+"""How a scene looks that says nothing of its looks: by light, and in the colours of those that are built in.
+
+What a file does say stays. The site `workspace` bounds the plan and is no thing: it is never drawn.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from pirrht.arrays import Array
+
+SITES = {"start": (0.20, 0.45, 0.75, 0.8), "goal": (0.25, 0.65, 0.35, 0.7)}
+FLOOR, WALL = (0.83, 0.845, 0.86, 1.0), (0.27, 0.33, 0.42, 1.0)
+PLAIN = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of what has none
+DARK = (0.1, 0.4, 0.5)  # its light at the eye: ambient, diffuse, specular; alone it leaves walls black
+LIGHT = (0.42, 0.42, 0.0)
+
+
+def dress(model: mujoco.MjModel) -> None:
+    """Give a model looks where it has none."""
+    _sites(model)
+    bare = (model.geom_matid < 0) & _plain(model.geom_rgba)
+    flat = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    model.geom_rgba[bare & flat], model.geom_rgba[bare & ~flat] = FLOOR, WALL
+    head = model.vis.headlight
+    told = [float(part[0]) for part in (head.ambient, head.diffuse, head.specular)]
+    if model.nlight == 0 and np.allclose(told, DARK):
+        head.ambient[:], head.diffuse[:], head.specular[:] = LIGHT
+
+
+def has_sky(model: mujoco.MjModel) -> bool:
+    """Whether there is something behind everything."""
+    return bool(np.any(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
+
+
+def _sites(model: mujoco.MjModel) -> None:
+    for name, color in SITES.items():
+        site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
+        if site >= 0 and model.site_matid[site] < 0 and _plain(model.site_rgba[site]):
+            model.site_rgba[site] = color
+    workspace = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "workspace")
+    if workspace >= 0:
+        model.site_rgba[workspace, 3] = 0.0
+        model.site_matid[workspace] = -1
+
+
+def _plain(rgba: Array) -> Array:
+    """Whether colours (..., 4) are the ones that nobody chose."""
+    return np.asarray(np.all(np.isclose(rgba, PLAIN), axis=-1))
