@@ -39,8 +39,9 @@ def _begin(what: str) -> None:
 def _end() -> None:
     _at_work.pop()
     if not _at_work and _waiting:
-        interrupt_main(Signals(_waiting.pop()))
-        _waiting.clear()
+        numbers, _waiting[:] = _waiting[-1:], []  # before it is heeded: work of another thread may make it wait again
+        for number in numbers:  # none, where another thread ended its work at the same moment
+            interrupt_main(Signals(number))
 
 
 class _Passes(event.Listener):  # type: ignore[misc]

@@ -36,6 +36,23 @@ def test_a_signal_waits_until_the_outermost_work_is_done_and_comes_once(heard: l
     assert heard == ["waits", "waits", "heeded"]
 
 
+def test_a_signal_that_another_thread_makes_wait_again_is_not_forgotten(monkeypatch):
+    """What is heeded as one work ends may meet the next one, which has begun by then; so it is heeded as that ends."""
+    heeded: list[str] = []
+
+    def main_thread(number: int) -> None:
+        if not heeded:
+            unbroken._begin("of another thread")
+        heeded.append("waits" if unbroken.waits(number) else "heeded")
+
+    monkeypatch.setattr(unbroken, "interrupt_main", main_thread)
+    with unbroken.unbroken("one"):
+        assert unbroken.waits(signal.SIGINT)
+    assert heeded == ["waits"]
+    unbroken._end()
+    assert heeded == ["waits", "heeded"]
+
+
 def test_a_signal_without_any_work_is_heeded_at_once(heard: list[str]):
     signal.raise_signal(signal.SIGINT)
     assert heard == ["heeded"]
