@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from sim.drawing.colors import Color
-from sim.film.dressed import dress, has_sky
+from sim.mjcf.dressed import dress, has_sky
 
 Picture = NDArray[np.uint8]  # (height, width, 3)
 

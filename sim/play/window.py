@@ -6,6 +6,7 @@ whatever is loose is put down where the button is released.
 
 from __future__ import annotations
 
+import copy
 import threading
 import time
 from collections import deque
@@ -19,6 +20,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
+from sim.mjcf.dressed import dress
 from sim.mjcf.loose import PREFIX
 from sim.play.events import GOAL, Event, Move, Noise, Push
 from sim.play.plant import ROBOT, Disturbed, Snapshot
@@ -111,7 +113,8 @@ class Window:
 
     def __init__(self, plant: Disturbed, launch: Callable[..., Any] | None = None) -> None:
         self._plant, self.keys = plant, deque[int]()
-        self.model = plant.world.scenario.loaded.model
+        self.model = copy.copy(plant.world.scenario.loaded.model)
+        dress(self.model)
         self.data = mujoco.MjData(self.model)
         self._mouse = Mouse(self.model)
         self.home = False  # whether the key Home was struck

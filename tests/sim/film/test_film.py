@@ -11,8 +11,8 @@ import pytest
 from pirrht.errors import OptionError
 from sim.cli import main
 from sim.film import film, offscreen
-from sim.film.dressed import dress
 from sim.mjcf import load
+from sim.mjcf.dressed import dress
 from sim.scenario import prepare
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]

@@ -101,6 +101,12 @@ def test_home_is_for_the_one_who_waits(window, play):
     assert not play.plant.asked
 
 
+def test_no_workspace_hides_what_is_in_it(window):
+    """MuJoCo's viewer draws sites of the first groups; the model that is driven keeps its own."""
+    site = window.model.site("workspace").id
+    assert window.model.site_rgba[site, 3] == 0.0
+
+
 def test_the_picture_is_that_of_the_plant(window, play):
     play.plant.reset(np.array([2.0, 1.0]))
     window.refresh()
