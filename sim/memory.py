@@ -7,12 +7,12 @@ import os
 from dataclasses import dataclass
 
 from pirrht.errors import OptionError
+from sim.options.table import BY_SETTING
 from sim.settings import Settings
 
 GIB = 2.0**30
 SHARE = 0.5  # of the memory of a machine may go to one plan
 STEPS = 100_000  # of one path
-LONGEST = 10.0  # rollout step that --dt takes [s]
 WORK = 1e9  # steps of all paths of a plan
 TAIL = 40.0  # paths are cut so many lambda after the cheapest reference (`pirrht.estimation.sampler`)
 DOUBLINGS = 16  # of --samples under --target-error, without --budget
@@ -77,11 +77,13 @@ def check(settings: Settings, size: Size, memory: float | None = None) -> None:
     steps, work = size.steps(settings), size.steps(settings) * size.samples(settings)
     if steps > STEPS:
         loud = settings.method != "mppi" and TAIL * size.temperature > 2.0 * size.distance / size.speed
-        ways = ["raise --dt"] if size.seconds(settings) <= STEPS * LONGEST else []
-        ways += ["lower --noise"] if loud else ["lower --horizon"] if settings.method == "mppi" else []
+        ways = ["lower --noise"] if loud else ["lower --horizon"] if settings.method == "mppi" else []
+        longest = BY_SETTING["dt"].bounds
+        if not ways or longest is None or size.seconds(settings) <= STEPS * longest.high:
+            ways = ["raise --dt", *ways]
         raise OptionError(
             f"--dt {settings.dt:g}: a path of {size.seconds(settings):.3g} s has {steps:.3g} steps, and at most "
-            f"{STEPS:,} are possible; {' or '.join(ways or ['lower --noise'])}"
+            f"{STEPS:,} are possible; {' or '.join(ways)}"
         )
     _refuse(size.tree(settings), limit, f"a tree of {settings.vertices} --vertices", "lower --vertices")
     drawn = f"{size.samples(settings):.3g} samples around {size.classes} classes"

@@ -40,6 +40,7 @@ class Offscreen:
         self._model.vis.quality.numslices, self._model.vis.quality.numstacks = SLICES, STACKS
         self._model.mat_reflectance[:] = 0.0
         dress(self._model)
+        self._sky = has_sky(self._model)
         self._gl = _context(width, height, option)
         self._gl.make_current()
         self._renderer = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_150)
@@ -86,7 +87,7 @@ class Offscreen:
         self._gl.make_current()
         mujoco.mjr_render(self._frame, self._scene, self._renderer)
         pixels = np.empty((self._frame.height, self._frame.width, 3), np.uint8)
-        depth = None if has_sky(self._model) else np.empty(pixels.shape[:2], np.float32)
+        depth = None if self._sky else np.empty(pixels.shape[:2], np.float32)
         mujoco.mjr_readPixels(pixels, depth, self._frame, self._renderer)
         if depth is not None:
             pixels[depth >= 1.0] = SKY

@@ -89,7 +89,7 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     if command.shape[1] != twists:
         raise OptionError(
             f"the robot's pirrht_command has {command.shape[1]} columns, and the twist of a {system} has {twists} "
-            "numbers: give it a column for each, or make `twist` shorter"
+            "numbers: give it a column for each, or `twist` a number for each"
         )
     actuated = dynamics.states[dynamics.n - dynamics.m :]
     if dynamics.input_form:

@@ -157,6 +157,16 @@ def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made():
             memory.check(large, size, 1.9 * needed)
 
 
+@pytest.mark.parametrize(("temperature", "remedy"), [(3e3, "raise --dt or lower --noise"), (3e6, "lower --noise")])
+def test_a_longer_step_is_asked_for_only_where_one_is_long_enough(temperature, remedy):
+    """Paths of 40 lambda / q: 100 000 steps of 10 s at most are enough for 10^6 s."""
+    size = memory.Size(
+        states=2, controls=2, obstacles=2, classes=3, distance=4.5, speed=1.0, temperature=temperature, rate=1.0
+    )
+    with pytest.raises(OptionError, match=rf"are possible; {remedy}$"):
+        memory.check(Settings(dt=0.1), size, 8 * memory.GIB)
+
+
 @pytest.mark.parametrize(
     ("words", "what"),
     [

@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import odd_files
 import pytest
 from repository import environment
 
@@ -207,13 +208,8 @@ def test_a_broken_pipe_that_is_not_the_output_is_told(capsys):
 def test_what_has_no_end_or_no_name_is_refused_at_once(tmp_path: Path, monkeypatch, capsys, typed: str, kind: str):
     monkeypatch.chdir(tmp_path)
     file = tmp_path / {"long name": "x" * 300 + ".xml", "no text": "\udcff.xml"}.get(kind, "file.xml")
-    if kind == "pipe":
-        os.mkfifo(file)
-    elif kind == "folder":
-        file.mkdir()
-    elif kind == "device":
-        file.symlink_to("/dev/zero")
-    elif kind == "no text":
+    odd_files.put(kind, file)
+    if kind == "no text":
         file.write_text("<mujoco/>")
     elif kind == "secret":
         file.write_text("<mujoco/>")

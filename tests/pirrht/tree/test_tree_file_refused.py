@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import zipfile
 from contextlib import suppress
 from dataclasses import replace
@@ -11,6 +10,7 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import odd_files
 import pytest
 from tree_files import grown, packed, repacked, unpacked, unsigned
 
@@ -201,12 +201,7 @@ def test_what_unpacks_to_more_than_a_tree_can_have_is_not_unpacked(slit: Scenari
 @pytest.mark.parametrize("kind", ["pipe", "folder", "device", "long name", "no text"])
 def test_what_has_no_end_or_no_name_is_refused_at_once(tmp_path: Path, capsys, kind: str):
     file = tmp_path / ("\udcff.npz" if kind == "no text" else "x" * 300 if kind == "long name" else "tree.npz")
-    if kind == "pipe":
-        os.mkfifo(file)
-    elif kind == "folder":
-        file.mkdir()
-    elif kind == "device":
-        file.symlink_to("/dev/zero")
+    odd_files.put(kind, file)
     assert cli.main(["run", "slit", "--tree", str(file)]) == 2
     error = capsys.readouterr().err
     assert error.startswith("pirrht: ")
