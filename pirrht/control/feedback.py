@@ -64,6 +64,7 @@ class ClassMixture:
     push: Push
     known: Array = field(init=False, repr=False)  # (C,) log psi of every class at the plan's state [nats]
     before: Array = field(init=False, repr=False)  # (C, m) controls there
+    free: Array = field(init=False, repr=False)  # (C, m) those without what the nearest walls add
     stiff: Array = field(init=False, repr=False)  # R / lambda there, (m, m)
     inverse: Array = field(init=False, repr=False)  # G_c^-1 there, or G^+, (m, rows)
     drift: Array = field(init=False, repr=False)  # f there, of the states that G has rows for, (rows,)
@@ -72,7 +73,8 @@ class ClassMixture:
         d, x = self.problem.dynamics, self.state
         here = {
             "known": np.array([law.log_psi for law in self.classes.values()]),
-            "before": self._controls(x, 0.0),
+            "before": self._free(x, 0.0) + self.push(x, 0.0),
+            "free": self._free(x, 0.0),
             "stiff": self.problem.control_cost(x) / self.problem.temperature,
             "inverse": np.linalg.pinv(d.G_c(x)) if d.input_form else np.linalg.inv(d.G_c(x)),
             "drift": d.f(x)[d.n - d.rows :],
@@ -98,20 +100,19 @@ class ClassMixture:
 
     def _at(self, x: Array, s: float) -> tuple[Array, Array]:
         """log psi (C,) and control (C, m) of every class."""
-        d, controls = self.problem.dynamics, self._controls(x, s)
+        d, free = self.problem.dynamics, self._free(x, s)
+        controls = free + self.push(x, s)
         carried = self.state.copy()
         carried[-d.rows :] += s * self.drift
         moved = d.difference(x, carried)[-d.rows :]
-        mean = 0.5 * (self.before + controls)
-        pull = mean @ self.stiff
-        log_psi = self.known + pull @ (self.inverse @ moved)
-        if d.drifting_away:
-            log_psi -= 0.5 * s * np.sum(pull * mean, axis=1)
+        log_psi = self.known + 0.5 * (self.before + controls) @ self.stiff @ (self.inverse @ moved)
+        if d.drifting_away or self.problem.scene.movers:
+            mean = 0.5 * (self.free + free)
+            log_psi -= 0.5 * s * np.sum(mean @ self.stiff * mean, axis=1)
         return log_psi, controls
 
-    def _controls(self, x: Array, s: float) -> Array:
-        controls: Array = np.array([law.control(x, s) for law in self.classes.values()]) + self.push(x, s)
-        return controls
+    def _free(self, x: Array, s: float) -> Array:
+        return np.array([law.control(x, s) for law in self.classes.values()])
 
 
 @dataclass(slots=True)
