@@ -1,11 +1,12 @@
 """Feedback between plans: the samples of each class give a desirability of its own, and plans are pooled over time.
 
-The optimal control is stationary, u*(x), and per class c the samples of a plan give log psi_c and
-u_c = lambda R^-1 G' grad log psi_c at one state. Both are carried along with the robot: u_c as what the class's guide
-does at the new state plus the rest that samples found on top of it, and log psi_c along its gradient,
-d log psi_c = (R u_c / lambda) G^-1 dx_c (Stratonovich; where the state drifts less u_c'R u_c dt / 2 lambda, terms that
-classes share left out). In input form that is (R u_c / lambda)' G^+ (dx - f dt), G^+ being the pseudoinverse. The
-control at any state between plans is then
+Per class c the samples of a plan give log psi_c and u_c = lambda R^-1 G' grad log psi_c at one state. Both are carried
+along with the robot: u_c as what the class's guide does at the new state plus the rest that samples found on top of it,
+and log psi_c along its gradient, d log psi_c = (R u_c / lambda) G^-1 dx_c (Stratonovich). In input form that is
+(R u_c / lambda)' G^+ (dx - f dt), G^+ being the pseudoinverse. Where the state drifts, so that some of its gradient is
+not known, or where bodies move and psi changes with time, it is less by u_c'R u_c dt / 2 lambda: who has to hurry loses
+by waiting. That is the equation of log psi without its second derivatives, what the nearest walls add (they cancel) and
+q, which classes share. The control at any state between plans is then
 
     u(x) = sum_c w_c(x) u_c(x),    w(x) = softmax(log psi_c(x)).
 

@@ -25,7 +25,8 @@ FAR = 10.0  # reaches from where on what bodies add is nothing
 REACH = 2.0  # decay lengths 1/k within which walls push what follows no way
 AVERAGED = 0.04  # near walls and goal the control now is averaged over leading steps of this length together [s]
 SHARE = 0.5  # of the time in which noise carries a path to the nearest of them
-SHARPER = 0.2  # of a rollout step's noise: nearer than half of that a wall pushes the robot no harder
+SHARPER = 0.2  # of a rollout step's noise: nearer than that a wall pushes the robot no harder
+CLOSING = 0.05  # the same where bodies move, since gaps that close leave a robot no room to be shy in
 
 
 class Scales(NamedTuple):
@@ -120,7 +121,8 @@ class Push:
         d = self.problem.dynamics
         B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
-        closest = SHARPER * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
+        nearest = SHARPER if self.traffic is None else CLOSING
+        closest = nearest * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
         return d.climbing_gain(x), closest
 
 
