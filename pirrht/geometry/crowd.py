@@ -63,7 +63,7 @@ class Body:
 
     def clearance(self, place: Array, row_time: float) -> float:
         """Free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""
-        x, y, yaw = self._lap.pose(row_time)
+        x, y, yaw = self._lap.pose_at(row_time)
         c, s, dx, dy = cos(yaw), sin(yaw), place[0] - x, place[1] - y
         return float(self._collision.distance(np.array([[c * dx + s * dy, c * dy - s * dx]]))[0]) - self._radius
 

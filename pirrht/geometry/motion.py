@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from bisect import bisect_right
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +24,8 @@ class Motion:
     rows: Array  # (k, 4) t [s], x, y [m], yaw [rad]
     repeat: bool = False  # whether it starts over at the first row when it has reached the last
     lead: float = 0.0  # how much later than this motion's clock the rows' clock is [s]
+    _rows: list[list[float]] = field(init=False, repr=False)  # the same rows as numbers
+    _times: list[float] = field(init=False, repr=False)  # (k,) when they are [s]
 
     def __post_init__(self) -> None:
         rows = np.array(self.rows, dtype=float)
@@ -41,6 +44,8 @@ class Motion:
         if self.repeat and len(rows) < 2:
             raise SceneError("a motion that starts over has one row; it needs two or more")
         object.__setattr__(self, "rows", rows)
+        object.__setattr__(self, "_rows", rows.tolist())
+        object.__setattr__(self, "_times", rows[:, 0].tolist())
 
     @property
     def last(self) -> float:
@@ -53,6 +58,19 @@ class Motion:
         if self.repeat:
             t = np.where(t > 0.0, np.mod(t, self.rows[-1, 0]), t)
         return np.stack([np.interp(t, self.rows[:, 0], self.rows[:, k]) for k in (1, 2, 3)], axis=-1)
+
+    def pose_at(self, time: float) -> tuple[float, float, float]:
+        """The same at one time [s], as numbers."""
+        t = time + self.lead
+        if self.repeat and t > 0.0:
+            t %= self._times[-1]
+        i = bisect_right(self._times, t)
+        if i in (0, len(self._times)):
+            _, x, y, yaw = self._rows[max(i - 1, 0)]
+            return x, y, yaw
+        (s, *a), (u, *b) = self._rows[i - 1 : i + 1]
+        x, y, yaw = ((q - p) / (u - s) * (t - s) + p for p, q in zip(a, b, strict=True))
+        return x, y, yaw
 
     def velocity(self, time: float) -> Array:
         """Rates of x, y [m/s] and yaw [rad/s] that led to where it is at a time [s], (3,)."""
@@ -87,6 +105,6 @@ class Mover:
 
     def at(self, time: float) -> tuple[Obstacle, ...]:
         """Its solids in the world at a time [s]."""
-        x, y, yaw = self.motion.pose(time)
+        x, y, yaw = self.motion.pose_at(time)
         turn, shift = about_vertical(yaw), np.array([x, y, 0.0])
         return tuple(replace(o, position=turn @ o.position + shift, rotation=turn @ o.rotation) for o in self.solids)

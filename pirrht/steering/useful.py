@@ -84,7 +84,7 @@ def drawn(numbers: tuple[float, ...], space: FreeSpace, origin: Array, rng: np.r
     for a, b, c in rng.random((TRIES, 3)).tolist():
         if beside:
             j, t = int(rng.integers(J)), useful.begin + c * useful.latest(0.0)
-            x, y, _ = scene.movers[j].motion.pose(t)
+            x, y, _ = scene.movers[j].motion.pose_at(t)
             angle = 2.0 * math.pi * a
             away = space.traffic.radius[j] + b**2 * NEAR * scene.robot_radius
             x, y = x + away * math.cos(angle), y + away * math.sin(angle)
