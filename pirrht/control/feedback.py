@@ -72,10 +72,11 @@ class ClassMixture:
 
     def __post_init__(self) -> None:
         d, x = self.problem.dynamics, self.state
+        free = self._free(x, 0.0)
         here = {
             "known": np.array([law.log_psi for law in self.classes.values()]),
-            "before": self._free(x, 0.0) + self.push(x, 0.0),
-            "free": self._free(x, 0.0),
+            "before": free + self.push(x, 0.0),
+            "free": free,
             "stiff": self.problem.control_cost(x) / self.problem.temperature,
             "inverse": np.linalg.pinv(d.G_c(x)) if d.input_form else np.linalg.inv(d.G_c(x)),
             "drift": d.f(x)[d.n - d.rows :],
@@ -113,6 +114,7 @@ class ClassMixture:
         return log_psi, controls
 
     def _free(self, x: Array, s: float) -> Array:
+        """Controls (C, m) without what the nearest walls add."""
         return np.array([law.control(x, s) for law in self.classes.values()])
 
 
