@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
 
 from pirrht.tree.homology_tree import HomologyTree
@@ -12,6 +14,13 @@ from sim.scenario import Scenario, prepare
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Commands as a whole come first: their files take longest, and none shall be left to one worker at the end."""
     items.sort(key=lambda item: "/tests/system/" not in item.path.as_posix())
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _interruptions_reach_children() -> None:
+    """A suite that a shell started in the background, or by `nohup`, would hand on that Ctrl-C is ignored."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
