@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -25,7 +26,6 @@ class Motion:
     repeat: bool = False  # whether it starts over at the first row when it has reached the last
     lead: float = 0.0  # how much later than this motion's clock the rows' clock is [s]
     _rows: list[list[float]] = field(init=False, repr=False)  # the same rows as numbers
-    _times: list[float] = field(init=False, repr=False)  # (k,) when they are [s]
 
     def __post_init__(self) -> None:
         rows = np.array(self.rows, dtype=float)
@@ -45,7 +45,6 @@ class Motion:
             raise SceneError("a motion that starts over has one row; it needs two or more")
         object.__setattr__(self, "rows", rows)
         object.__setattr__(self, "_rows", rows.tolist())
-        object.__setattr__(self, "_times", rows[:, 0].tolist())
 
     @property
     def last(self) -> float:
@@ -63,9 +62,9 @@ class Motion:
         """The same at one time [s], as numbers."""
         t = time + self.lead
         if self.repeat and t > 0.0:
-            t %= self._times[-1]
-        i = bisect_right(self._times, t)
-        if i in (0, len(self._times)):
+            t %= self._rows[-1][0]
+        i = bisect_right(self._rows, t, key=itemgetter(0))
+        if i in (0, len(self._rows)):
             _, x, y, yaw = self._rows[max(i - 1, 0)]
             return x, y, yaw
         (s, *a), (u, *b) = self._rows[i - 1 : i + 1]
