@@ -17,6 +17,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.tree.reference import Reference
 
+DECIDED = 0.9  # a share this great is a decision: under the exact law shares are martingales, so 1 in 9 is taken back
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
@@ -146,6 +148,14 @@ class Plan:
             return self.followed
         weights = self.shares or self.estimate.class_weights
         return max(weights, key=lambda name: weights[name]) if weights else None
+
+    @property
+    def decided(self) -> str | None:
+        """The favourite, if it has at least `DECIDED` of the weight or is followed alone; None if all is still open."""
+        favourite = self.favourite
+        if self.estimate is None or self.followed is not None or favourite is None:
+            return favourite
+        return favourite if (self.shares or self.estimate.class_weights)[favourite] >= DECIDED else None
 
 
 def shifted(times: Array, tape: Array, then: Array) -> Array:

@@ -153,7 +153,8 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
         "smoothed over its jitter"
     )
     say(
-        f"class {executed}, {counted(drive.class_switches, 'class switch', 'class switches')}, "
+        f"class {executed}, {counted(drive.class_switches, 'class switch', 'class switches')} "
+        f"({counted(drive.class_reversals, 'reversal')} of a decision), "
         f"{counted(drive.fallbacks, 'fallback')} (plans without reference or surviving sample), "
         f"least clearance {drive.min_clearance:.3f} m (free distance around the footprint)"
     )

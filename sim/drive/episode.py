@@ -69,12 +69,14 @@ class Tally:
     first: Plan | None = None
     last: Frame | None = None
     switches: int = 0
+    reversals: int = 0
     fallbacks: int = 0
     doubtful: int = 0  # plans that rest on few effective samples
     weakest: tuple[float, float] | None = None  # least effective sample size, and the time of that plan [s]
     misses: int = 0
     min_clearance: float = np.inf
     favourite: str | None = None
+    decided: str | None = None
     plan_seconds: list[float] = field(default_factory=list)
     timings: list[Timing] = field(default_factory=list)
     _doubted: float = -np.inf  # time of the last plan that rests on few effective samples [s]
@@ -90,6 +92,7 @@ class Tally:
             self.switches += 1
         if frame.plan.fallback is None:
             self.favourite = frame.plan.favourite
+            self._decide(frame.plan.decided)
         self._weigh(frame)
         self.min_clearance = min(self.min_clearance, frame.clearance, frame.advance.clearance)
         self.plan_seconds.append(frame.plan_seconds)
@@ -100,6 +103,12 @@ class Tally:
             self.timings.append(frame.timing)
         self.last = frame
         return news
+
+    def _decide(self, name: str | None) -> None:
+        """Take note of a class that has nearly all the weight; None where none has."""
+        if name is not None:
+            self.reversals += self.decided not in (None, name)
+            self.decided = name
 
     def _weigh(self, frame: Frame) -> None:
         """Take note of how many effective samples the plan rests on."""
@@ -151,6 +160,7 @@ class Tally:
             value_estimate=self.first.exact if estimate is None else estimate.value,
             executed_class=class_id(self.last.driven_class) if self.outcome is Outcome.GOAL else None,
             class_switches=self.switches,
+            class_reversals=self.reversals,
             fallbacks=self.fallbacks,
             doubtful_plans=self.doubtful,
             least_ess=ess,

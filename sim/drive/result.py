@@ -36,6 +36,7 @@ class DriveResult:
     )
     executed_class: str | None = _told("", "homology class of the driven path; null unless the goal was reached")
     class_switches: int = _told("1", "control steps whose class of greatest weight differs from the one before")
+    class_reversals: int = _told("1", "times that a class of nine tenths of the weight followed on another such one")
     fallbacks: int = _told("1", "control steps without a reference or a surviving sample: the last tape goes on")
     doubtful_plans: int = _told("1", "control steps whose plan rests on fewer than 10 effective samples")
     least_ess: float | None = _told("1", "least effective sample size of a plan; null for methods without samples")

@@ -60,6 +60,7 @@ class Point:
     time: Interval  # [s]
     classes: dict[str, Interval]  # shares of the driven classes among runs that reached the goal, largest first
     class_switches: Interval  # per run
+    class_reversals: Interval  # per run
     step_ms: Interval  # mean over runs of the median
     step_p95_ms: Interval  # mean over runs of the 95th percentile
 
@@ -188,6 +189,7 @@ def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[R
         time=mean([r["time"] for r in arrived]),
         classes={str(name): wilson(count, len(arrived)) for name, count in classes.most_common()},
         class_switches=mean(_known(r["class_switches"] for r in runs)),
+        class_reversals=mean(_known(r["class_reversals"] for r in runs)),
         step_ms=mean(_known(r["step_ms"]["median"] for r in runs)),
         step_p95_ms=mean(_known(r["step_ms"]["p95"] for r in runs)),
     )

@@ -162,14 +162,22 @@ def _costs(points: Sequence[Point]) -> Table:
 
 def _decisions(points: Sequence[Point]) -> Table:
     rows = [
-        (*_where(p), _mean(p.class_switches, 2), _mean(p.step_ms, 2), _mean(p.step_p95_ms, 2), _classes(p))
+        (
+            *_where(p),
+            _mean(p.class_switches, 2),
+            _mean(p.class_reversals, 2),
+            _mean(p.step_ms, 2),
+            _mean(p.step_p95_ms, 2),
+            _classes(p),
+        )
         for p in points
     ]
     text = (
-        "Class switches per run; wall time of a control step: means over runs of its median and 95th percentile; "
+        "Class switches per run, and reversals: from a class of nine tenths of the weight to another such one; wall "
+        "time of a control step: means over runs of its median and 95th percentile; "
         "shares of the driven homology classes among the runs that reached the goal."
     )
-    header = ("scene", "b", "method", "switches", "step median [ms]", "step p95 [ms]", "classes %")
+    header = ("scene", "b", "method", "switches", "reversals", "step median [ms]", "step p95 [ms]", "classes %")
     return Table(heading="Decisions", text=text, header=header, rows=rows)
 
 

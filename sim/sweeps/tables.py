@@ -11,7 +11,7 @@ from sim.drawing.colors import title
 from sim.text import table
 
 _FIRST = ("scene", "b", "method", "runs", "goal", "collision", "timeout")
-_LAST = ("cost", "time [s]", "path/shortest", "switches", "ms/step", "plan [s]", "classes")
+_LAST = ("cost", "time [s]", "path/shortest", "switches", "reversals", "ms/step", "plan [s]", "classes")
 
 
 def summary(rows: Sequence[dict[str, Any]], room: int | None = None) -> str:
@@ -37,6 +37,7 @@ def _line(point: tuple[Any, ...], everyone: Sequence[dict[str, Any]], failed: bo
         _mean([r["time"] for r in arrived]),
         _mean([r["path_length"] / r["shortest_length"] for r in arrived if r["shortest_length"]]),
         _mean([r["class_switches"] for r in group], 2),
+        _mean([r["class_reversals"] for r in group], 2),
         _mean([np.median([r["step_ms"]["median"] for r in group])] if group else [], 1),
         _mean([r["plan_seconds"] for r in group if r["plan_seconds"] is not None]),
         _shares([r["executed_class"] for r in arrived]),

@@ -29,7 +29,7 @@ PLAN = {"scene", "robot", "vertices", "nodes", "pruned_classes", "seconds", "fcl
 RUN = {
     *("scene", "robot", "method", "seed", "noise", "lambda", "samples", "dt", "period", "outcome", "time", "cost"),
     *("path_length", "steps", "min_clearance", "value_estimate", "obstacles", "classes", "executed_class"),
-    *("class_switches", "fallbacks", "step_ms", "deadline_misses"),
+    *("class_switches", "class_reversals", "fallbacks", "step_ms", "deadline_misses"),
 }
 ESTIMATE = {"control", "value", "ess", "class_weights", "proposal_weights", "classes", "obstacles",
             "value_stderr", "control_stderr"}  # fmt: skip

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from batches import batch_of
@@ -145,4 +147,18 @@ def test_a_plan_of_one_class_counts_a_switch_when_it_changes(slit: Scenario, sli
         tally.add(frame)
         followed.append(frame.plan.favourite)
     assert tally.switches == sum(a != b for a, b in zip(followed[:-1], followed[1:], strict=True))
+    assert tally.reversals == tally.switches  # what is followed alone is decided
     assert isinstance(frame.plan, Plan)
+
+
+def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scenario, slit_tree: HomologyTree):
+    """Shares are martingales under the exact law: they cross one half often, and go from 0.9 to 0.1 once in nine."""
+    scenario = slit.with_settings(samples=60, noise=0.3)
+    (frame,) = episode.run(
+        scenario.plant(), scenario.controller(slit_tree), slit.start, scenario.plant_rng(), max_time=0.01
+    )
+    tally = episode.Tally(0.01)
+    for share in (0.5, 0.95, 0.4, 0.2, 0.95, 0.6, 0.08, 0.45, 0.02, 0.6, 0.91):
+        tally.add(replace(frame, plan=replace(frame.plan, shares={"0,0": share, "1,0": 1.0 - share})))
+    assert tally.switches == 4
+    assert tally.reversals == 2

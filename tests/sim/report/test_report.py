@@ -22,7 +22,12 @@ SETTINGS = {"samples": 50, "plan_seed": 0}
 def record(method: str, seed: int, outcome: str | None = "goal", cost: float = 8.0, **changes) -> dict:
     known = {**dict.fromkeys(RESULTS), "scene": "slit", "scene_digest": "01", "method": method, "noise": 0.1}
     known |= {"seed": seed, "plan_seed": 0, "outcome": outcome, "cost": cost, "path_length": 4.0, "time": 5.0}
-    known |= {"class_switches": seed % 2, "executed_class": "0,0" if seed % 4 else "0,1", "steps": 10}
+    known |= {
+        "class_switches": seed % 2,
+        "class_reversals": int(seed % 4 == 1),
+        "executed_class": "0,0" if seed % 4 else "0,1",
+        "steps": 10,
+    }
     if outcome != "goal":
         known["executed_class"] = None
     known |= {"step_ms": {"median": 2.0, "p95": 3.0, "max": 9.0}, "deadline_misses": 0, "plan_seconds": 1.0}
@@ -58,6 +63,7 @@ def test_shares_means_and_classes_are_those_that_one_counts(dataset):
     assert (passive.success.value, passive.collision.value, passive.timeout.value) == (0.25, 0.25, 0.5)
     assert points["optimal"].classes["0,0"].value == 0.75
     assert points["optimal"].class_switches.value == 0.5
+    assert points["optimal"].class_reversals.value == 0.25
     assert points["optimal"].cost.value == pytest.approx(8.0 + 0.1 * 19.5)
     for point in points.values():
         assert point.success.low <= point.success.value <= point.success.high
