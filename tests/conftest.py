@@ -11,8 +11,17 @@ from sim.cli import warm
 from sim.scenario import Scenario, prepare
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """What is asked of the suite beside what pytest knows."""
+    parser.addoption("--thorough", action="store_true", help="also tests that say the same of more scenes and systems")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Commands as a whole come first: their files take longest, and none shall be left to one worker at the end."""
+    if not config.getoption("thorough"):
+        left = [item for item in items if item.get_closest_marker("thorough")]
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if item not in set(left)]
     items.sort(key=lambda item: "/tests/system/" not in item.path.as_posix())
 
 

@@ -4,6 +4,8 @@ jit           kernel, inlined, jitable; their folder on disk, named after all so
 identity      what a function computes, as a name by which all processes find it on disk
 disk          what lies there: checked before it is used, replaced as a whole
 addresses     array elements by address, since arrays in records cost reference counts
+copies        arrays element by element, since assignments to slices take long to compile
+linear        small systems of equations
 float32       single precision and its bits, for loops over lanes
 streams       normal and uniform numbers by (seed, sample, draw)
 threads       independent kernel calls on several threads

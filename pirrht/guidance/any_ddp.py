@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import kernel
 from pirrht.guidance.backward_pass import backward_of
 from pirrht.guidance.course import COURSE
@@ -94,7 +95,7 @@ def optimiser(kind: Kind) -> Optimiser:
         trial = COURSE(
             other, tried, course.gains, course.share, course.inverse, course.volume, course.change, course.aims
         )
-        other[0] = states[0]
+        copy_row(states[0], other[0])
         steps, _, _ = forward(setup, task, times, course, length, 0.0, 1, trial)
         if steps < 0:
             return -1, np.inf, np.inf, 0, False
@@ -104,7 +105,8 @@ def optimiser(kind: Kind) -> Optimiser:
             fastest = max(fastest, way + (setup.traffic.speed * (times[i + 1] - times[i]) if moving else 0.0))
         points = max(1, min(8, math.ceil(1.2 * fastest / task.spacing)))
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
-        control[:], states[:] = tried, other
+        copy_rows(tried, control)
+        copy_rows(other, states)
         held = task.hold > 0.0
         bows = not noisy_position and control.shape[1] > m
         right = held or key_of(setup, states, steps) == key
@@ -126,7 +128,8 @@ def optimiser(kind: Kind) -> Optimiser:
                         break
                 step *= 0.5
             if better:
-                control[:], states[:] = tried, other
+                copy_rows(tried, control)
+                copy_rows(other, states)
                 damping = 0.0 if damping < 0.01 else damping / 8.0
                 again = damping > 0.0
             else:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import kernel
 from pirrht.rollouts.general.kind import SWAY, Kind, diffusion_of
 
@@ -46,7 +47,7 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
         if varying:
             noise_at(x, setup.parameters, setup.inverse, G, B)
         else:
-            B[:, :] = setup.diffusion
+            copy_rows(setup.diffusion, B)
         f[:] = 0.0
         if noisy_position or not setup.bridge:
             drift(x, setup.parameters, f)
@@ -99,7 +100,7 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
         z, mid, f, up, down = np.empty(n), np.empty(n), np.zeros(n), np.zeros(n), np.zeros(n)
         D, which = np.zeros((n, N)), np.empty(n, np.int64)
         inside(setup, x, a, dt, B, mid)
-        z[:] = mid
+        copy_row(mid, z)
         drift(mid, p, f)
         here, rate = 0.0, q(x, p) if varying_rate else 0.0
         for j in range(n):
@@ -201,7 +202,8 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
                 size = max(size, abs(B[0, j, k]))
         for i in range(N):
             nudge[i] = NUDGE if i < n else NUDGE / (dt * size)
-        z[:], c[:] = x, a
+        copy_row(x, z)
+        copy_row(a, c)
         for i in range(N):
             h = nudge[i]
             if i < n:
@@ -228,7 +230,8 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
                 if curved:
                     total = 2.0 * here - up[i] - up[k] - down[i] - down[k]
                     for sign in (1.0, -1.0):
-                        z[:], c[:] = x, a
+                        copy_row(x, z)
+                        copy_row(a, c)
                         for e in (i, k):
                             if e < n:
                                 z[e] += sign * nudge[e]

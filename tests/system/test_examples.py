@@ -17,7 +17,8 @@ DOCS = (ROOT / "docs" / "bring-your-own.md").read_text()
 WIND = ("--system", "wind:BALLOON")
 TUG = ("--robot", "tug.xml", "--system", "tug:TUG")
 SCOOTER = ("--robot", "unicycle", "--system", "scooter:SCOOTER")
-ALL = [pytest.param(words, id=words[-1].partition(":")[0]) for words in (WIND, TUG, SCOOTER)]
+THOROUGH = [pytest.param(words, id=words[-1].partition(":")[0], marks=pytest.mark.thorough) for words in (TUG, SCOOTER)]
+ALL = [pytest.param(WIND, id="wind"), *THOROUGH]  # each takes its kernels half a minute
 SMALL = ("--vertices", "100", "--samples", "20")
 
 

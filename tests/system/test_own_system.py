@@ -65,6 +65,7 @@ def test_a_boats_control_makes_up_for_the_current(moor):
     assert control[1] == pytest.approx(-0.2, abs=0.3)
 
 
+@pytest.mark.thorough
 def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(moor):
     words = ("--max-time", "0.03", "--seeds", "0:2", "--jobs", "2", "-o", "runs")
     rows = told(moor, "sweep", *BOAT, *words)

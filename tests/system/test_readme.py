@@ -91,8 +91,11 @@ def test_every_command_of_the_pages_is_one_that_is_understood(line):
     assert arguments.command in line
 
 
+LONG = {"gallery.md", "tutorial.md"}  # all scenes, all robots
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("page", NAMES)
+@pytest.mark.parametrize("page", [pytest.param(n, marks=pytest.mark.thorough) if n in LONG else n for n in NAMES])
 def test_every_command_of_a_page_runs_in_the_order_of_the_page(page, folder, monkeypatch, capsys):
     """With few vertices and samples, and only a moment of driving."""
     monkeypatch.chdir(folder)

@@ -84,6 +84,7 @@ def long_sweep(tmp_path_factory) -> tuple[list[str], list[dict]]:
     return words, rows(folder)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_sweep_that_is_killed_again_and_again_ends_with_the_same_rows(long_sweep, tmp_path):
     words, expected = long_sweep

@@ -10,11 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import kernel
 from pirrht.rollouts.general.path import Kept
-from pirrht.rollouts.records import Kernels
+from pirrht.rollouts.records import Chosen, Kernels
 
 KEPT: Any = Kept
+NO_STATES = np.empty((0, 0, 0)), np.empty(0, np.int64)
+NO_GROUPS = np.empty(0, np.int64), np.empty(0)
+NO_CONTROLS = np.empty((0, 0, 0)), np.empty((0, 0))
 
 
 @cache
@@ -45,29 +49,33 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
                     paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + alive * base[j]
 
     @kernel
-    def control(setup, leads, origin, chosen, total, alive):  # type: ignore[no-untyped-def]
-        """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
+    def again(setup, leads, origin, chosen, total, alive, states, steps):  # type: ignore[no-untyped-def]
+        """Simulate chosen samples once more, with what `control` and `trace` take; what is not asked for is empty."""
         nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, leads)
-        applied, base = np.zeros((leads.control.shape[1], m)), np.empty(m)
+        applied, base = np.zeros((alive.shape[1], m)), np.empty(m)
         number, group, weight = chosen
-        keep, h = KEPT(ratio, nothing, applied, nothing, base), 0
+        drawn, h = states.shape[0] > 0, 0
         for c in range(number.shape[0]):
-            s, g = number[c], group[c]
+            s = number[c]
             while s >= leads.first[h + 1]:
                 h += 1
-            _, _, _, steps, _, _ = one_path(setup, leads, origin, h, s, keep, scratch)
-            for i in range(steps):
-                alive[g, i] += weight[c]
+            while s < leads.first[h]:
+                h -= 1
+            keep = KEPT(ratio, states[c] if drawn else nothing, applied, nothing, base)
+            _, _, _, taken, _, _ = one_path(setup, leads, origin, h, s, keep, scratch)
+            if drawn:
+                steps[c] = taken
+            for i in range(taken if alive.shape[0] > 0 else 0):
+                alive[group[c], i] += weight[c]
                 for j in range(m):
-                    total[g, i, j] += weight[c] * applied[i, j]
+                    total[group[c], i, j] += weight[c] * applied[i, j]
 
-    @kernel
-    def trace(setup, leads, origin, number, states, steps):  # type: ignore[no-untyped-def]
+    def control(setup: Any, leads: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
+        """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
+        again(setup, leads, origin, chosen, total, alive, *NO_STATES)
+
+    def trace(setup: Any, leads: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
         """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
-        nothing, ratio, base, scratch = np.empty((0, 1)), np.empty(0), np.empty(m), scratch_of(setup, leads)
-        for c in range(number.shape[0]):
-            keep = KEPT(ratio, states[c], nothing, nothing, base)
-            h = np.searchsorted(leads.first, number[c], side="right") - 1
-            _, _, _, steps[c], _, _ = one_path(setup, leads, origin, h, number[c], keep, scratch)
+        again(setup, leads, origin, Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps)
 
     return Kernels(sample, control, trace)

@@ -34,6 +34,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_float64
+from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.float32 import ONE, ZERO
 from pirrht.compiled.jit import kernel
 from pirrht.compiled.linear import solve
@@ -174,10 +175,13 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         shape_inverse, end = shape + modes * modes, shape + 2 * modes * modes
         even = modes + modes % 2
         weights, rows_at, pitch = end + 2, law.ctypes.data, 8 * law.shape[2]
-        D[:, :], B[:, :], f[:], pushed[:], stage[:] = setup.gain, setup.diffusion, 0.0, 0.0, 0
+        copy_rows(setup.gain, D)
+        copy_rows(setup.diffusion, B)
+        f[:], pushed[:], stage[:] = 0.0, 0.0, 0
         lost[:] = False
         drifted = False  # whether f is that of x already
-        x[:], moved[:] = origin.x, origin.x
+        copy_row(origin.x, x)
+        copy_row(origin.x, moved)
         xx, xy, yy = covariance(B)
         steep = STEEP * D[0, 0]
         first, sign = antithetic(sample, leads.first[h], leads.mirrored)

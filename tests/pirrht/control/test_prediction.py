@@ -81,7 +81,7 @@ def test_nothing_is_foretold_anew_before_a_body_moves_otherwise():
     assert prediction.at(START, 0.0) is not second
 
 
-@pytest.mark.parametrize("name", ["crossing", "pincer"])
+@pytest.mark.parametrize("name", [pytest.param("crossing", marks=pytest.mark.thorough), "pincer"])
 def test_plans_of_controllers_agree_with_the_grid_at_a_place_and_a_time(name):
     """Within 4 standard errors and 0.3 %, at two times; seed 1."""
     one = controller(name)
@@ -96,7 +96,13 @@ def test_plans_of_controllers_agree_with_the_grid_at_a_place_and_a_time(name):
         assert plan.estimate.ess > 10.0
 
 
-@pytest.mark.parametrize(("x", "t"), [((4.233, 0.01), 0.14), ((5.624, 0.015), 1.31), ((3.5, 4.98), 0.5)])
+PLACES = [
+    ((4.233, 0.01), 0.14),
+    *(pytest.param(x, t, marks=pytest.mark.thorough) for x, t in (((5.624, 0.015), 1.31), ((3.5, 4.98), 0.5))),
+]
+
+
+@pytest.mark.parametrize(("x", "t"), PLACES)
 def test_close_to_walls_the_control_among_bodies_is_that_of_the_grid(x, t):
     """A tenth of b away, where it is b^2 over the distance: 20 plans, within 4 standard errors and 5 %; seed 1."""
     one, place = controller("closing_door", first=0.01), np.array(x)

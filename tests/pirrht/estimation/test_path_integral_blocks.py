@@ -100,7 +100,7 @@ def strip_value(problem: Problem, L: float, dynamics: Uneven, x: float) -> tuple
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("guide", ["feedback", "open-loop"])
+@pytest.mark.parametrize("guide", [pytest.param("feedback", marks=pytest.mark.thorough), "open-loop"])
 def test_functions_that_return_constants_take_the_same_paths_as_constants(guide):
     sampling = Sampling(dt=0.05, samples=300, guide=guide)
     fast = PathIntegral(strip(0.5, 0.5), strip_space(0.5), sampling)

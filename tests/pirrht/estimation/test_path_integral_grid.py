@@ -128,7 +128,7 @@ PLACES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kernels", ["blocks", "one by one"])
+@pytest.mark.parametrize("kernels", ["blocks", pytest.param("one by one", marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("place", list(PLACES))
 def test_split_steps_are_equal_in_law_to_small_ones(place, kernels):
     """dt = 0.1 split, against 0.1 / 64 throughout; 24 seeds each."""

@@ -72,7 +72,7 @@ def crossed() -> Desirability:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("speed", [0.4, -0.4, 1.0])
+@pytest.mark.parametrize("speed", [0.4, *(pytest.param(c, marks=pytest.mark.thorough) for c in (-0.4, 1.0))])
 def test_before_a_wall_at_constant_speed_a_path_pays_what_girsanov_says(speed):
     """With psi = 1 on it, psi = exp(-z (sqrt(c^2/b^4 + 2 q/(lambda b^2)) - c/b^2)) at z before a wall of speed c."""
     b, q, phi = 0.3, 1.0, 0.0
@@ -116,7 +116,7 @@ def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("phi", "accuracy"), [(np.inf, 1e-3), (3.0, 2e-3)])
+@pytest.mark.parametrize(("phi", "accuracy"), [(np.inf, 1e-3), pytest.param(3.0, 2e-3, marks=pytest.mark.thorough)])
 def test_a_mover_that_stands_still_is_an_obstacle(phi, accuracy):
     solids = disc("disc", 0.0, 0.0, 0.3), block("box", 0.0, 0.0, (0.15, 0.5))
     rows = [(0.0, 2.0, 1.7, 0.3), (0.5, 2.0, 1.7, 0.3)], [(0.0, 3.2, 1.0, -0.4), (1.5, 3.2, 1.0, -0.4)]
@@ -205,6 +205,7 @@ def test_a_mesh_is_as_far_as_the_box_that_it_is():
     assert a[both] == pytest.approx(b[both], abs=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_motion_that_starts_over_is_one_of_many_rows():
     """Six periods from now the way is done: psi does not know whether there is a seventh."""
@@ -259,8 +260,8 @@ def test_optimal_paths_pass_a_crossing_disc_on_both_sides(crossed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("b", [0.1, 0.2, 0.3])
-@pytest.mark.parametrize("name", list(V))
+@pytest.mark.parametrize("b", [0.2, *(pytest.param(b, marks=pytest.mark.thorough) for b in (0.1, 0.3))])
+@pytest.mark.parametrize("name", [pytest.param("crossing", marks=pytest.mark.thorough), "closing_door", "pincer"])
 def test_values_and_shares_are_those_of_an_independent_march(name, b):
     """Values within 0.3 %, shares within 3 points; their standard errors are 1.1 at most, seed 0.
 
@@ -275,6 +276,7 @@ def test_values_and_shares_are_those_of_an_independent_march(name, b):
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("b", [0.2, 0.3])
 def test_among_oblique_ways_and_a_turning_bar_psi_is_what_plain_simulation_says(b):
     grid, rng = solved(SCENES["oblique"](), b), np.random.default_rng(7)

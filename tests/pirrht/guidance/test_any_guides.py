@@ -251,6 +251,7 @@ def test_between_plans_the_lead_is_the_guides_control_plus_its_gains():
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 def test_a_car_that_accelerates_is_led_whatever_turns_its_heading_has_made():
     """psi from a tape and from a guide within 3 errors, seeds 1 and 2; a turn more changes no sample."""
     integral, x = in_the_open(Coaster()), np.array([0.0, 0.0, 0.2, 0.8])

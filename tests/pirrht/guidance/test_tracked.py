@@ -178,8 +178,8 @@ def test_guides_of_a_car_are_of_their_references_class_and_dearer_than_the_taut_
     [
         ("car", np.array([1.0, 2.5, 0.0, 0.0])),
         ("car", np.array([2.0, 4.0, -1.0, 1.0])),
-        ("turret", np.array([1.0, 2.5, 0.5])),
-        ("turret", np.array([2.0, 1.0, 2.5])),
+        pytest.param("turret", np.array([1.0, 2.5, 0.5]), marks=pytest.mark.thorough),
+        pytest.param("turret", np.array([2.0, 1.0, 2.5]), marks=pytest.mark.thorough),
     ],
     ids=["car at rest", "car under way", "turret", "turret below"],
 )

@@ -145,6 +145,8 @@ CASES = {
 }
 
 
+@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("system", CASES)
 def test_two_guides_of_what_moves_smoothly_agree_on_psi(system):
     dynamics, R, x = CASES[system]

@@ -49,6 +49,7 @@ def mean(weight: Array) -> tuple[float, float]:
 
 
 @pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("tape", TAPES)
 def test_psi_of_the_chain_is_plain_simulations_whatever_tape_is_followed(tape):
     """0.047975(68) of 10^7 paths: steps of 0.01 s along the heading of their start, exits at their ends."""
@@ -57,7 +58,7 @@ def test_psi_of_the_chain_is_plain_simulations_whatever_tape_is_followed(tape):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stratonovich", [False, True])
+@pytest.mark.parametrize("stratonovich", [pytest.param(False, marks=pytest.mark.thorough), True])
 def test_the_likelihood_ratio_integrates_to_one(stratonovich):
     rollouts = drawn(car(PLAIN if not stratonovich else FINE, stratonovich), (1.0, -0.6, 0.2), 20_000, 5)
     one, error = mean(np.exp(-rollouts.paths.log_ratio[:, 0]))
@@ -92,6 +93,7 @@ def in_slit(partition: bool) -> PathIntegral:
     return PathIntegral(problem, FreeSpace.of(problem.scene), Sampling(dt=0.1, threads=1))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_mass_is_the_same_in_input_form_as_in_the_papers_partition():
     """Guide, likelihood ratios, paths and controls agree to rounding."""

@@ -54,7 +54,15 @@ def fcl_free(scene: Scene, path: np.ndarray) -> bool:
     return True
 
 
-@pytest.mark.parametrize("scene", [SCENES["crossing"], SCENES["closing_door"], SCENES["oblique"], tumbling])
+SPACES = (
+    SCENES["crossing"],
+    SCENES["closing_door"],
+    SCENES["oblique"],
+    pytest.param(tumbling, marks=pytest.mark.thorough),
+)
+
+
+@pytest.mark.parametrize("scene", SPACES)
 def test_edges_never_collide_and_only_what_nearly_collides_is_refused(scene):
     space, steering = FreeSpace.of(scene()), InTime()
     tails, heads = edges(3, 160)

@@ -21,6 +21,7 @@ def test_a_drives_clock_runs_whether_it_is_driven_or_only_expected():
     assert drive.time == pytest.approx(0.5)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_drives_under_the_exact_law_cost_what_it_foretells_and_arrive():
     """`pincer`, b = 0.3: the mean cost of 24 drives is v to 3 standard errors and 1 %; seeds 0 to 23."""

@@ -68,7 +68,7 @@ def test_without_interference_a_loose_drive_is_that_of_run():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["puck", "hover"])
+@pytest.mark.parametrize("robot", ["puck", pytest.param("hover", marks=pytest.mark.thorough)])
 def test_a_push_moves_the_robot_by_about_as_much_as_it_says(robot):
     """A puck is carried at that speed meanwhile, a mass has it afterwards, less what the controls do against it."""
     period = 0.05
