@@ -236,10 +236,11 @@ def helpers_of(parent: int) -> list[int]:
     return found
 
 
+HOWS = [signal.SIGKILL, *(pytest.param(how, marks=pytest.mark.thorough) for how in (signal.SIGTERM, signal.SIGINT))]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "how", [signal.SIGKILL, *(pytest.param(how, marks=pytest.mark.thorough) for how in (signal.SIGTERM, signal.SIGINT))]
-)
+@pytest.mark.parametrize("how", HOWS)
 def test_the_process_that_compiles_ends_with_its_parent(tmp_path: Path, how: int):
     command = [sys.executable, "-m", "sim.cli", *COMMANDS["run"]]
     with subprocess.Popen(

@@ -63,10 +63,11 @@ def test_a_scene_has_more_than_one_way_that_noise_may_favour(name):
     assert first[0] != first[1] or second > 0.01
 
 
+ALL = ["barn", *(pytest.param(name, marks=pytest.mark.thorough) for name in PAGES if name != "barn")]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["barn", *(pytest.param(name, marks=pytest.mark.thorough) for name in PAGES if name != "barn")]
-)
+@pytest.mark.parametrize("name", ALL)
 def test_a_robot_reaches_the_goal_with_one_of_three_seeds_though_it_plans_seldom(name):
     tree = prepare(name).grown_tree()
     for seed in range(3):

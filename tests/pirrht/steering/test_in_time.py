@@ -54,12 +54,8 @@ def fcl_free(scene: Scene, path: np.ndarray) -> bool:
     return True
 
 
-SPACES = (
-    SCENES["crossing"],
-    SCENES["closing_door"],
-    SCENES["oblique"],
-    pytest.param(tumbling, marks=pytest.mark.thorough),
-)
+THOROUGH = pytest.param(tumbling, marks=pytest.mark.thorough)
+SPACES = SCENES["crossing"], SCENES["closing_door"], SCENES["oblique"], THOROUGH
 
 
 @pytest.mark.parametrize("scene", SPACES)
