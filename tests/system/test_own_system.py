@@ -97,8 +97,8 @@ def test_a_boat_is_an_environment(moor):
 @pytest.mark.parametrize(
     ("line", "wrong", "words"),
     [
-        ("= 0.0, p[0]", "= 0.0, q[0]", "drift(x, p, out) fails at x = [0.0, 0.0] (NameError"),
-        ("= 0.0, p[0]", "= 0.0, np.nan", "drift(x, p, out) writes [0.0, nan]"),
+        ("= p[0], p[1]", "= p[0], q[0]", "drift(x, p, out) fails at x = [0.0, 0.0] (NameError"),
+        ("= p[0], p[1]", "= p[0], np.nan", "drift(x, p, out) writes [0.0, nan]"),
         ("return rng.uniform(", "return sea.uniform(", "in sample: NameError: name 'sea' is not defined; mend it"),
     ],
 )

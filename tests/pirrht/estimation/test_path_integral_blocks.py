@@ -141,7 +141,7 @@ def test_kernels_over_a_users_functions_are_built_once_and_kept_as_ours_are():
     """They are named by what these functions do (`compiled.identity`)."""
     kernels = [kernels_for(uneven(0.5, Uneven(b=b), two)) for b in (0.3, 0.5)]
     assert kernels[0] is kernels[1]
-    assert kernels[0].control.stats.cache_path is not None
+    assert kernels[0].sample.stats.cache_path is not None
     assert blocks.stats.cache_path is not None
 
 
