@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from thoroughly import first
 
 gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
@@ -288,15 +289,17 @@ def test_a_policy_that_fails_loses_no_finished_drive(swept):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "what"),
-    [
-        ({"max_time": 0.1}, "--max-time 0.05 and these drives are with 0.1"),
-        ({"plant": "sde"}, "--plant mujoco and these drives are with sde"),
-        ({"phi": 5.0}, "--phi inf and these drives are with 5.0"),
-        ({"start": (1.0, 2.0)}, "--start 1.0 2.5 and these drives are with 1.0 2.0"),
-        ({"goal": (5.0, 2.5, 0.2)}, "--goal"),
-        ({"radius": 0.07}, "--radius"),
-        ({"robot": "unicycle"}, "--phi inf and"),
-    ],
+    first(
+        [
+            ({"max_time": 0.1}, "--max-time 0.05 and these drives are with 0.1"),
+            ({"plant": "sde"}, "--plant mujoco and these drives are with sde"),
+            ({"phi": 5.0}, "--phi inf and these drives are with 5.0"),
+            ({"start": (1.0, 2.0)}, "--start 1.0 2.5 and these drives are with 1.0 2.0"),
+            ({"goal": (5.0, 2.5, 0.2)}, "--goal"),
+            ({"radius": 0.07}, "--radius"),
+            ({"robot": "unicycle"}, "--phi inf and"),
+        ]
+    ),
 )
 def test_drives_of_another_task_are_not_mixed_in(swept, changes, what):
     with pytest.raises(OptionError, match="choose another folder") as caught:

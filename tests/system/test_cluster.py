@@ -124,6 +124,7 @@ def test_everything_is_done_once_with_its_luggage_and_killers_are_given_up(local
     assert [r for r in told if not isinstance(r, int)] == [(2, "the workers died")]
 
 
+@pytest.mark.thorough
 def test_what_waits_beside_a_killer_each_time_is_not_given_up_with_it(local):
     os.killpg(local._processes[-1].pid, signal.SIGKILL)  # one worker: both are always there
     told = results(local.address, die_slowly_of_two, [Task("a", number) for number in (2, 3)])

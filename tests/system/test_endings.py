@@ -13,6 +13,7 @@ from pathlib import Path
 import odd_files
 import pytest
 from repository import environment
+from thoroughly import first
 
 from sim.cli import main
 from sim.cli.ending import Stopped, ended
@@ -66,7 +67,7 @@ def test_ctrl_c_while_modules_are_imported_ends_without_a_traceback(number: int)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize(("after", "how"), [(0.3, 2), (3, 2), (0.3, 15), (4, 15), (4, 1)])
+@pytest.mark.parametrize(("after", "how"), first([(0.3, 2), (4, 15), (3, 2), (0.3, 15), (4, 1)], 2))
 def test_a_signal_ends_a_command_with_its_status_and_one_line(command: str, after: float, how: int):
     ran = done(AFTER, str(how), str(after), *COMMANDS[command])
     assert ran.returncode in (128 + how, -how if after < 1 else 128 + how)
@@ -236,7 +237,7 @@ def helpers_of(parent: int) -> list[int]:
     return found
 
 
-HOWS = [signal.SIGKILL, *(pytest.param(how, marks=pytest.mark.thorough) for how in (signal.SIGTERM, signal.SIGINT))]
+HOWS = first([signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 
 
 @pytest.mark.slow

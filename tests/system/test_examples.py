@@ -11,14 +11,16 @@ import numpy as np
 import pytest
 from commands import call, told
 from repository import ROOT
+from thoroughly import thorough
 
 EXAMPLES = ROOT / "scripts" / "examples"
 DOCS = (ROOT / "docs" / "bring-your-own.md").read_text()
 WIND = ("--system", "wind:BALLOON")
 TUG = ("--robot", "tug.xml", "--system", "tug:TUG")
 SCOOTER = ("--robot", "unicycle", "--system", "scooter:SCOOTER")
-THOROUGH = [pytest.param(words, id=words[-1].partition(":")[0], marks=pytest.mark.thorough) for words in (TUG, SCOOTER)]
-ALL = [pytest.param(WIND, id="wind"), *THOROUGH]  # each takes its kernels half a minute
+ALL = [
+    thorough(words, id=words[-1].partition(":")[0]) for words in (WIND, TUG, SCOOTER)
+]  # half a minute of kernels each
 SMALL = ("--vertices", "100", "--samples", "20")
 
 
@@ -91,7 +93,9 @@ def test_an_example_is_an_environment(folder, words):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("words", "at"), [(WIND, ("1", "2.5")), (TUG, ("1", "2.5", "0", "0"))], ids=["wind", "tug"])
+@pytest.mark.parametrize(
+    ("words", "at"), [thorough(WIND, ("1", "2.5"), id="wind"), thorough(TUG, ("1", "2.5", "0", "0"), id="tug")]
+)
 def test_samples_of_an_example_count(folder, words, at):
     """More than 1 of 100 are effective, where a guide that knew no wind left 1 of 600."""
     found = told(folder, "estimate", "slit", *words, "--vertices", "300", "--at", *at, "--samples", "1000")

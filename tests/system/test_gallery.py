@@ -9,6 +9,7 @@ import make_scenes
 import numpy as np
 import pytest
 from repository import ROOT
+from thoroughly import thorough
 from worlds import meshes
 
 from pirrht.errors import OptionError
@@ -63,7 +64,7 @@ def test_a_scene_has_more_than_one_way_that_noise_may_favour(name):
     assert first[0] != first[1] or second > 0.01
 
 
-ALL = ["barn", *(pytest.param(name, marks=pytest.mark.thorough) for name in PAGES if name != "barn")]
+ALL = ["barn", *(thorough(name) for name in PAGES if name != "barn")]
 
 
 @pytest.mark.slow

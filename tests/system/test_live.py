@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from thoroughly import first
 
 from sim.recording import read, viewer
 
@@ -96,7 +97,7 @@ def test_what_is_served_listens_on_the_loopback_interface_alone_and_ends_with_th
     assert all(gone(port) for port in ports)
 
 
-@pytest.mark.parametrize("blow", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
+@pytest.mark.parametrize("blow", first([signal.SIGKILL, signal.SIGTERM, signal.SIGHUP]))
 @pytest.mark.parametrize("all_at_once", [False, True])  # as a closing terminal and `timeout` do
 def test_a_server_does_not_outlive_its_run_whatever_ends_that(blow, all_at_once):
     process = drive("--serve", "--max-time", "20", start_new_session=True)
@@ -124,7 +125,7 @@ def test_from_a_terminal_it_is_served_until_ctrl_c():
     os.close(master)
 
 
-@pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("blow", first([signal.SIGSTOP, signal.SIGKILL]))
 def test_a_viewer_that_dies_or_hangs_neither_stops_nor_stalls_the_run(tmp_path, blow):
     port, file = viewer._free_port(), tmp_path / "a.rrd"
     watcher = viewer._start([*viewer.RERUN, "--serve-grpc", "--port", str(port)], start_new_session=True)

@@ -93,6 +93,7 @@ def test_psi_is_the_mean_of_weights_whatever_the_parts_that_they_are_drawn_in(mo
         assert said.ess == pytest.approx(w.sum() ** 2 / (w**2).sum(), rel=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_table_has_a_row_per_state_and_counts_those_within_a_percent():
     options = argparse.Namespace(part=None, states=6, samples=2000, plans=2, first_seed=3, noises=None, robot=None)

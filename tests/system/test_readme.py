@@ -16,6 +16,7 @@ import pytest
 from documents import NAMES, PAGES, blocks, commands, links, models, named
 from notebooks import code_of
 from repository import ROOT, environment
+from thoroughly import first, thorough
 
 from sim import cli
 from sim.cli import parser
@@ -91,11 +92,11 @@ def test_every_command_of_the_pages_is_one_that_is_understood(line):
     assert arguments.command in line
 
 
-LONG = {"gallery.md", "tutorial.md"}  # all scenes, all robots
+PAGE = "README.md"  # of others, the thorough suite
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [pytest.param(n, marks=pytest.mark.thorough) if n in LONG else n for n in NAMES])
+@pytest.mark.parametrize("page", [n if n == PAGE else thorough(n) for n in NAMES])
 def test_every_command_of_a_page_runs_in_the_order_of_the_page(page, folder, monkeypatch, capsys):
     """With few vertices and samples, and only a moment of driving."""
     monkeypatch.chdir(folder)
@@ -179,6 +180,7 @@ def test_every_other_snippet_runs(snippet, folder):
     run(re.sub(r"range\(\d+\)", "range(2)", snippet), folder)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_system_of_ones_own_reaches_the_goal(folder):
     (boat,) = (text for text in blocks(named("bring-your-own.md"), "python") if "class Boat(" in text)
@@ -199,7 +201,7 @@ def test_there_are_two_notebooks():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("notebook", first(NOTEBOOKS), ids=lambda path: path.stem)
 def test_a_notebook_runs_from_its_first_cell_to_its_last(notebook, tmp_path):
     pytest.importorskip("matplotlib")
     said = run(code_of(notebook), tmp_path)

@@ -107,6 +107,7 @@ def _read(file: Path) -> list[dict]:
     return pq.read_table(file).to_pylist()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sweep, tmp_path):
     words, expected = long_sweep

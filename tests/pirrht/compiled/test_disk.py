@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from repository import environment
+from thoroughly import first
 
 from pirrht.compiled.disk import Files
 
@@ -89,14 +90,16 @@ def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(tmp_path):
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"], ids=["index", "machine code"])
 @pytest.mark.parametrize(
     "damage",
-    [
-        lambda content: b"",
-        lambda content: content[: len(content) // 2],
-        lambda content: np.random.default_rng(0).bytes(len(content)),
-        lambda content: content[:-100] + bytes([content[-100] ^ 1]) + content[-99:],
-        lambda content: b"\x80\x05X\xff\xff\xff\x7f",  # a pickle that asks for 2 GB
-    ],
-    ids=["empty", "half", "noise", "a bit", "greedy"],
+    first(
+        [
+            lambda content: content[:-100] + bytes([content[-100] ^ 1]) + content[-99:],
+            lambda content: b"",
+            lambda content: content[: len(content) // 2],
+            lambda content: np.random.default_rng(0).bytes(len(content)),
+            lambda content: b"\x80\x05X\xff\xff\xff\x7f",  # a pickle that asks for 2 GB
+        ]
+    ),
+    ids=["a bit", "empty", "half", "noise", "greedy"],
 )
 def test_a_damaged_file_is_compiled_anew_with_one_line(whole, tmp_path, suffix, damage):
     laid_out({path: damage(whole[path]) if path.suffix == suffix else whole[path] for path in whole}, tmp_path)

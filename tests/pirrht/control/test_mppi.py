@@ -121,6 +121,7 @@ def test_there_are_at_least_as_many_samples_as_around_the_references(slit: Scena
     assert slit.with_settings(method="mppi", classes=2).mppi().path_integral.sampling.samples == 400
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_slit_is_no_straw_man(slit: Scenario):
     """Where the straight way is the right one MPPI takes it, as it did in 12 of 12 drives."""

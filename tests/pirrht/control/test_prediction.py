@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from discs import disc
 from moving import SCENES, hall, moved
+from thoroughly import thorough
 
 from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
@@ -81,7 +82,7 @@ def test_nothing_is_foretold_anew_before_a_body_moves_otherwise():
     assert prediction.at(START, 0.0) is not second
 
 
-@pytest.mark.parametrize("name", [pytest.param("crossing", marks=pytest.mark.thorough), "pincer"])
+@pytest.mark.parametrize("name", [thorough("crossing"), "pincer"])
 def test_plans_of_controllers_agree_with_the_grid_at_a_place_and_a_time(name):
     """Within 4 standard errors and 0.3 %, at two times; seed 1."""
     one = controller(name)
@@ -98,7 +99,7 @@ def test_plans_of_controllers_agree_with_the_grid_at_a_place_and_a_time(name):
 
 PLACES = [
     ((4.233, 0.01), 0.14),
-    *(pytest.param(x, t, marks=pytest.mark.thorough) for x, t in (((5.624, 0.015), 1.31), ((3.5, 4.98), 0.5))),
+    *(thorough(x, t) for x, t in (((5.624, 0.015), 1.31), ((3.5, 4.98), 0.5))),
 ]
 
 

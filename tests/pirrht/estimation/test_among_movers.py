@@ -11,6 +11,7 @@ import pytest
 from by_chance import guided
 from discs import block, disc
 from moving import SCENES, hall, moved
+from thoroughly import thorough
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
@@ -74,7 +75,7 @@ def known(name: str, b: float) -> Desirability:
 
 
 JUDGED = [
-    pytest.param(name, b, marks=() if (name, b) == ("crossing", 0.2) else pytest.mark.thorough)
+    (name, b) if (name, b) == ("crossing", 0.2) else thorough(name, b)
     for name in ("crossing", "closing_door", "pincer")
     for b in (0.2, 0.3)
 ]

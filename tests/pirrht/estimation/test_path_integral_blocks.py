@@ -16,6 +16,7 @@ from closed_forms import (
     within,
 )
 from scipy.integrate import solve_bvp
+from thoroughly import thorough
 
 from pirrht.arrays import Array
 from pirrht.errors import NotLinearlySolvable, OptionError
@@ -99,8 +100,9 @@ def strip_value(problem: Problem, L: float, dynamics: Uneven, x: float) -> tuple
     return -temperature * np.log(psi), rise / psi
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
-@pytest.mark.parametrize("guide", [pytest.param("feedback", marks=pytest.mark.thorough), "open-loop"])
+@pytest.mark.parametrize("guide", [thorough("feedback"), "open-loop"])
 def test_functions_that_return_constants_take_the_same_paths_as_constants(guide):
     sampling = Sampling(dt=0.05, samples=300, guide=guide)
     fast = PathIntegral(strip(0.5, 0.5), strip_space(0.5), sampling)

@@ -14,6 +14,7 @@ import pytest
 from rooms import DOORWAY, box
 from scipy.stats import kstest
 from solved import Solved, around_corner, around_post, in_channel, problem_in
+from thoroughly import thorough
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
@@ -128,7 +129,7 @@ PLACES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kernels", ["blocks", pytest.param("one by one", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("kernels", ["blocks", thorough("one by one")])
 @pytest.mark.parametrize("place", list(PLACES))
 def test_split_steps_are_equal_in_law_to_small_ones(place, kernels):
     """dt = 0.1 split, against 0.1 / 64 throughout; 24 seeds each."""

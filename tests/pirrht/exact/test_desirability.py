@@ -139,6 +139,7 @@ def test_psi_far_below_the_smallest_number_is_no_trouble():
     assert grid.value(np.array([0.3, 2.0])) == pytest.approx(2.0 * 7.65, rel=0.01)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_judged_at_the_ends_of_steps_the_slit_looks_safer(slit, through_slit):
     """Independent: 9.452 and a share of 0.46 through the slit, against 9.535 and 0.05 in continuous time."""
@@ -169,6 +170,7 @@ def test_the_discrete_solution_solves_its_own_equation():
         assert after.mean() == pytest.approx(1.0, abs=4.0 * after.std() / math.sqrt(len(draws)))
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_value_of_a_car_agrees_with_samples():
     """10^5 passive paths each, seed 0: standard errors of 0.2 %; the grid has 1 % of its own."""

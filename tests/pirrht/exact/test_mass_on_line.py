@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from benchmarks import mass_line
+from thoroughly import first, thorough
 
 from pirrht.errors import OptionError
 from pirrht.exact.mass_on_line import MassOnLine, mass_on_line
@@ -58,7 +59,7 @@ def best_without_noise(p: float, v: float) -> tuple[float, float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("phi", [np.inf, 1.0])
-@pytest.mark.parametrize("x", [(0.5, 0.0), (0.2, 0.3), (0.4, -0.6), (0.8, 0.5)])
+@pytest.mark.parametrize("x", [(0.5, 0.0), *(thorough(x) for x in ((0.2, 0.3), (0.4, -0.6), (0.8, 0.5)))])
 def test_psi_is_that_of_plain_monte_carlo(x, phi):
     """b = 0.7, 20 000 paths of steps of 0.002 s, seed 1; within 3 standard errors and the grid's own error."""
     truth = solved(0.7, fastest=6.0, phi=phi)
@@ -114,7 +115,7 @@ def test_what_cannot_be_solved_is_refused_with_what_can():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("b", mass_line.NOISES)
+@pytest.mark.parametrize("b", first(mass_line.NOISES))
 def test_the_value_that_samples_give_a_mass_is_the_grids(b):
     """At 20 random states within 1 %, 2000 samples each, seed 0."""
     truth, integral = solved(b, spacing=0.005), mass_line.sampler(b, threads=1)

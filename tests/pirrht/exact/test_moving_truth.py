@@ -11,6 +11,7 @@ from discs import block, disc
 from moving import SCENES, START, as_mesh, moved
 from moving_samples import sampled_log_psi
 from scipy.stats import norm
+from thoroughly import first, thorough
 
 from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
@@ -72,7 +73,7 @@ def crossed() -> Desirability:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("speed", [0.4, *(pytest.param(c, marks=pytest.mark.thorough) for c in (-0.4, 1.0))])
+@pytest.mark.parametrize("speed", first([0.4, -0.4, 1.0]))
 def test_before_a_wall_at_constant_speed_a_path_pays_what_girsanov_says(speed):
     """With psi = 1 on it, psi = exp(-z (sqrt(c^2/b^4 + 2 q/(lambda b^2)) - c/b^2)) at z before a wall of speed c."""
     b, q, phi = 0.3, 1.0, 0.0
@@ -116,7 +117,7 @@ def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("phi", "accuracy"), [(np.inf, 1e-3), pytest.param(3.0, 2e-3, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(("phi", "accuracy"), [(np.inf, 1e-3), thorough(3.0, 2e-3)])
 def test_a_mover_that_stands_still_is_an_obstacle(phi, accuracy):
     solids = disc("disc", 0.0, 0.0, 0.3), block("box", 0.0, 0.0, (0.15, 0.5))
     rows = [(0.0, 2.0, 1.7, 0.3), (0.5, 2.0, 1.7, 0.3)], [(0.0, 3.2, 1.0, -0.4), (1.5, 3.2, 1.0, -0.4)]
@@ -260,8 +261,8 @@ def test_optimal_paths_pass_a_crossing_disc_on_both_sides(crossed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("b", [0.2, *(pytest.param(b, marks=pytest.mark.thorough) for b in (0.1, 0.3))])
-@pytest.mark.parametrize("name", [pytest.param("crossing", marks=pytest.mark.thorough), "closing_door", "pincer"])
+@pytest.mark.parametrize("b", first([0.2, 0.1, 0.3]))
+@pytest.mark.parametrize("name", first(["pincer", "closing_door", "crossing"]))
 def test_values_and_shares_are_those_of_an_independent_march(name, b):
     """Values within 0.3 %, shares within 3 points; their standard errors are 1.1 at most, seed 0.
 

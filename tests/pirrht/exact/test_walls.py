@@ -7,6 +7,7 @@ import pytest
 from benchmarks.scenes import scene_of
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
+from thoroughly import thorough
 
 from pirrht import FreeSpace, Goal, Kind, Obstacle, Problem, Scene, SingleIntegrator
 from pirrht.errors import OptionError
@@ -76,8 +77,8 @@ def differences(domain: Domain, b: float, lower: np.ndarray, upper: np.ndarray, 
     ("which", "b", "h", "lower", "upper"),
     [
         ("disc", 0.1, 0.005, [3.5, 2.1], [4.8, 3.6]),
-        pytest.param("0", 0.2, 0.0125, [0.0, 0.0], [5.0, 5.0], marks=pytest.mark.thorough),
-        pytest.param("13", 0.2, 0.0125, [0.0, 0.0], [5.0, 5.0], marks=pytest.mark.thorough),
+        thorough("0", 0.2, 0.0125, [0.0, 0.0], [5.0, 5.0]),
+        thorough("13", 0.2, 0.0125, [0.0, 0.0], [5.0, 5.0]),
     ],
 )
 def test_where_grid_points_touch_walls_the_value_is_that_of_finite_differences(which, b, h, lower, upper):

@@ -81,6 +81,7 @@ def guide_of(integral: PathIntegral, times: Array) -> Follow:
     return Follow(found)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_psi_of_a_point_in_the_wind_does_not_depend_on_its_guide_which_knows_the_wind():
     """A tape over ground, the guide, and the guide put aside; within 3 errors. 40 000 samples each, seeds 1 to 3."""
@@ -132,6 +133,7 @@ def test_only_a_point_that_stands_still_and_is_shaken_alike_climbs():
     assert around_a_post(SingleIntegrator(b=0.1)).guidance is None
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_reference_that_ends_on_the_rim_makes_a_guide_of_a_car_with_two_inputs():
     """Its tape is zero from there on, and without inputs it would stand before the goal for ever."""

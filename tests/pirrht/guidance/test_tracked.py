@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from thoroughly import first, thorough
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
@@ -147,7 +148,7 @@ def test_a_tree_of_positions_without_steering_for_the_system_is_refused_still():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", first(range(4)))
 def test_guides_of_a_car_are_of_their_references_class_and_dearer_than_the_taut_way_at_the_best_pace(seed):
     """From random states at any heading: q + u'Ru/2 is at least 1 + v^2, and that at least 2 |v|."""
     _, space, tree, _ = grown("car")
@@ -177,9 +178,9 @@ def test_guides_of_a_car_are_of_their_references_class_and_dearer_than_the_taut_
     ("which", "x"),
     [
         ("car", np.array([1.0, 2.5, 0.0, 0.0])),
-        ("car", np.array([2.0, 4.0, -1.0, 1.0])),
-        pytest.param("turret", np.array([1.0, 2.5, 0.5]), marks=pytest.mark.thorough),
-        pytest.param("turret", np.array([2.0, 1.0, 2.5]), marks=pytest.mark.thorough),
+        thorough("car", np.array([2.0, 4.0, -1.0, 1.0])),
+        thorough("turret", np.array([1.0, 2.5, 0.5])),
+        thorough("turret", np.array([2.0, 1.0, 2.5])),
     ],
     ids=["car at rest", "car under way", "turret", "turret below"],
 )

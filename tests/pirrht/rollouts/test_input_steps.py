@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from by_inputs import PushedMass, driven
+from thoroughly import thorough
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts
@@ -58,7 +59,7 @@ def test_psi_of_the_chain_is_plain_simulations_whatever_tape_is_followed(tape):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stratonovich", [pytest.param(False, marks=pytest.mark.thorough), True])
+@pytest.mark.parametrize("stratonovich", [thorough(False), True])
 def test_the_likelihood_ratio_integrates_to_one(stratonovich):
     rollouts = drawn(car(PLAIN if not stratonovich else FINE, stratonovich), (1.0, -0.6, 0.2), 20_000, 5)
     one, error = mean(np.exp(-rollouts.paths.log_ratio[:, 0]))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from discs import block, disc
 from moving import SCENES, as_mesh, hall, moved
+from thoroughly import thorough
 
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
@@ -54,7 +55,7 @@ def fcl_free(scene: Scene, path: np.ndarray) -> bool:
     return True
 
 
-THOROUGH = pytest.param(tumbling, marks=pytest.mark.thorough)
+THOROUGH = thorough(tumbling)
 SPACES = SCENES["crossing"], SCENES["closing_door"], SCENES["oblique"], THOROUGH
 
 

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 from repository import ROOT
+from thoroughly import first
 
 from sim.drawing.colors import ClassColors, title
 from sim.figures import gallery, lengths, lifted, shares, snapshots, style
@@ -156,14 +157,16 @@ def script(*arguments, **options):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "told"),
-    [
-        (["--only", "9"], "--only: there is no figure '9'; name some of 1,2,3,4,5"),
-        (["--only", ""], "--only: there is no figure ''"),
-        (["--format", "gif"], "gif"),
-        (["--dpi", "5"], "from 50 to 1200"),
-        (["-o", "/dev/null/figures"], "-o /dev/null/figures: no folder can be made there"),
-        (["--seed", "-1"], "seed"),
-    ],
+    first(
+        [
+            (["--only", "9"], "--only: there is no figure '9'; name some of 1,2,3,4,5"),
+            (["--only", ""], "--only: there is no figure ''"),
+            (["--format", "gif"], "gif"),
+            (["--dpi", "5"], "from 50 to 1200"),
+            (["-o", "/dev/null/figures"], "-o /dev/null/figures: no folder can be made there"),
+            (["--seed", "-1"], "seed"),
+        ]
+    ),
 )
 def test_bad_options_are_refused_in_one_line(arguments, told, tmp_path):
     done = script(*arguments, cwd=tmp_path)

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from repository import ROOT
+from thoroughly import thorough
 
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
@@ -68,7 +69,7 @@ def test_without_interference_a_loose_drive_is_that_of_run():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["puck", pytest.param("hover", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("robot", ["puck", thorough("hover")])
 def test_a_push_moves_the_robot_by_about_as_much_as_it_says(robot):
     """A puck is carried at that speed meanwhile, a mass has it afterwards, less what the controls do against it."""
     period = 0.05

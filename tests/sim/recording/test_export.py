@@ -232,6 +232,7 @@ def test_states_are_columns_by_their_names_wherever_they_stand(states, names):
         assert table[f"end_{name}"] == 10.0 + at
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_hover_is_recorded_without_a_heading_and_told_with_its_velocities(tmp_path, capsys):
     file, out = tmp_path / "a.rrd", tmp_path / "a.npz"
