@@ -102,6 +102,7 @@ def test_the_script_draws_a_still_and_a_loop_of_a_scene(tmp_path, monkeypatch):
         assert np.ptp(brightness) < 20.0  # all of them show the same scene
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_script_draws_both_noise_levels_and_the_value(tmp_path):
     image = pytest.importorskip("PIL.Image")

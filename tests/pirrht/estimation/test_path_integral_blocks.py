@@ -16,7 +16,7 @@ from closed_forms import (
     within,
 )
 from scipy.integrate import solve_bvp
-from thoroughly import thorough
+from thoroughly import first, thorough
 
 from pirrht.arrays import Array
 from pirrht.errors import NotLinearlySolvable, OptionError
@@ -120,8 +120,8 @@ def test_functions_that_return_constants_take_the_same_paths_as_constants(guide)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "dynamics",
-    [Uneven(b=0.5, base=0.5, rise=12.0), Uneven(b=0.5, widening=2.0), Uneven(b=0.5, widening=2.0, rise=8.0)],
-    ids=["rate", "blocks", "both"],
+    first([Uneven(b=0.5, widening=2.0, rise=8.0), Uneven(b=0.5, base=0.5, rise=12.0), Uneven(b=0.5, widening=2.0)]),
+    ids=["both", "rate", "blocks"],
 )
 def test_state_dependent_rate_and_blocks_match_collocation(dynamics):
     L, x = 0.5, 0.2

@@ -149,6 +149,7 @@ def test_judged_at_the_ends_of_steps_the_slit_looks_safer(slit, through_slit):
     assert through_slit[0.3].shares(START, 2000)["0,0"] == pytest.approx(0.048, abs=4 * 0.005)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_shorter_steps_come_closer_to_continuous_time():
     room = scene(post(2.0, 2.2, 0.3))

@@ -99,6 +99,7 @@ def test_psi_of_a_point_in_the_wind_does_not_depend_on_its_guide_which_knows_the
             assert abs(one - other) < 3.0 * np.hypot(its, error)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_guide_in_the_wind_costs_what_the_best_straight_way_to_the_rim_does():
     """With D to the rim and wind w that is sqrt(2 (q + w'Rw / 2) D'RD) - D'Rw; to 3 %, the post being near the way."""
@@ -110,6 +111,7 @@ def test_a_guide_in_the_wind_costs_what_the_best_straight_way_to_the_rim_does():
     assert guide_of(integral, integral.grid(4.0)).guide.cost == pytest.approx(costs.min(), rel=0.03)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_control_of_a_point_in_the_wind_is_the_slope_of_its_value():
     """u = -R^-1 dv/dx by differences of 0.02 m on one stream of noise, within 0.1 m/s; 20 000 samples, seed 4."""
