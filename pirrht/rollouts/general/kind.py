@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from pirrht.compiled.jit import kernel
-from pirrht.systems.dynamics import no_homing
+from pirrht.systems.dynamics import no_drift, no_homing
 from pirrht.systems.unicycle import unicycle_drift
 
 SWAY = 1.0 / math.sqrt(12.0)  # of the mean of a step's noise beside its middle, in deviations of the noise
@@ -36,6 +36,41 @@ class Kind(NamedTuple):
     def rows(self) -> int:
         """Trailing states that B has rows for."""
         return self.n if self.input_form else self.m
+
+    @property
+    def drifting(self) -> bool:
+        """Whether its state moves by itself."""
+        return self.drift is not no_drift
+
+    @property
+    def varying(self) -> bool:
+        """Whether B does."""
+        return self.diffusion_block is not None
+
+    @property
+    def gaining(self) -> bool:
+        """Whether B^-1 G does, which turns u into a."""
+        return self.control_block is not None
+
+    @property
+    def turning(self) -> bool:
+        """Whether it moves as a car at constant speed does, along arcs."""
+        return self.drift is unicycle_drift and self.rows == self.m == 1 and not self.moving
+
+    @property
+    def along_line(self) -> bool:
+        """Whether its position moves to and fro along a line alone."""
+        return self.rows > self.m and self.noisy_position and not self.drifting
+
+    @property
+    def bending(self) -> bool:
+        """Whether its way within a step bends as the noise of the step has it."""
+        return takes_law(self) and self.drifting and not self.noisy_position
+
+    @property
+    def modes(self) -> int:
+        """The most modes that the noise of a step has: m, and as many sways of what bends."""
+        return 2 * self.m if self.bending else self.m
 
 
 @cache
@@ -73,5 +108,9 @@ def takes_law(kind: Kind) -> bool:
     """
     if kind.moving:
         return True
-    car = kind.drift is unicycle_drift and kind.rows == kind.m == 1 and kind.control_block is None
-    return not car and not (kind.n == kind.m == 2 and not kind.astray)
+    return not is_car(kind) and not (kind.n == kind.m == 2 and not kind.astray)
+
+
+def is_car(kind: Kind) -> bool:
+    """Whether samples are led by a car's own law."""
+    return kind.turning and not kind.gaining

@@ -12,6 +12,14 @@ from pirrht.compiled.jit import inlined
 from pirrht.systems.heading import wrapped
 
 
+@inlined
+def columns_of(n, modes):  # type: ignore[no-untyped-def]
+    """Where a row of a law (`law_width`) has slopes, its state, the deviation of noise, its inverse and log det."""
+    there = modes + modes * n
+    shape = there + n
+    return modes, there, shape, shape + modes * modes, shape + 2 * modes * modes
+
+
 @cache
 def nearest_of(n: int, angles: int) -> Any:
     """The kernel (address, pitch, s, last, x, there, weights) that finds it from step s on, for states (n,).

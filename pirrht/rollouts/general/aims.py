@@ -1,0 +1,145 @@
+"""What every reference would do at a state, in the unit of the noise: a_g = B_c^-1 G_c u_g."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pirrht.compiled.addresses import load_float64
+from pirrht.compiled.jit import part
+from pirrht.rollouts.gates import gate_slope
+from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
+from pirrht.rollouts.general.law import columns_of, nearest_of
+from pirrht.rollouts.homing import STEEP, homing
+from pirrht.rollouts.records import FINER
+from pirrht.rollouts.ways import KNOWN, PLACE, uphill
+from pirrht.systems.heading import wrapped
+
+LOST = 60.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
+# a martingale, so that exp(-60) is also what is expected of it later
+
+
+@cache
+def aims(kind: Kind) -> Any:
+    """The kernel that writes `a` of every reference, and with a law `wide` or `aside`."""
+    n, m, rows, moving, noisy_position = kind.n, kind.m, kind.rows, kind.moving, kind.noisy_position
+    car, leadable, gated, gaining = is_car(kind), takes_law(kind), is_gated(kind), kind.gaining
+    losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
+    fixed, angles, homing_of = n - rows, kind.angles, kind.homing
+    nearest = nearest_of(n, angles)
+
+    @part
+    def car_law(leads, scratch, g, i, steep):  # type: ignore[no-untyped-def]
+        """Write those of a car's own law."""
+        law, x = leads.law, scratch.x
+        ex, ey = x[0] - law[g, i, 4], x[1] - law[g, i, 5]
+        drive = law[g, i, 0] + law[g, i, 1] * ex + law[g, i, 2] * ey
+        et = wrapped(x[2] - law[g, i, 6])
+        drive += law[g, i, 3] * et
+        scratch.a[g, 0] = max(-steep, min(steep, drive))
+        drive = law[g, i, 9] + law[g, i, 10] * ex + law[g, i, 11] * ey + law[g, i, 12] * et
+        scratch.aside[g] = max(-steep, min(steep, drive))
+
+    @part
+    def step_of(leads, scratch, g, i, share, modes):  # type: ignore[no-untyped-def]
+        """Find the step of a law: the one that is due where bodies move, else the one whose state is nearest."""
+        law, led, s = leads.law, leads.led, scratch.stage[g]
+        if moving:
+            s = min(i * FINER + int(FINER * share + 0.5), law.shape[1] - 1)
+            scratch.stage[g] = s
+        elif s < led[g]:
+            _, there, _, _, end = columns_of(n, modes)
+            pitch = 8 * law.shape[2]
+            row, final = law.ctypes.data + pitch * law.shape[1] * g, min(led[g], law.shape[1] - 1)
+            s = nearest(row, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, end + 2)
+            scratch.stage[g] = s
+        return s
+
+    @part
+    def any_law(leads, scratch, g, s, modes):  # type: ignore[no-untyped-def]
+        """Write `wide` of a law's step s."""
+        law, x, wide, beside = leads.law, scratch.x, scratch.wide, scratch.beside
+        slopes, there, _, _, end = columns_of(n, modes)
+        row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s)
+        for k in range(n):
+            beside[k] = x[k] - load_float64(row, there + k)
+            if (angles >> k) & 1:
+                beside[k] = wrapped(beside[k])
+        for j in range(modes):
+            total = load_float64(row, j)
+            for k in range(n):
+                total += load_float64(row, slopes + j * n + k) * beside[k]
+            wide[g, j] = total
+        if gated:
+            at_x, at_y = x[0] - law[g, s, there], x[1] - law[g, s, there + 1]
+            sx, sy = gate_slope(law, g, s, end + 2 + n, at_x, at_y)
+            for j in range(m):
+                wide[g, j] += scratch.B[0, j] * sx + scratch.B[1, j] * sy
+        for j in range(modes):
+            bound = load_float64(row, end + 1)
+            wide[g, j] = max(-bound, min(bound, wide[g, j]))
+
+    @part
+    def along_way(leads, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
+        """Write `a` of a way, whose desirability is climbed."""
+        ways, x, B, stage = leads.ways, scratch.x, scratch.B, scratch.stage
+        C, J = ways.slope.shape[1], ways.slope.shape[2]
+        place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
+        stage[g], sx, sy = uphill(
+            place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, ways.count[g] - 1, J, ways.decay, goal,
+            stage[g], x[0], x[1], walls,
+        )  # fmt: skip
+        for j in range(m):
+            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+            by = B[1 - fixed, j] if fixed <= 1 else 0.0
+            scratch.a[g, j] = bx * sx + by * sy
+
+    @part
+    def aim(setup, leads, scratch, ratio, goal, radius, walls, h, i, share, modes):  # type: ignore[no-untyped-def]
+        """Do so after a share of step i of the grid; of the one followed, h, if nothing is weighed."""
+        x, a, wide, lost, home = scratch.x, scratch.a, scratch.wide, scratch.lost, scratch.home
+        led, count, weigh = leads.led, leads.ways.count, ratio.shape[0] > 0
+        near_walls, steep = noisy_position and leads.reach > 0.0, STEEP * setup.gain[0, 0]
+        homeward, headed = np.inf, False  # computed once, if a reference asks for it
+        for g in range(0 if weigh else h, a.shape[0] if weigh else h + 1):
+            lost[g] = lost[g] or (losing and weigh and ratio[g] < ratio[h] - LOST)
+            if lost[g]:  # never of h
+                continue
+            if noisy_position and count[g] > 0:
+                along_way(leads, scratch, g, goal, walls)
+            elif car and led[g] > i:
+                car_law(leads, scratch, g, i, steep)
+            elif car and led[g] > 0:
+                if homeward == np.inf:
+                    bound = scratch.D[0, 0] * scratch.B[0, 0]
+                    homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / scratch.B[0, 0]
+                a[g, 0] = homeward
+            elif leadable and led[g] > 0:
+                s = step_of(leads, scratch, g, i, share, modes)
+                if s < led[g]:
+                    any_law(leads, scratch, g, s, modes)
+                else:
+                    if not headed:
+                        homing_of(x, setup.parameters, scratch.B, goal, radius, setup.pace, home)
+                        headed = True
+                    for j in range(modes):
+                        wide[g, j] = home[j] if j < m else 0.0
+                for j in range(m):
+                    a[g, j] = wide[g, j]
+            else:
+                for j in range(m):
+                    a[g, j] = 0.0
+                for j in range(modes if leadable else 0):
+                    wide[g, j] = 0.0
+            if i < leads.active[g]:
+                for j in range(m):
+                    a[g, j] += 0.0 if gaining else leads.drift[g, i, j]
+                    for k in range(m if gaining else 0):
+                        a[g, j] += scratch.D[j, k] * leads.control[g, i, k]
+            if near_walls and count[g] == 0 and (led[g] == 0 or gated):
+                for j in range(m):
+                    a[g, j] += scratch.pushed[j]
+
+    return aim

@@ -1,0 +1,174 @@
+"""Whether and where a path leaves within a step: into the goal, a wall or a body that moves."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pirrht.compiled.jit import part
+from pirrht.compiled.streams import normals
+from pirrht.geometry.traffic import traffic_clearance
+from pirrht.rollouts.among import SKIN, at_moving_wall, look_around, met_on_bridge, met_on_way
+from pirrht.rollouts.first_exit import (
+    COLLISION,
+    FAR,
+    GOAL,
+    INSIDE,
+    at_crossing,
+    bridge_exit,
+    distances,
+    endpoint_exit,
+    line_of,
+    rim_along,
+)
+from pirrht.rollouts.general.kind import Kind
+from pirrht.rollouts.general.noise import SOON
+from pirrht.rollouts.listed import listing, surely
+from pirrht.rollouts.sweep import sweep_exit, sweep_onward
+
+
+@cache
+def bodies_for(kind: Kind) -> Any:
+    """The kernel that lists the bodies that a step may meet, and tells how many."""
+    noisy_position, along_line = kind.noisy_position, kind.along_line
+
+    @part
+    def bodies_of(setup, scratch, dt, now, cov, turn, close):  # type: ignore[no-untyped-def]
+        x, moved, held, traffic, spread = scratch.x, scratch.moved, scratch.held, setup.traffic, 0.0
+        if noisy_position:
+            spread = math.sqrt(0.5 * FAR * (cov[0] + cov[2] if along_line else max(cov[0], cov[2])))
+        way = math.sqrt((moved[0] - x[0]) ** 2 + (moved[1] - x[1]) ** 2) + traffic.speed * dt
+        if not noisy_position:
+            way *= 1.0 + abs(turn)
+        if surely(held, traffic.speed, x[0], x[1], now) < way + spread or now + dt > held[4] + SOON:
+            more = np.inf if now + dt > held[4] + SOON and not noisy_position else way + spread + SKIN
+            close = listing(traffic, x[0], x[1], now, more, held, scratch.listed)
+            if noisy_position:
+                look_around(traffic, scratch.listed, close, x[0], x[1], now, spread, held, scratch.near)
+        return close
+
+    return bodies_of
+
+
+@cache
+def ended_for(kind: Kind) -> Any:
+    """Kernels that end a step at its crossing: without this the rest of it would enter dQ/dP as noise."""
+    n, m, moving = kind.n, kind.m, kind.moving
+
+    @part
+    def ended_in_plane(scratch, arena, dt, exit, share, cov, by_body, body, state):  # type: ignore[no-untyped-def]
+        """Where the noise of a step is its displacement."""
+        x, moved, f, y, B = scratch.x, scratch.moved, scratch.f, scratch.y, scratch.B
+        dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
+        if moving and by_body:
+            near, spread = scratch.near, math.sqrt(cov[0])
+            state, dx, dy = at_moving_wall(near, body, dx, dy, f[0], f[1], dt, share, spread, state)
+        else:
+            state, dx, dy = at_crossing(arena, x[0], x[1], dx, dy, exit, share, math.sqrt(cov[0]), state)
+        y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
+        y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
+        moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
+        return state, dt * share
+
+    @part
+    def ended_on_line(scratch, arena, dt, share, rates, state):  # type: ignore[no-untyped-def]
+        """Where the position moves to and fro: to the rim along the line, other noise as of a bridge."""
+        (xx, xy, yy), x, moved, y, B, column = rates, scratch.x, scratch.moved, scratch.y, scratch.B, scratch.column
+        ex, ey, alone = line_of((xx * dt, xy * dt, yy * dt))
+        if not alone:
+            return state, dt
+        size, to_rim = xx + yy, rim_along(arena, x[0], x[1], ex, ey)
+        spread, noisy = math.sqrt(share * (1.0 - share) * dt), 0.0
+        for j in range(m):
+            if j % 2 == 0:
+                state, z, other = normals(state)
+            else:
+                z = other
+            column[j, 0] = z
+            noisy += (B[0, j] * ex + B[1, j] * ey) * (share * y[j] + spread * z)
+        for j in range(m):
+            along = (B[0, j] * ex + B[1, j] * ey) / size
+            y[j] = share * y[j] + spread * column[j, 0] + along * (to_rim - noisy)
+        for j in range(n):
+            moved[j] = x[j]
+            for k in range(m):
+                moved[j] += B[j, k] * y[k]
+        return state, dt * share
+
+    return ended_in_plane, ended_on_line
+
+
+@cache
+def exits(kind: Kind) -> Any:
+    """The kernel that judges a step by how it moved: where a path was stopped, when, and what the next step knows.
+
+    It tells the state of the stream, exit, share of the step, time [s] for which its noise counts, log of the
+    probability that no wall was met, distances (noisy positions) and room (others) at its end, and bodies near it.
+    """
+    noisy_position, moving, along_line, turning = kind.noisy_position, kind.moving, kind.along_line, kind.turning
+    isotropic = kind.n == 2 and kind.m == 2  # the noise of a step is its displacement; then an exit cuts both alike
+    bodies_of = bodies_for(kind)
+    ended_in_plane, ended_on_line = ended_for(kind)
+
+    @part
+    def at_end(setup, scratch, arena, dt, now):  # type: ignore[no-untyped-def]
+        """Judge it where it ends."""
+        moved = scratch.moved
+        exit, share = endpoint_exit(arena, moved[0], moved[1])
+        if moving and traffic_clearance(setup.traffic, moved[0], moved[1], now + dt) <= 0.0:
+            exit = COLLISION
+        return exit, share
+
+    @part
+    def on_bridge(setup, leads, scratch, arena, dt, now, rates, before, close, state):  # type: ignore[no-untyped-def]
+        """Judge it along the Brownian bridge between its ends."""
+        (xx, xy, yy), x, moved = rates, scratch.x, scratch.moved
+        cov, after = (xx * dt, xy * dt, yy * dt), distances(arena, moved[0], moved[1])
+        until, by_body, body = dt, False, 0
+        state, exit, share, missed = bridge_exit(
+            arena, x[0], x[1], moved[0], moved[1], before, after, cov, leads.weighed, state, along_line
+        )
+        if moving and close > 0:
+            state, hit, body, alive = met_on_bridge(
+                setup.traffic, scratch.listed, close, scratch.near, x[0], x[1], moved[0], moved[1], now, dt, cov,
+                along_line, leads.weighed, state,
+            )  # fmt: skip
+            if hit <= 1.0 and (exit == INSIDE or hit < share):
+                exit, share, by_body = COLLISION, hit, True
+            elif exit != COLLISION:
+                missed += share * alive
+        if isotropic and exit != INSIDE and cov[1] == 0.0 and cov[0] == cov[2]:
+            state, until = ended_in_plane(scratch, arena, dt, exit, share, cov, by_body, body, state)
+        elif along_line and exit == GOAL:
+            state, until = ended_on_line(scratch, arena, dt, share, rates, state)
+        return state, exit, share, until, missed, after
+
+    @part
+    def judge(setup, leads, scratch, arena, dt, now, way, before, room, close, state):  # type: ignore[no-untyped-def]
+        (arrived, ahead, turn, (xx, xy, yy)), x, moved = way, scratch.x, scratch.moved
+        exit, share, until, missed = INSIDE, 1.0, 0.0 if arrived else dt, 0.0
+        if moving and (setup.bridge or not noisy_position):
+            close = bodies_of(setup, scratch, dt, now, (xx * dt, xy * dt, yy * dt), turn, close)
+        if not setup.bridge:
+            exit, share = at_end(setup, scratch, arena, dt, now)
+            before = distances(arena, moved[0], moved[1])
+        elif noisy_position:
+            state, exit, share, until, missed, before = on_bridge(
+                setup, leads, scratch, arena, dt, now, (xx, xy, yy), before, close, state
+            )
+        elif arrived:
+            exit, share = GOAL, ahead
+        elif turning:
+            exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1], turn)
+        else:
+            exit, share, room = sweep_onward(arena, x[0], x[1], moved[0], moved[1], turn, room)
+        if moving and not noisy_position and setup.bridge and close > 0:
+            hit = met_on_way(setup.traffic, scratch.listed, close, x[0], x[1], moved[0], moved[1], turn, now, dt, share)
+            if hit <= share:
+                exit, share = COLLISION, hit
+        return state, exit, share, until, missed, before, room, close
+
+    return judge

@@ -1,0 +1,146 @@
+"""How long a step is, and the noise that is drawn for it under the reference that a path follows."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pirrht.compiled.addresses import load_float64
+from pirrht.compiled.float32 import ONE, ZERO
+from pirrht.compiled.jit import part
+from pirrht.compiled.streams import fill_normals, normals
+from pirrht.rollouts.among import SKIN, facing_among, look_around, with_moving
+from pirrht.rollouts.first_exit import RIM, facing, fitting, two_walls, wall_slope
+from pirrht.rollouts.general.kind import Kind, is_car, takes_law
+from pirrht.rollouts.general.law import columns_of
+from pirrht.rollouts.general.scratch import ABREAST
+from pirrht.rollouts.listed import listing, surely
+
+SOON = 1e-6  # a step is no shorter than this where motions change [s]
+NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
+
+
+@cache
+def length_for(kind: Kind) -> Any:
+    """The kernel that fits a step to the room that there is, and finds the bodies near it: (dt, how many)."""
+    noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
+
+    @part
+    def length_of(setup, leads, scratch, arena, rates, before, left, now, close):  # type: ignore[no-untyped-def]
+        (xx, xy, yy), x, dt = rates, scratch.x, left
+        if moving and noisy_position:  # as far as noise carries a path that is not to be split, or walls push
+            traffic, held, listed, near = setup.traffic, scratch.held, scratch.listed, scratch.near
+            within = max(3.0 * math.sqrt(max(xx, yy) * left), 3.0 * leads.reach)
+            if surely(held, traffic.speed, x[0], x[1], now) < within:
+                close = listing(traffic, x[0], x[1], now, within + SKIN, held, listed)
+            gone, until_change = traffic.reach, np.inf
+            if close > 0:
+                gone, until_change = look_around(traffic, listed, close, x[0], x[1], now, within, held, near)
+        if noisy_position and leads.least < left:
+            scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
+            gap = before[0]
+            if along_line and gap > 0.0 and scale * gap * gap < left:
+                gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
+            if moving:
+                if along_line and scale * gone * gone < left:
+                    gone = facing_among(near, close, (xx, xy, yy))
+                gap = min(gap, gone)
+            narrow = max(min(min(gap, before[1]), max(before[2], RIM * arena.radius)), 0.0)
+            dt = fitting(narrow, left, leads.least, scale)
+            if moving:
+                dt = min(dt, max(until_change - now, SOON))
+        if moving and noisy_position:
+            dt = min(dt, max(held[4] - now, SOON))
+        return dt, close
+
+    return length_of
+
+
+@cache
+def walls_for(kind: Kind) -> Any:
+    """The kernel that writes what the two nearest walls push, and tells where they are.
+
+    Survivors lean away from walls anyway: the push is B' grad log of what psi is proportional to there.
+    """
+    m, fixed, moving = kind.m, kind.n - kind.rows, kind.moving
+
+    @part
+    def push_of(leads, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
+        x, B = scratch.x, scratch.B
+        c, wx, wy, d, vx, vy = two_walls(arena.field, x[0], x[1])
+        widest = np.float32(0.5 * math.sqrt(max(cov[0], cov[2])))
+        shift = np.float32(leads.beyond)
+        walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
+        if moving and close > 0:
+            walls = with_moving(walls, scratch.near, close, widest)
+            _, wx, wy, _, vx, vy = walls
+        sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, leads.reach)
+        for j in range(m):
+            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+            by = B[1 - fixed, j] if fixed <= 1 else 0.0
+            scratch.pushed[j] = bx * sx + by * sy
+        return walls
+
+    return push_of
+
+
+@cache
+def noise_for(kind: Kind) -> Any:
+    """The kernel that draws the noise `y` of a step, `drawn` with all its modes, and sway; (stream's state, sway)."""
+    n, m, noisy_position = kind.n, kind.m, kind.noisy_position
+    car, leadable, turning = is_car(kind), takes_law(kind), kind.turning
+    abreast = leadable and not noisy_position
+
+    @part
+    def under_law(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
+        """Draw under the law of a step, whose covariance counts where steps do not end at crossings."""
+        law, white, drawn, stage = leads.law, scratch.white, scratch.drawn, scratch.stage
+        even, root = modes + modes % 2, math.sqrt(dt)
+        for j in range(0, 0 if abreast else modes, 2):
+            state, z, other = normals(state)
+            white[j] = sign * z
+            if j + 1 < modes:
+                white[j + 1] = sign * other
+        if abreast:  # several steps at once: no other draws come between theirs
+            if i % ABREAST == 0:
+                state = fill_normals(state, ABREAST * even // 2, scratch.fresh)
+            for j in range(modes):
+                white[j] = sign * scratch.fresh[(i % ABREAST) * even + j]
+        _, _, shape, _, _ = columns_of(n, modes)
+        row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
+        for j in range(modes):
+            z = white[j]
+            if stage[h] < leads.led[h] and not noisy_position:
+                z = 0.0
+                for k in range(modes):
+                    z += load_float64(row, shape + j * modes + k) * white[k]
+            drawn[j] = z * root + (scratch.a[h, j] if j < m else scratch.wide[h, j]) * dt
+        for j in range(m):
+            scratch.y[j] = drawn[j]
+        return state
+
+    @part
+    def draw(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
+        law, y, a, root = leads.law, scratch.y, scratch.a, math.sqrt(dt)
+        sway, other = 0.0, 0.0
+        if leadable:
+            state = under_law(leads, scratch, state, sign, h, i, dt, modes)
+        for j in range(0 if leadable else m):
+            if j % 2 == 0:
+                state, z, other = normals(state)
+            else:
+                z = other
+            z *= sign
+            if car and leads.led[h] > i:
+                z *= law[h, i, 7]
+            y[j] = z * root + a[h, j] * dt
+        if turning and leads.least < np.inf:
+            sway = sign * other * root
+            if car and leads.led[h] > i:
+                sway = law[h, i, 14] * sway + scratch.aside[h] * dt + law[h, i, 13] * (y[0] - a[h, 0] * dt)
+        return state, sway
+
+    return draw

@@ -1,0 +1,72 @@
+"""What a path is simulated in: arrays that all paths of a thread have in common."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.compiled.jit import kernel
+from pirrht.rollouts.among import NEAR
+from pirrht.rollouts.general.kind import Kind
+from pirrht.rollouts.listed import held_of
+
+ABREAST = 8  # steps whose noise is drawn at once
+
+
+class Scratch(NamedTuple):
+    """Of a system with n states and m controls under H references among J bodies."""
+
+    x: Array  # (n,) the state
+    moved: Array  # (n,) where the step leads, and before that its middle
+    f: Array  # (n,) drift
+    y: Array  # (m,) noise of the step under P
+    G: Array  # (rows, m) G, or scratch where B = G s
+    D: Array  # (m, m) B^-1 G
+    B: Array  # (rows, m)
+    a: Array  # (H, m) B^-1 G u of every reference
+    aside: Array  # (H,) likewise of a car's sway
+    pushed: Array  # (m,) what walls push on top
+    stage: NDArray[np.int64]  # (H,) the node of its way, or the step of its law
+    lost: NDArray[np.bool_]  # (H,) whether it is out of question
+    column: Array  # (m, 1)
+    carried: Array  # (m, 1)
+    wide: Array  # (H, 2 m) a of a law, of all modes
+    home: Array  # (m,) beyond the last step of a law
+    white: Array  # (2 m,) independent normals
+    drawn: Array  # (2 m,) noise of the step, of all modes
+    beside: Array  # (n,) how far the state is from the law's
+    fresh: Array  # normals of the next steps
+    held: Array  # what `listed` holds
+    listed: NDArray[np.int64]  # (J,) bodies within reach
+    near: Array  # (J, NEAR) where they are
+    side: Array  # (marks, 2) about which windings among bodies are counted
+
+
+SCRATCH: Any = Scratch
+
+
+@cache
+def scratch_for(kind: Kind) -> Any:
+    """The kernel (setup, leads) that makes it."""
+    n, m, rows, moving = kind.n, kind.m, kind.rows, kind.moving
+
+    @kernel
+    def scratch_of(setup, leads):  # type: ignore[no-untyped-def]
+        H = leads.control.shape[0]
+        bodies = setup.traffic.J if moving else 0
+        return SCRATCH(
+            np.empty(n), np.empty(n), np.empty(n), np.empty(m),
+            np.zeros((rows, m)), np.empty((m, m)), np.empty((rows, m)),
+            np.empty((H, m)), np.zeros(H), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
+            np.empty((m, 1)), np.empty((m, 1)),
+            np.zeros((H, 2 * m)), np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n),
+            np.zeros(ABREAST * 2 * (m + 1)),
+            held_of(bodies), np.empty(bodies, np.int64), np.empty((bodies, NEAR)),
+            np.empty((leads.marks.weight.shape[0], 2)),
+        )  # fmt: skip
+
+    return scratch_of
