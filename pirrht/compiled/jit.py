@@ -48,11 +48,15 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """The same for a part of a long kernel, which takes its arrays without counting who holds them, and makes none.
+    """A part of a long kernel: inlined, and it does not count who holds the arrays that it is given.
 
-    Counting is atomic: a step of a path that is split into parts would take five times as long.
+    Counting is atomic: a step of a path that is split into parts would take five times as long. It makes no arrays, and
+    returns none (TypeError), since its caller would let go of what it never held.
     """
-    return _compiled(function, forceinline=True, _nrt=False)
+    compiled: Any = _compiled(function, forceinline=True, _nrt=False)
+    if not DISABLED:
+        compiled.compile = _returning_no_array(compiled, compiled.compile)
+    return compiled
 
 
 def jitable(function: F) -> F:
@@ -109,6 +113,23 @@ def _compiled(function: F, **options: Any) -> F:
         compiled.compile = one_at_a_time(compiled.compile, _FOLDER / LOCKS / f"{function.__name__}-{known}")
     kernel: F = compiled
     return kernel
+
+
+def _returning_no_array(compiled: Any, work: Callable[..., Any]) -> Callable[..., Any]:
+    """The same work, which refuses what it compiled if that hands on an array."""
+
+    def checked(signature: Any) -> Any:
+        made = work(signature)
+        if any(_holds_array(overload.signature.return_type) for overload in compiled.overloads.values()):
+            raise TypeError(f"{compiled.py_func.__name__} is part of a kernel and returns an array; write into one")
+        return made
+
+    return checked
+
+
+def _holds_array(kind: types.Type) -> bool:
+    """Whether values of a type hold arrays."""
+    return isinstance(kind, types.Array) or any(_holds_array(one) for one in getattr(kind, "types", ()))
 
 
 def _name(compiled: Any, identity: str | None) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from repository import environment
 
-from pirrht.compiled.jit import digest_of
+from pirrht.compiled.jit import DISABLED, digest_of, part
 
 STRIP = """
 import numpy as np
@@ -59,3 +59,20 @@ def test_a_plan_and_a_control_step_without_compiling_are_those_of_the_kernels(ki
     plain, compiled = words("1"), words("0")
     assert plain[:2] == compiled[:2]
     np.testing.assert_allclose(np.array(plain[2:], float), np.array(compiled[2:], float), rtol=1e-5)
+
+
+@pytest.mark.skipif(DISABLED, reason="nothing is compiled")
+def test_a_part_of_a_kernel_hands_on_no_array_that_it_borrowed():
+    """Its caller would let go of what it never held, and the memory be given away under its owner."""
+    row = np.arange(3.0)
+    assert part(_second)(row) == 1.0
+    with pytest.raises(TypeError, match=r"_both is part of a kernel and returns an array; write into one"):
+        part(_both)(row)
+
+
+def _second(row):
+    return row[1]
+
+
+def _both(row):
+    return 1.0, row
