@@ -53,7 +53,7 @@ def part(function: Callable[..., Any]) -> Any:
     Counting is atomic: a step of a path that is split into parts would take five times as long. It makes no arrays, and
     returns none (TypeError), since its caller would let go of what it never held.
     """
-    compiled: Any = _compiled(function, forceinline=True, _nrt=False)
+    compiled: Any = _compiled(function, forceinline=True, counting=False)
     if not DISABLED:
         compiled.compile = _returning_no_array(compiled, compiled.compile)
     return compiled
@@ -73,9 +73,12 @@ def jitable(function: F) -> F:
 def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
     """Make any numeric Python function callable from a kernel, which is kept on disk if the function has a name."""
     ours = name_of(function) in _inlined and name_of(function).startswith(OURS)
-    if DISABLED or isinstance(function, Dispatcher) or ours:  # others numba would look up by their names alone
+    if DISABLED or ours:  # others numba would look up by their names alone
         return function
-    compiled: Callable[..., Any] = njit(function)
+    if isinstance(function, Dispatcher):
+        function.targetoptions.setdefault("_nrt", True)
+        return function
+    compiled: Callable[..., Any] = njit(_nrt=True)(function)
     _name(compiled, identity(function))
     return compiled
 
@@ -102,10 +105,11 @@ def note(name: str) -> None:
         (_FOLDER / NOTES / name).touch()
 
 
-def _compiled(function: F, **options: Any) -> F:
+def _compiled(function: F, *, counting: bool = True, **options: Any) -> F:
+    """Compile it; what says nothing of `_nrt` would take over that of whoever asks for it first."""
     if DISABLED:
         return function
-    compiled = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+    compiled = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, _nrt=counting, **options)(function)
     compiled.get_call_template = _widened(compiled.get_call_template)
     known = identity(function)
     if _name(compiled, known) and os.path.exists(function.__code__.co_filename):

@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.compiled.jit import kernel
-from pirrht.guidance.ddp import LEAST_CURVATURE
+from pirrht.compiled.copies import copy_row, copy_rows
+from pirrht.compiled.jit import kernel, part
 from pirrht.guidance.forward_pass import passes_of
 from pirrht.guidance.priced import expand_price
 from pirrht.guidance.priced_among import expand_among, expand_point
-from pirrht.guidance.spectra import diagonalise, recompose
+from pirrht.guidance.quadratic import Price, composition, response
 from pirrht.guidance.step_map import NUDGE, step_of
 from pirrht.rollouts.general.kind import Kind, is_gated
+
+PRICE: Any = Price
 
 
 @cache
@@ -25,6 +27,8 @@ def backward_of(kind: Kind) -> Any:
     arrival, n, m = passes_of(kind).arrival, kind.n, kind.m
     noisy_position, by_inputs = kind.noisy_position, kind.input_form
     moving, point = kind.moving, is_gated(kind)
+    add_after, through_step, add_before = composition(n)
+    respond, leave = response(n)
 
     @kernel
     def _end(setup, task, x, v, W):  # type: ignore[no-untyped-def]
@@ -76,6 +80,40 @@ def backward_of(kind: Kind) -> Any:
                 for k in range(2):
                     chain[4 + k, end * n + i] = 0.5 * sign * (up[k] - down[k]) / NUDGE
 
+    @part
+    def priced(setup, task, states, i, times, points, price, bends, ends):  # type: ignore[no-untyped-def]
+        """Expand the price on clearance, a function of the states before and after a step; whether there is any."""
+        dt, x, y = times[i + 1] - times[i], states[i, 0], states[i, 1]
+        dx, dy = states[i + 1, 0] - x, states[i + 1, 1] - y
+        bx, by = 0.0, 0.0
+        if bends:
+            f, other = ends
+            velocity(setup, states[i], f)
+            velocity(setup, states[i + 1], other)
+            bx, by = f[0] - other[0], f[1] - other[1]
+        slope, bend = price.slope, price.bend
+        if point:
+            near = expand_point(setup.arena.field, task, x, y, dx, dy, dt, points, slope, bend)
+        else:
+            near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, slope, bend)
+        if moving:
+            near = expand_among(
+                setup.traffic, task, x, y, dx, dy, bx, by, times[i], dt, points, point, near, slope, bend
+            )
+        if near:
+            _follow(setup, states[i], states[i + 1], bends, price.chain)
+        return near
+
+    @part
+    def add_noise(control, i, passive, g, Q):  # type: ignore[no-untyped-def]
+        """Add what the noise of a step costs by itself, and fill the upper half of Q."""
+        for j in range(control.shape[1]):
+            g[n + j] += passive * control[i, j]
+            Q[n + j, n + j] += passive
+        for j in range(g.shape[0]):
+            for k in range(j):
+                Q[k, j] = Q[j, k]
+
     @kernel
     def backward(setup, task, times, course, length, points, damping):  # type: ignore[no-untyped-def]
         """Backward pass: the best change of each control and its feedback; returns the gain expected [cost].
@@ -83,140 +121,36 @@ def backward_of(kind: Kind) -> Any:
         Written are the first `length` rows of change, gains, share, inverse and volume; `times` (T+1,) are ends of
         steps [s], `damping` is what is added to the controls' curvature, as a share of lambda dt.
         """
-        states, control, gains, share, inverse, volume, change, aims = course
+        states, control, aims = course.states, course.control, course.aims
         modes = control.shape[1]
         N = n + modes
         v, W, costate, P = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
         J, S, Q, g = np.zeros((n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
-        lead, stiff, bows = np.zeros((n, N)), np.zeros((modes, modes)), np.zeros(modes)
-        vectors, inverted = stiff.copy(), stiff.copy()
-        slope, bend, chain, bent = np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)), np.zeros((6, 2 * n))
-        f, other, cross, bends = np.zeros(n), np.zeros(n), np.zeros((n, n)), not noisy_position and modes > m
+        lead, stiff, ends = np.zeros((n, N)), np.zeros((modes, modes)), (np.zeros(n), np.zeros(n))
+        work = stiff, stiff.copy(), stiff.copy(), np.zeros(modes)
+        price = PRICE(np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)), np.zeros((6, 2 * n)), np.zeros((n, n)))
+        bends, expected = not noisy_position and modes > m, 0.0
         if task.hold == 0.0:
             _end(setup, task, states[length], v, W)
-        expected = 0.0
         for i in range(length - 1, -1, -1):
             dt = times[i + 1] - times[i]
-            x, y = states[i, 0], states[i, 1]
-            dx, dy = states[i + 1, 0] - x, states[i + 1, 1] - y
-            bx, by = 0.0, 0.0
-            if bends:
-                velocity(setup, states[i], f)
-                velocity(setup, states[i + 1], other)
-                bx, by = f[0] - other[0], f[1] - other[1]
-            # The price on clearance is a function of the states before and after the step.
-            if point:
-                near = expand_point(setup.arena.field, task, x, y, dx, dy, dt, points, slope, bend)
-            else:
-                near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, slope, bend)
-            if moving:
-                near = expand_among(
-                    setup.traffic, task, x, y, dx, dy, bx, by, times[i], dt, points, point, near, slope, bend
-                )
-            if near:
-                _follow(setup, states[i], states[i + 1], bends, chain)
-            for j in range(n):
-                costate[j] = v[j]
-                for k in range(n):
-                    P[j, k] = W[j, k]
+            near = priced(setup, task, states, i, times, points, price, bends, ends)
+            copy_row(v, costate)
+            copy_rows(W, P)
             if task.hold > 0.0:
                 for j in range(2):
                     costate[j] += 2.0 * task.hold * dt * (states[i + 1, j] - aims[i + 1, j])
                     P[j, j] += 2.0 * task.hold * dt
             if near:
-                for j in range(2 * n):
-                    for e in range(6):
-                        total = 0.0
-                        for k in range(6):
-                            total += bend[e, k] * chain[k, j]
-                        bent[e, j] = total
-                for j in range(n):
-                    for e in range(6):
-                        costate[j] += slope[e] * chain[e, n + j]
-                    for k in range(n):
-                        for e in range(6):
-                            P[j, k] += chain[e, n + j] * bent[e, n + k]
+                add_after(price, costate, P)
             expand(setup, states[i], control[i], dt, costate, task.active, task.curved, J, S)
-            for j in range(n):
-                for k in range(N):
-                    total = 0.0
-                    for e in range(n):
-                        total += P[j, e] * J[e, k]
-                    lead[j, k] = total
-            for j in range(N):
-                g[j] = J[n, j]
-                for e in range(n):
-                    g[j] += costate[e] * J[e, j]
-                for k in range(j + 1):
-                    total = S[j, k]
-                    for e in range(n):
-                        total += J[e, j] * lead[e, k]
-                    Q[j, k] = total
-            if near:  # what the state before has to do with that after
-                for j in range(n):
-                    for k in range(n):
-                        cross[j, k] = 0.0
-                        for e in range(6):
-                            cross[j, k] += chain[e, j] * bent[e, n + k]
-                for j in range(n):
-                    for e in range(6):
-                        g[j] += slope[e] * chain[e, j]
-                    for k in range(j + 1):
-                        for e in range(6):
-                            Q[j, k] += chain[e, j] * bent[e, k]
-                    for k in range(N):
-                        total = 0.0
-                        for e in range(n):
-                            total += cross[j, e] * J[e, k]
-                        Q[max(j, k), min(j, k)] += total if k != j else 2.0 * total
+            through_step(costate, P, J, S, lead, g, Q)
+            if near:
+                add_before(price, J, g, Q)
             passive = task.temperature * dt
-            for j in range(modes):
-                g[n + j] += passive * control[i, j]
-                Q[n + j, n + j] += passive
-            for j in range(N):
-                for k in range(j):
-                    Q[k, j] = Q[j, k]
-            for j in range(modes):
-                for k in range(modes):
-                    stiff[j, k] = Q[n + j, n + k]
-            diagonalise(stiff, vectors)
-            volume[i] = 0.0
-            for j in range(modes):
-                bow = max(stiff[j, j] + damping * passive, LEAST_CURVATURE * passive)
-                left = min(1.0, passive / bow)
-                volume[i] += 0.5 * math.log(left)
-                bows[j], stiff[j, j] = bow, math.sqrt(left)
-            recompose(stiff, vectors, share[i])
-            for j in range(modes):
-                stiff[j, j] = 1.0 / stiff[j, j]
-            recompose(stiff, vectors, inverse[i])
-            for j in range(modes):
-                stiff[j, j] = 1.0 / bows[j]
-            recompose(stiff, vectors, inverted)
-            for j in range(modes):
-                change[i, j] = 0.0
-                for e in range(modes):
-                    change[i, j] -= inverted[j, e] * g[n + e]
-                for k in range(n):
-                    total = 0.0
-                    for e in range(modes):
-                        total -= inverted[j, e] * Q[n + e, k]
-                    gains[i, j, k] = total
-                expected -= 0.5 * g[n + j] * change[i, j]
-            # With the curvature above, the best response leaves the Schur complement.
-            for j in range(n):
-                v[j] = g[j]
-                for e in range(modes):
-                    v[j] += Q[n + e, j] * change[i, e]
-                for k in range(n):
-                    total = Q[j, k]
-                    for e in range(modes):
-                        total += Q[n + e, j] * gains[i, e, k]
-                    W[j, k] = total
-            for j in range(n):
-                for k in range(j):
-                    W[j, k] = 0.5 * (W[j, k] + W[k, j])
-                    W[k, j] = W[j, k]
+            add_noise(control, i, passive, g, Q)
+            expected = respond(course, i, passive, damping, g, Q, work, expected)
+            leave(course, i, g, Q, v, W)
         return expected
 
     return backward

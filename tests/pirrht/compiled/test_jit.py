@@ -7,9 +7,10 @@ import sys
 
 import numpy as np
 import pytest
+from numba import njit
 from repository import environment
 
-from pirrht.compiled.jit import DISABLED, digest_of, part
+from pirrht.compiled.jit import DISABLED, as_jitable, digest_of, kernel, part
 
 STRIP = """
 import numpy as np
@@ -68,6 +69,29 @@ def test_a_part_of_a_kernel_hands_on_no_array_that_it_borrowed():
     assert part(_second)(row) == 1.0
     with pytest.raises(TypeError, match=r"_both is part of a kernel and returns an array; write into one"):
         part(_both)(row)
+
+
+@pytest.mark.parametrize("made", [kernel, as_jitable, lambda function: as_jitable(njit(function))])
+def test_what_a_part_asks_may_make_arrays(made):
+    asked = made(_doubled)
+
+    @part
+    def asking(row):
+        out = row[:2]
+        asked(row, out)
+        return out[0]
+
+    @kernel
+    def whole(row):
+        return asking(row)
+
+    assert whole(np.arange(1.0, 4.0)) == 12.0
+
+
+def _doubled(row, out):
+    more = np.zeros(3)
+    more[:] = row * 2.0
+    out[0] = np.sum(more)
 
 
 def _second(row):
