@@ -23,7 +23,8 @@ from sim.rehearsal import rehearse
 from sim.scenario import Driver, Scenario, prepare
 from sim.system_import import source
 
-KEPT = 4  # scenes, trees and grids that a process keeps at hand
+KEPT = 4  # scenes and trees that a process keeps at hand
+GRIDS = 1  # likewise; one among bodies that move takes 0.2 GB, and runs come by scene and noise
 
 Frozen = tuple[tuple[str, Any], ...]
 
@@ -292,7 +293,7 @@ def _received(scene: str, task: Frozen, given: Frozen, tree: bytes | str) -> Hom
     return unpack(_prepared(scene, task, given), content)
 
 
-@lru_cache(KEPT)
+@lru_cache(GRIDS)
 def _solved(scene: str, task: Frozen, given: Frozen, noise: float) -> Any:
     """One grid per scene and noise."""
     return _prepared(scene, task, given).with_settings(noise=noise).optimal().desirability
