@@ -9,7 +9,7 @@ from pirrht.estimation.leading import Leading
 from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.leads import Batch
 from pirrht.guidance.tracking import Guidance
-from pirrht.guidance.walls import Scales, trust, window
+from pirrht.guidance.walls import AMONG, AVERAGED, Scales, trust, window
 from pirrht.guidance.ways import NODES
 from pirrht.rollouts.records import FINER, LAW, Leads, MovingSetup, Setup
 from pirrht.rollouts.ways import no_ways
@@ -48,7 +48,7 @@ class Tables:
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
         longest, scales = self.sampling.window, self.leading.scales(x)
         bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
-        pointlike = self.leading.pointlike
+        pointlike, shortest = self.leading.pointlike, AMONG if self._moving else AVERAGED
         near = self.leading.nearest(x, batch.time) if pointlike else np.inf
         leads = Leads(
             control=np.zeros((H, T, m)),
@@ -61,7 +61,7 @@ class Tables:
             beyond=self.leading.beyond,
             least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
-            window=window(scales.noise, near, times, longest) if pointlike else 1,
+            window=window(scales.noise, near, times, longest, shortest) if pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=self._laws(H, T),
             led=np.zeros(H, np.int64),

@@ -24,6 +24,7 @@ from pirrht.rollouts.first_exit import two_walls, wall_slope
 FAR = 10.0  # reaches from where on what bodies add is nothing
 REACH = 2.0  # decay lengths 1/k within which walls push what follows no way
 AVERAGED = 0.04  # near walls and goal the control now is averaged over leading steps of this length together [s]
+AMONG = 0.01  # likewise where bodies move: a gap that closes is passed, or not, in less than the above
 SHARE = 0.5  # of the time in which noise carries a path to the nearest of them
 SHARPER = 0.2  # of a rollout step's noise: nearer than that a wall pushes the robot no harder
 CLOSING = 0.05  # the same where bodies move, since gaps that close leave a robot no room to be shy in
@@ -45,22 +46,23 @@ class Scales(NamedTuple):
         return cls(noise=noise, decay=decay, reach=REACH / decay)
 
 
-def window(noise: float, near: float, times: Array, longest: float) -> int:
+def window(noise: float, near: float, times: Array, longest: float, least: float = AVERAGED) -> int:
     """Leading steps of a grid (T+1,) [s] over which the control now is averaged, at least one, at most `longest` [s].
 
     Besides the guide, which is followed exactly, the optimal control changes near walls and goal, the nearest of which
-    is so near [m]: about as fast as `noise` (`Scales`) carries a path there.
+    is so near [m]: about as fast as `noise` (`Scales`) carries a path there. Averages over less than `least` [s] are
+    asked for nowhere.
     """
-    span = min(max(SHARE * near**2 / noise, AVERAGED), longest)
+    span = min(max(SHARE * near**2 / noise, least), longest)
     return max(1, int(np.searchsorted(times, span + 1e-9, side="right")) - 1)
 
 
 def trust(noise: float, near: float) -> float:
-    """Share of a linear law that tells how the control changes around a place, `near` [m] to walls and goal.
+    """Share of a linear law that tells how the control changes among bodies that move, `near` [m] to walls and goal.
 
     All of it where the shortest `window` would do; none where noise (`Scales`) carries paths to a wall within that.
     """
-    return min(1.0, SHARE * near**2 / (noise * AVERAGED))
+    return min(1.0, SHARE * near**2 / (noise * AMONG))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,7 +8,7 @@ import pytest
 from pirrht.control.feedback import STALE, ClassPool
 from pirrht.exact.desirability import Desirability
 from pirrht.guidance.leads import Tape
-from pirrht.guidance.walls import trust, window
+from pirrht.guidance.walls import AMONG, trust, window
 from pirrht.problem import Problem
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
@@ -156,6 +156,7 @@ def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less
     assert shares[-2:] == [1.0, 1.0]
     assert shares == sorted(shares)
     times = np.arange(100) * 0.01
-    shortest = window(0.04, 0.0, times, 0.4)
+    shortest = window(0.04, 0.0, times, 0.4, AMONG)
+    assert shortest < window(0.04, 0.0, times, 0.4)
     for near in np.linspace(0.01, 0.2, 30):  # what is trusted in part is averaged over the shortest time only
-        assert (trust(0.04, near) >= 1.0) or window(0.04, near, times, 0.4) == shortest
+        assert (trust(0.04, near) >= 1.0) or window(0.04, near, times, 0.4, AMONG) == shortest
