@@ -1,7 +1,8 @@
 """How numeric functions become kernels; nothing here knows the method.
 
-jit           kernel, inlined, jitable; their folder on disk, named after all sources of the package
+jit           kernel, inlined, part, jitable; their folder on disk, named after all sources of the package
 identity      what a function computes, as a name by which all processes find it on disk
+alone         one process compiles what several want
 disk          what lies there: checked before it is used, replaced as a whole
 addresses     array elements by address, since arrays in records cost reference counts
 copies        arrays element by element, since assignments to slices take long to compile
