@@ -59,11 +59,12 @@ def palette(ids):
 @pytest.mark.parametrize("number", gallery.FIGURES)
 def test_every_figure_is_a_file_and_tells_each_piece_of_its_work(number, tmp_path):
     done, tick = ticks()
+    open_before = plt.get_fignums()  # of other tests in this process
     file = gallery.make(number, tmp_path, "png", SMALL, tick)
     assert [path.name for path in tmp_path.iterdir()] == [f"{gallery.FIGURES[number].name}.png"]
     assert file.read_bytes().startswith(b"\x89PNG")
     assert len(done) == gallery.FIGURES[number].pieces(SMALL)
-    assert not plt.get_fignums()
+    assert plt.get_fignums() == open_before
 
 
 @pytest.mark.slow
