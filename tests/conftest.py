@@ -10,6 +10,8 @@ from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import warm
 from sim.scenario import Scenario, prepare
 
+FIRST = ("test_cli.py", "test_among_movers.py", "test_own_system.py")  # each compiles other kernels: side by side
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What is asked of the suite beside what pytest knows."""
@@ -17,12 +19,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Commands as a whole come first: their files take longest, and none shall be left to one worker at the end."""
+    """What compiles comes first, then commands as a whole, whose files take longest: none is left to one worker."""
     if not config.getoption("thorough"):
         left = [item for item in items if item.get_closest_marker("thorough")]
         config.hook.pytest_deselected(items=left)
         items[:] = [item for item in items if item not in set(left)]
-    items.sort(key=lambda item: "/tests/system/" not in item.path.as_posix())
+    items.sort(key=_turn)
+
+
+def _turn(item: pytest.Item) -> int:
+    if item.path.name in FIRST:
+        return FIRST.index(item.path.name)
+    return len(FIRST) + ("/tests/system/" not in item.path.as_posix())
 
 
 @pytest.fixture(scope="session", autouse=True)
