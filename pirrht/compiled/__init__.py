@@ -2,6 +2,7 @@
 
 jit           kernel, inlined, part, jitable; their folder on disk, named after all sources of the package
 identity      what a function computes, as a name by which all processes find it on disk
+symbols       names of machine code that no other process gives to other code
 alone         one process compiles what several want
 disk          what lies there: checked before it is used, replaced as a whole
 addresses     array elements by address, since arrays in records cost reference counts

@@ -21,6 +21,7 @@ from numba import njit, types
 from numba.core.dispatcher import Dispatcher
 from numba.extending import register_jitable
 
+from pirrht.compiled import symbols  # noqa: F401  (from here on this process counts what it compiles on its own)
 from pirrht.compiled.alone import one_at_a_time
 from pirrht.compiled.disk import KernelCache, may_be_written
 from pirrht.compiled.identity import OURS, identity, name_of, named
