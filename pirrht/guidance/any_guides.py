@@ -71,9 +71,13 @@ class AnyGuidance:
         self.metric = noise.metric
         self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in COLD}
         hold = HOLD * problem.least_rate / wall_radius(problem) ** 2
+        tracking = self.tasks[COLD[0][0]]._replace(hold=hold)
+        if isinstance(setup, MovingSetup):
+            # A reference passes bodies in time; who tracks it late and shuns them ends on another side of some.
+            tracking = tracking._replace(margin=-np.inf, spacing=np.inf)
         self.starts = Starts(
             dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.passes.optimise,
-            tracking=self.tasks[COLD[0][0]]._replace(hold=hold), asked=self.tasks[1.0].steep / STEEP,
+            tracking=tracking, asked=self.tasks[1.0].steep / STEEP,
         )  # fmt: skip
 
     @property

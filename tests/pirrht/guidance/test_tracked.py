@@ -7,6 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from discs import disc
+from moving import hall, moved
 from thoroughly import first, thorough
 
 from pirrht.arrays import Array
@@ -225,3 +227,24 @@ def test_homing_lets_a_car_that_reverses_towards_the_goal_go_on_so(x):
         if np.hypot(state[0] - goal[0], state[1] - goal[1]) < 0.3:
             return
     pytest.fail(f"still at {state}")
+
+
+def test_a_way_is_tracked_as_if_no_body_were_near_whatever_the_time():
+    """Where a body is matters to the guide that is made of it; here one stands across the whole of the way."""
+    start, end = np.array([[1.0, 2.5]]), np.array([[5.5, 2.5]])
+
+    def course(y: float) -> Array:
+        room = hall(
+            "hall", [moved("walker", [(0.0, 3.0, y, 0.0), (6.0, 3.0, y - 0.5, 0.0)], disc("disc", 0.0, 0.0, 0.4))]
+        )
+        problem = Problem(dynamics=SecondOrderCar(b=0.3), scene=room, R=np.eye(2), q=cruising, q_min=1.0)
+        integral, steering = PathIntegral(problem, FreeSpace.of(room), Sampling(dt=0.1, threads=1)), Tracked.of(problem)
+        assert isinstance(integral.guidance, AnyGuidance)
+        way, times = steering.trajectory(steering.connect(start, end)), 0.1 * np.arange(60)
+        made, length = integral.guidance.starts.tracked(np.array([1.0, 2.5, 0.0, 1.0]), way, times)
+        assert length > 40
+        return made.states[:length]
+
+    across = course(2.7)
+    np.testing.assert_array_equal(across, course(4.5))
+    np.testing.assert_allclose(across[:, 1], 2.5, atol=1e-6)
