@@ -15,7 +15,7 @@ from pirrht.control.feedback import ClassMixture, ClassPool
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
-from pirrht.control.prediction import Prediction, Way
+from pirrht.control.prediction import Prediction, Way, at_leisure
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
@@ -38,6 +38,7 @@ BETWEEN = ("classes", "hold")
 ELSEWHEN = 0.1  # a drive that begins so much later is another one [s]
 ANEW = 400  # vertices that a tree then gains
 PRESSED = 0.3  # of the time for sampling is left when time is short
+GROWN = 0.6  # of it is left when a tree that had to be grown anew stays as it is
 
 
 class Controller(Policy):
@@ -136,7 +137,7 @@ class Controller(Policy):
         self.around.begin()
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
         self._aim(self.homology.asked(x, time))
-        self._way, self._pressed = Way(), _never
+        self._way, self._pressed = Way(), at_leisure
 
     def _aim(self, here: Array) -> None:
         """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
@@ -162,11 +163,12 @@ class Controller(Policy):
         if x.shape != (self.problem.dynamics.n,):
             moves = f"{type(self.problem.dynamics).__name__} ({', '.join(self.problem.dynamics.states)})"
             raise OptionError(f"the state has the shape {x.shape}; {moves} has {self.problem.dynamics.n} numbers")
-        foreseen = self._look(x, self._way.left(x, self.drive.time))
+        hurried = at_leisure if left is None else partial(_below, left, GROWN * left())
+        foreseen = self._look(x, self._way.left(x, self.drive.time), hurried)
         if foreseen is not None:
             self.tree = self.tree and foreseen.tree
             self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
-        self._pressed = _never if left is None else partial(_below, left, PRESSED * left())
+        self._pressed = at_leisure if left is None else partial(_below, left, PRESSED * left())
         try:
             references = self._references(x)
         except NoReference:
@@ -317,10 +319,6 @@ class Controller(Policy):
         """Classes of the driven path and each reference together."""
         driven = np.array(self.driven_class())
         return [integers(driven + np.asarray(reference.winding)) for reference in references]
-
-
-def _never() -> bool:
-    return False
 
 
 def _below(left: Callable[[], float], least: float) -> bool:

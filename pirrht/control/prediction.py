@@ -23,7 +23,13 @@ from pirrht.tree.homology_tree import HomologyTree
 
 OFF = 0.005  # a body that is farther from where it was foretold moves otherwise [m]
 SOON = 1.0  # and so does one that by its velocity will be ten times as far off after this time [s]
+FEW = 100  # vertices that a tree has however short time is
 AHEAD = 2.0  # times the time to cross the workspace at the best speed, for which bodies go on
+
+
+def at_leisure() -> bool:
+    """Time is never short."""
+    return False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,8 +48,12 @@ class Prediction(Protocol):
     def begin(self) -> None:
         """Forget what was foretold; a new drive begins."""
 
-    def at(self, x: Array, seen: float) -> Foreseen:
-        """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,)."""
+    def at(self, x: Array, seen: float, hurried: Callable[[], bool] = at_leisure) -> Foreseen:
+        """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,).
+
+        Args:
+            hurried: whether time is short; then a tree stays as small as it is once it has FEW vertices.
+        """
 
 
 class ByVelocity:
@@ -73,10 +83,10 @@ class ByVelocity:
         """Forget what was foretold; a new drive begins."""
         self._last = None
 
-    def at(self, x: Array, seen: float) -> Foreseen:
+    def at(self, x: Array, seen: float, hurried: Callable[[], bool] = at_leisure) -> Foreseen:
         """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,)."""
         if self._last is None or not self._holds(self._last, seen):
-            self._last = self._foretold(x, seen)
+            self._last = self._foretold(x, seen, hurried)
         return self._last
 
     def _holds(self, last: Foreseen, seen: float) -> bool:
@@ -89,20 +99,24 @@ class ByVelocity:
                 return False
         return True
 
-    def _foretold(self, x: Array, seen: float) -> Foreseen:
+    def _foretold(self, x: Array, seen: float, hurried: Callable[[], bool]) -> Foreseen:
         movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
         start = np.array([x[0], x[1], self.space.scene.start[2]])
         space = replace(self.space, scene=replace(self.space.scene, start=start)).among(movers)
-        return Foreseen(space=space, homology=self.steering.homology(space), tree=self._tree(space), since=seen)
+        homology, tree = self.steering.homology(space), self._tree(space, hurried)
+        return Foreseen(space=space, homology=homology, tree=tree, since=seen)
 
-    def _tree(self, space: FreeSpace) -> HomologyTree | None:
+    def _tree(self, space: FreeSpace, hurried: Callable[[], bool]) -> HomologyTree | None:
         if self.grown is None:
             return None
         tree = self.grown(space)
         if self._passages is None:
             self._passages = tree.passages
         tree.passages = self._passages  # of what stands
-        tree.grow(self.vertices)
+        if hurried is at_leisure:
+            tree.grow(self.vertices)
+        else:
+            tree.grow(self.vertices, enough=lambda: tree.size >= FEW and hurried())
         return tree
 
 

@@ -10,6 +10,7 @@ swept on the way.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from math import cos, hypot, inf, remainder, sin, tau
 
 import numpy as np
@@ -17,10 +18,12 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.collision import SHORTEST, Collision
 from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, World
 from pirrht.geometry.shapes import Solids
 
 NOWHERE = np.full(2, np.inf)
+SHAPES = 1024  # of bodies whose reach is known
 TINY = 1e-300  # instead of no time at all [s]
 
 
@@ -168,8 +171,13 @@ def touches(free: Callable[[float], float], way: Callable[[float, float], float]
 
 def reach_of(mover: Mover) -> float:
     """How far a body's solids reach from its origin, seen from above, at most [m]."""
-    solids = Solids.of(mover.solids)
-    far = np.maximum(np.abs(solids.low), np.abs(solids.high))
+    return _reach(mover.solids)
+
+
+@lru_cache(maxsize=SHAPES)  # bodies keep their solids when what they do is foretold anew
+def _reach(solids: tuple[Obstacle, ...]) -> float:
+    every = Solids.of(solids)
+    far = np.maximum(np.abs(every.low), np.abs(every.high))
     return float(np.hypot(*far.T).max(initial=0.0))
 
 

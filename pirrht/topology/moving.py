@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -22,10 +23,12 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, World
 from pirrht.topology.homology import integers
 from pirrht.topology.obstacles import components
 
+SHAPES = 1024  # of bodies whose markers are known
 PLANE = 1e3  # half the side of the plane in which a body is looked at on its own [m]
 ASIDE = np.array([1.7e-3, -2.9e-3])  # markers from the middle of what they mark [robot radii]
 OFF = 0.25  # a marker's way may be replaced by its chord if that is off by so many robot radii
@@ -116,10 +119,15 @@ def markers_of(mover: Mover, footprint: Footprint) -> Array:
 
     They lie a little beside the middle: bodies often come to stand with that on the straight way to the goal.
     """
+    return _inside(mover.solids, footprint) + ASIDE * footprint.radius
+
+
+@lru_cache(maxsize=SHAPES)  # bodies keep their solids when what they do is foretold anew
+def _inside(solids: tuple[Obstacle, ...], footprint: Footprint) -> Array:
+    """A point inside each of the topological obstacles that solids make, (m, 2) [m]."""
     plane = np.full(2, PLANE)
-    parts = components(Collision(World(-plane, plane, mover.solids), footprint))
-    inside = [part.marker for part in parts if part.marker is not None]
-    return np.array(inside, dtype=float).reshape(-1, 2) + ASIDE * footprint.radius
+    parts = components(Collision(World(-plane, plane, solids), footprint))
+    return np.array([part.marker for part in parts if part.marker is not None], dtype=float).reshape(-1, 2)
 
 
 def _way(motion: Motion, point: Array, off: float) -> Array:

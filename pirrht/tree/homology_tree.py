@@ -29,6 +29,7 @@ from pirrht.tree.status import ASK, DONE, NODES_FULL, PAIRS_FULL, QUEUE_FULL
 
 GOAL_SHARE = 0.02  # share of the draws that go to the goal's disc, which uniform draws would rarely hit
 DRAWS_PER_VERTEX = 50
+HURRIED = 40  # draws, a few milliseconds
 # Arrays to double, and the axis, by what is full.
 MORE = {NODES_FULL: (g.NODES, 1), QUEUE_FULL: (g.QUEUE, 0), PAIRS_FULL: (g.NODE_PAIRS, 2)}
 
@@ -133,18 +134,26 @@ class HomologyTree:
         """Number of nodes, all classes of all vertices."""
         return int(self.graph.nodes[: self.size].sum())
 
-    def grow(self, vertices: int, *, progress: Callable[[int], None] | None = None) -> None:
+    def grow(
+        self,
+        vertices: int,
+        *,
+        progress: Callable[[int], None] | None = None,
+        enough: Callable[[], bool] | None = None,
+    ) -> None:
         """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1).
 
         Passages are drawn first, and again until they are vertices; at least every second draw is uniform.
 
         Args:
             progress: called with the number of vertices after every batch of draws.
+            enough: asked after every HURRIED draws or fewer whether the tree stays as it is, though it has fewer.
         """
         budget = DRAWS_PER_VERTEX * max(0, vertices - self.size)
-        while self.size < vertices and budget > 0:
+        most = budget if enough is None else HURRIED
+        while self.size < vertices and budget > 0 and not (enough is not None and enough()):
             self._offers.note(self.states[: self.size])
-            count = min(vertices - self.size, budget, self._offers.together(self.draws))
+            count = min(vertices - self.size, budget, most, self._offers.together(self.draws))
             budget -= count
             self.extend_by(np.array([self._draw(self.draws + k) for k in range(count)]))
             if progress is not None:

@@ -12,7 +12,7 @@ from thoroughly import thorough
 
 from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
-from pirrht.control.prediction import ByVelocity, straight_on
+from pirrht.control.prediction import FEW, ByVelocity, straight_on
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
@@ -21,7 +21,7 @@ from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.driven import DrivenInTime
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.homology_tree import HURRIED, HomologyTree
 
 START = np.array([1.0, 2.5])
 TURNING = [(0.0, 3.2, 0.6, 0.0), (1.0, 3.2, 1.4, 0.0), (2.0, 4.4, 1.4, 0.0), (3.0, 4.4, 1.4, 0.0)]
@@ -163,6 +163,19 @@ def test_the_driven_class_among_bodies_is_that_of_the_whole_path():
             drive.expect(rng.uniform(1.0, 4.0, (2, 2)), float(times[k + 2]))
             drive.observe(path[k : k + 3, :2], float(times[k + 2]))
         assert drive.winding() == homology.winding(path)
+
+
+@pytest.mark.parametrize("asked", [0, 2, 1000])
+def test_where_time_is_short_a_tree_that_is_grown_anew_stays_small_but_has_ways(asked):
+    """Time is short from some question on; the tree has FEW vertices and those of one batch of draws more, or all."""
+    _, space = among()
+    questions = iter(range(10_000))
+    tree = by_velocity(space).at(START, 0.0, lambda: next(questions) >= asked).tree
+    assert tree is not None
+    most = {0: FEW + HURRIED, 2: FEW + 3 * HURRIED, 1000: 200}[asked]
+    assert FEW <= tree.size <= min(most, 200)
+    assert (tree.size == 200) == (asked == 1000)
+    assert tree.references(np.array([*START, 0.0]))
 
 
 def test_mppi_goes_by_the_clock_of_the_bodies():
