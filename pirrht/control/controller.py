@@ -15,7 +15,7 @@ from pirrht.control.feedback import ClassMixture, ClassPool
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
-from pirrht.control.prediction import Prediction, Way, at_leisure
+from pirrht.control.prediction import Prediction, Way
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
@@ -137,7 +137,7 @@ class Controller(Policy):
         self.around.begin()
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
         self._aim(self.homology.asked(x, time))
-        self._way, self._pressed = Way(), at_leisure
+        self._way, self._pressed = Way(), _never
 
     def _aim(self, here: Array) -> None:
         """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
@@ -163,12 +163,11 @@ class Controller(Policy):
         if x.shape != (self.problem.dynamics.n,):
             moves = f"{type(self.problem.dynamics).__name__} ({', '.join(self.problem.dynamics.states)})"
             raise OptionError(f"the state has the shape {x.shape}; {moves} has {self.problem.dynamics.n} numbers")
-        hurried = at_leisure if left is None else partial(_below, left, GROWN * left())
-        foreseen = self._look(x, self._way.left(x, self.drive.time), hurried)
+        foreseen = self._look(x, self._way.left(x, self.drive.time), _short(left, GROWN))
         if foreseen is not None:
             self.tree = self.tree and foreseen.tree
             self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
-        self._pressed = at_leisure if left is None else partial(_below, left, PRESSED * left())
+        self._pressed = _short(left, PRESSED) or _never
         try:
             references = self._references(x)
         except NoReference:
@@ -319,6 +318,15 @@ class Controller(Policy):
         """Classes of the driven path and each reference together."""
         driven = np.array(self.driven_class())
         return [integers(driven + np.asarray(reference.winding)) for reference in references]
+
+
+def _never() -> bool:
+    return False
+
+
+def _short(left: Callable[[], float] | None, share: float) -> Callable[[], bool] | None:
+    """What tells whether less than a share of the time that is left now is left; None where there is no limit."""
+    return None if left is None else partial(_below, left, share * left())
 
 
 def _below(left: Callable[[], float], least: float) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.control.prediction import Foreseen, Prediction, at_leisure
+from pirrht.control.prediction import Foreseen, Prediction
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.problem import Problem
@@ -105,12 +105,12 @@ class Policy(ABC):
         """The time on that clock [s]."""
         return self.drive.time - self.since
 
-    def _look(self, x: Array, rest: Array | None, hurried: Callable[[], bool] = at_leisure) -> Foreseen | None:
+    def _look(self, x: Array, rest: Array | None, hurried: Callable[[], bool] | None = None) -> Foreseen | None:
         """What is foreseen at x (n,), if that has changed; the class of a path keeps its name.
 
         Args:
             rest: what is left of it from x on, (k, 3) [m, m, s] on the drive's clock, of a drive under way.
-            hurried: whether time is too short for a larger tree.
+            hurried: whether time is too short for a larger tree; None: it is not.
         """
         if self.predict is None:
             return None

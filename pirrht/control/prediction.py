@@ -27,11 +27,6 @@ FEW = 100  # vertices that a tree has however short time is
 AHEAD = 2.0  # times the time to cross the workspace at the best speed, for which bodies go on
 
 
-def at_leisure() -> bool:
-    """Time is never short."""
-    return False
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Foreseen:
     """What is foretold, on a clock of its own."""
@@ -48,11 +43,11 @@ class Prediction(Protocol):
     def begin(self) -> None:
         """Forget what was foretold; a new drive begins."""
 
-    def at(self, x: Array, seen: float, hurried: Callable[[], bool] = at_leisure) -> Foreseen:
+    def at(self, x: Array, seen: float, hurried: Callable[[], bool] | None = None) -> Foreseen:
         """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,).
 
         Args:
-            hurried: whether time is short; then a tree stays as small as it is once it has FEW vertices.
+            hurried: whether time is short, so that a tree of FEW vertices or more stays as it is; None: it never is.
         """
 
 
@@ -83,7 +78,7 @@ class ByVelocity:
         """Forget what was foretold; a new drive begins."""
         self._last = None
 
-    def at(self, x: Array, seen: float, hurried: Callable[[], bool] = at_leisure) -> Foreseen:
+    def at(self, x: Array, seen: float, hurried: Callable[[], bool] | None = None) -> Foreseen:
         """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,)."""
         if self._last is None or not self._holds(self._last, seen):
             self._last = self._foretold(x, seen, hurried)
@@ -99,24 +94,21 @@ class ByVelocity:
                 return False
         return True
 
-    def _foretold(self, x: Array, seen: float, hurried: Callable[[], bool]) -> Foreseen:
+    def _foretold(self, x: Array, seen: float, hurried: Callable[[], bool] | None) -> Foreseen:
         movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
         start = np.array([x[0], x[1], self.space.scene.start[2]])
         space = replace(self.space, scene=replace(self.space.scene, start=start)).among(movers)
         homology, tree = self.steering.homology(space), self._tree(space, hurried)
         return Foreseen(space=space, homology=homology, tree=tree, since=seen)
 
-    def _tree(self, space: FreeSpace, hurried: Callable[[], bool]) -> HomologyTree | None:
+    def _tree(self, space: FreeSpace, hurried: Callable[[], bool] | None) -> HomologyTree | None:
         if self.grown is None:
             return None
         tree = self.grown(space)
         if self._passages is None:
             self._passages = tree.passages
         tree.passages = self._passages  # of what stands
-        if hurried is at_leisure:
-            tree.grow(self.vertices)
-        else:
-            tree.grow(self.vertices, enough=lambda: tree.size >= FEW and hurried())
+        tree.grow(self.vertices, enough=None if hurried is None else lambda: tree.size >= FEW and hurried())
         return tree
 
 

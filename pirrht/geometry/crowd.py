@@ -17,13 +17,12 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import SHORTEST, Collision
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, World
 from pirrht.geometry.shapes import Solids
 
 NOWHERE = np.full(2, np.inf)
-SHAPES = 1024  # of bodies whose reach is known
 TINY = 1e-300  # instead of no time at all [s]
 
 

@@ -22,13 +22,12 @@ from pirrht.compiled.addresses import load_float64, load_int64
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, World
 from pirrht.topology.homology import integers
 from pirrht.topology.obstacles import components
 
-SHAPES = 1024  # of bodies whose markers are known
 PLANE = 1e3  # half the side of the plane in which a body is looked at on its own [m]
 ASIDE = np.array([1.7e-3, -2.9e-3])  # markers from the middle of what they mark [robot radii]
 OFF = 0.25  # a marker's way may be replaced by its chord if that is off by so many robot radii

@@ -151,7 +151,9 @@ class HomologyTree:
         """
         budget = DRAWS_PER_VERTEX * max(0, vertices - self.size)
         most = budget if enough is None else HURRIED
-        while self.size < vertices and budget > 0 and not (enough is not None and enough()):
+        while self.size < vertices and budget > 0:
+            if enough is not None and enough():
+                return
             self._offers.note(self.states[: self.size])
             count = min(vertices - self.size, budget, most, self._offers.together(self.draws))
             budget -= count
