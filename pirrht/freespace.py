@@ -79,9 +79,23 @@ class FreeSpace:
         return replace(self, scene=scene, homology=homology, moving=replace(self.moving, goal=center))
 
     def among(self, movers: Sequence[Mover]) -> FreeSpace:
-        """The same standing world and task among other bodies that move, or the same as they are foretold now."""
+        """The same standing world and task among other bodies that move."""
         scene = replace(self.scene, movers=tuple(movers))
         return replace(self, scene=scene, **_moving(scene))
+
+    def foretold(self, movers: Sequence[Mover]) -> FreeSpace:
+        """The same bodies on other motions: what is known of their shapes is shared, with FCL's own, and not made anew.
+
+        Both are to be asked by one thread at a time.
+        """
+        scene = replace(self.scene, movers=tuple(movers))
+        return replace(
+            self,
+            scene=scene,
+            traffic=self.traffic.moving(movers),
+            moving=MovingHomology.of(movers, scene.footprint, self.moving.goal, self.moving.speed),
+            crowd=Crowd(movers, scene.footprint, self.crowd.shapes),
+        )
 
     @property
     def arena(self) -> Arena:

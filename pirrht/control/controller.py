@@ -12,6 +12,7 @@ from pirrht.arrays import Array
 from pirrht.control.around import Around, Moment
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.feedback import ClassMixture, ClassPool
+from pirrht.control.hurry import enough_of, pressed_of
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
@@ -37,8 +38,6 @@ from pirrht.tree.reference import Reference
 BETWEEN = ("classes", "hold")
 ELSEWHEN = 0.1  # a drive that begins so much later is another one [s]
 ANEW = 400  # vertices that a tree then gains
-PRESSED = 0.3  # of the time for sampling is left when time is short
-GROWN = 0.6  # of it is left when a tree that had to be grown anew stays as it is
 
 
 class Controller(Policy):
@@ -137,7 +136,7 @@ class Controller(Policy):
         self.around.begin()
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
         self._aim(self.homology.asked(x, time))
-        self._way, self._pressed = Way(), _never
+        self._way, self._pressed = Way(), pressed_of(None)
 
     def _aim(self, here: Array) -> None:
         """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
@@ -163,11 +162,11 @@ class Controller(Policy):
         if x.shape != (self.problem.dynamics.n,):
             moves = f"{type(self.problem.dynamics).__name__} ({', '.join(self.problem.dynamics.states)})"
             raise OptionError(f"the state has the shape {x.shape}; {moves} has {self.problem.dynamics.n} numbers")
-        foreseen = self._look(x, self._way.left(x, self.drive.time), _short(left, GROWN))
+        foreseen = self._look(x, self._way.left(x, self.drive.time), enough_of(left))
         if foreseen is not None:
             self.tree = self.tree and foreseen.tree
             self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
-        self._pressed = _short(left, PRESSED) or _never
+        self._pressed = pressed_of(left)
         try:
             references = self._references(x)
         except NoReference:
@@ -318,17 +317,3 @@ class Controller(Policy):
         """Classes of the driven path and each reference together."""
         driven = np.array(self.driven_class())
         return [integers(driven + np.asarray(reference.winding)) for reference in references]
-
-
-def _never() -> bool:
-    return False
-
-
-def _short(left: Callable[[], float] | None, share: float) -> Callable[[], bool] | None:
-    """What tells whether less than a share of the time that is left now is left; None where there is no limit."""
-    return None if left is None else partial(_below, left, share * left())
-
-
-def _below(left: Callable[[], float], least: float) -> bool:
-    """Whether less time than that is left [s]."""
-    return left() < least

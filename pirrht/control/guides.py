@@ -52,7 +52,8 @@ class Guides:
     ) -> tuple[list[Any], list[int]]:
         """Guides from x (n,), None where there is none, and samples around each; what else to sample is in `rivals`.
 
-        The first of a drive are looked for thoroughly. If time is short there are none of new classes, the first aside.
+        The first of a drive are looked for thoroughly. If time is short there are none of new classes, the
+        first aside, which is improved as long as there is time.
 
         Args:
             times: ends of the steps (T+1,) [s].
@@ -74,7 +75,7 @@ class Guides:
                 return found
             if last is None and one is not wanted[0] and pressed():
                 return None, None  # made from nothing it takes ten times as long
-            guide = guidance.improve(x, times, one.key, one.trajectory, last, elapsed, **clock)
+            guide = guidance.improve(x, times, one.key, one.trajectory, last, elapsed, pressed=pressed, **clock)
             if rival is None:
                 return guide, None
             rival = guidance.onward(x, times, one.key, rival, elapsed, **clock)

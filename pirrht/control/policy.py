@@ -105,16 +105,16 @@ class Policy(ABC):
         """The time on that clock [s]."""
         return self.drive.time - self.since
 
-    def _look(self, x: Array, rest: Array | None, hurried: Callable[[], bool] | None = None) -> Foreseen | None:
+    def _look(self, x: Array, rest: Array | None, enough: Callable[[int], bool] | None = None) -> Foreseen | None:
         """What is foreseen at x (n,), if that has changed; the class of a path keeps its name.
 
         Args:
             rest: what is left of it from x on, (k, 3) [m, m, s] on the drive's clock, of a drive under way.
-            hurried: whether time is too short for a larger tree; None: it is not.
+            enough: whether time is too short for a tree of more vertices; None: it never is.
         """
         if self.predict is None:
             return None
-        before, after = self._foreseen, self.predict.at(x, self.drive.known, hurried)
+        before, after = self._foreseen, self.predict.at(x, self.drive.known, enough)
         if after is before:
             return None
         offset = None

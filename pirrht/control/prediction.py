@@ -23,7 +23,6 @@ from pirrht.tree.homology_tree import HomologyTree
 
 OFF = 0.005  # a body that is farther from where it was foretold moves otherwise [m]
 SOON = 1.0  # and so does one that by its velocity will be ten times as far off after this time [s]
-FEW = 100  # vertices that a tree has however short time is
 AHEAD = 2.0  # times the time to cross the workspace at the best speed, for which bodies go on
 
 
@@ -43,11 +42,11 @@ class Prediction(Protocol):
     def begin(self) -> None:
         """Forget what was foretold; a new drive begins."""
 
-    def at(self, x: Array, seen: float, hurried: Callable[[], bool] | None = None) -> Foreseen:
+    def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Foreseen:
         """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,).
 
         Args:
-            hurried: whether time is short, so that a tree of FEW vertices or more stays as it is; None: it never is.
+            enough: whether a tree of so many vertices stays as it is, since time is short; None: it never is.
         """
 
 
@@ -72,16 +71,17 @@ class ByVelocity:
         self.space, self.steering, self.grown, self.vertices = space, steering, grown, vertices
         self.horizon = AHEAD * float(np.hypot(*(space.scene.upper - space.scene.lower))) / steering.pace
         self._passages: Passages | None = None
+        self._shapes: FreeSpace | None = None
         self._last: Foreseen | None = None
 
     def begin(self) -> None:
         """Forget what was foretold; a new drive begins."""
         self._last = None
 
-    def at(self, x: Array, seen: float, hurried: Callable[[], bool] | None = None) -> Foreseen:
+    def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Foreseen:
         """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,)."""
         if self._last is None or not self._holds(self._last, seen):
-            self._last = self._foretold(x, seen, hurried)
+            self._last = self._foretold(x, seen, enough)
         return self._last
 
     def _holds(self, last: Foreseen, seen: float) -> bool:
@@ -94,21 +94,23 @@ class ByVelocity:
                 return False
         return True
 
-    def _foretold(self, x: Array, seen: float, hurried: Callable[[], bool] | None) -> Foreseen:
+    def _foretold(self, x: Array, seen: float, enough: Callable[[int], bool] | None) -> Foreseen:
         movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
         start = np.array([x[0], x[1], self.space.scene.start[2]])
-        space = replace(self.space, scene=replace(self.space.scene, start=start)).among(movers)
-        homology, tree = self.steering.homology(space), self._tree(space, hurried)
+        if self._shapes is None:
+            self._shapes = self.space.among(movers)  # FCL's of its own: a drive asks those of the scene meanwhile
+        space = replace(self._shapes, scene=replace(self.space.scene, start=start)).foretold(movers)
+        homology, tree = self.steering.homology(space), self._tree(space, enough)
         return Foreseen(space=space, homology=homology, tree=tree, since=seen)
 
-    def _tree(self, space: FreeSpace, hurried: Callable[[], bool] | None) -> HomologyTree | None:
+    def _tree(self, space: FreeSpace, enough: Callable[[int], bool] | None) -> HomologyTree | None:
         if self.grown is None:
             return None
         tree = self.grown(space)
         if self._passages is None:
             self._passages = tree.passages
         tree.passages = self._passages  # of what stands
-        tree.grow(self.vertices, enough=None if hurried is None else lambda: tree.size >= FEW and hurried())
+        tree.grow(self.vertices, enough=enough)
         return tree
 
 

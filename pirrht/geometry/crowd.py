@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
+from itertools import repeat
 from math import cos, hypot, inf, remainder, sin, tau
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import SHORTEST, Collision
 from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
@@ -29,12 +30,15 @@ TINY = 1e-300  # instead of no time at all [s]
 class Body:
     """One moving body: free distances at a time, and how fast they may change.
 
+    Args:
+        shape: of its solids, as FCL knows them already.
+
     Attributes:
         speed: of any of its points at most [m/s].
     """
 
-    def __init__(self, mover: Mover, footprint: Footprint) -> None:
-        self._collision = Collision(World(-NOWHERE, NOWHERE, mover.solids), footprint)
+    def __init__(self, mover: Mover, footprint: Footprint, shape: Collision | None = None) -> None:
+        self.shape = shape or Collision(World(-NOWHERE, NOWHERE, mover.solids), footprint)
         self._radius = footprint.radius
         motion = mover.motion
         self._lap = Motion(rows=motion.rows)  # once from the first row to the last
@@ -67,7 +71,7 @@ class Body:
         """Free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""
         x, y, yaw = self._lap.pose_at(row_time)
         c, s, dx, dy = cos(yaw), sin(yaw), place[0] - x, place[1] - y
-        return float(self._collision.distance(np.array([[c * dx + s * dy, c * dy - s * dx]]))[0]) - self._radius
+        return float(self.shape.distance(np.array([[c * dx + s * dy, c * dy - s * dx]]))[0]) - self._radius
 
     def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
         """Whether it touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
@@ -93,15 +97,25 @@ class Body:
 
 
 class Crowd:
-    """All moving bodies around a robot."""
+    """All moving bodies around a robot.
 
-    def __init__(self, movers: Sequence[Mover], footprint: Footprint) -> None:
-        self._bodies = [Body(mover, footprint) for mover in movers]
+    Args:
+        shapes: of the same bodies, as another crowd has them; they are shared, and asked by one thread at a time.
+    """
+
+    def __init__(self, movers: Sequence[Mover], footprint: Footprint, shapes: Sequence[Collision] = ()) -> None:
+        known = shapes or repeat(None, len(movers))
+        self._bodies = [Body(mover, footprint, shape) for mover, shape in zip(movers, known, strict=True)]
         self._speeds = np.array([body.speed for body in self._bodies])
         self._fastest = float(self._speeds.max(initial=0.0))
         # What is known of each: a free distance [m], where, at which time, and from when to when that holds [s].
         self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
         self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
+
+    @property
+    def shapes(self) -> list[Collision]:
+        """The solids of each body in its own frame, as FCL knows them."""
+        return [body.shape for body in self._bodies]
 
     def clearance(self, place: Array, time: float) -> float:
         """Free distance to the nearest body at a place (2,) [m] and time [s]; at most 0 in contact."""
@@ -122,12 +136,17 @@ class Crowd:
             return -inf
         return free - hypot(place[0] - x, place[1] - y) - self._fastest * abs(time - when)
 
-    def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
-        """Whether any body touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
+    def meets(self, a: Array, begin: float, b: Array, end: float, among: BoolArray | None = None) -> bool:
+        """Whether any body touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s].
+
+        Args:
+            among: which bodies are asked about, (J,); None: all.
+        """
         if min(self.surely(a, begin), self.surely(b, end)) > 0.0:
             return False
-        free = np.minimum(self._lower(a, begin), self._lower(b, end))
-        return any(self._bodies[j].meets(a, begin, b, end) for j in np.flatnonzero(~(free > 0.0)))
+        asked = ~(np.minimum(self._lower(a, begin), self._lower(b, end)) > 0.0)
+        asked = asked if among is None else asked & among
+        return any(self._bodies[j].meets(a, begin, b, end) for j in np.flatnonzero(asked))
 
     def way(self, begin: float, end: float) -> float:
         """How far any point of any body goes between two times [s] at most, jumps aside [m]."""
@@ -142,7 +161,7 @@ class Crowd:
 
     def _lower(self, place: Array, time: float) -> Array:
         """Lower bounds of the free distances to all bodies, (J,) [m]."""
-        free, at_x, at_y, when, holds, ends = self._each.T
+        free, at_x, at_y, when, holds, ends = self._each.copy().T  # as a whole, whoever asks meanwhile
         lower = free - np.hypot(place[0] - at_x, place[1] - at_y) - self._speeds * np.abs(time - when)
         return np.where((holds <= time) & (time < ends), lower, -inf)
 

@@ -52,6 +52,13 @@ def certify_leg(traffic, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     return verdict
 
 
+@kernel
+def note_unsure(traffic, ax, ay, s, bx, by, t, out):  # type: ignore[no-untyped-def]
+    """Write which bodies the way from (ax, ay) [m] at s [s] to (bx, by) at t does not surely pass to `out` (J,)."""
+    for j in range(traffic.J):
+        out[j] = certify_past(traffic, j, ax, ay, s, bx, by, t) != FREE
+
+
 @inlined
 def certify_past(traffic, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """The same for body j alone."""

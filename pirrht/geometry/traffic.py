@@ -17,6 +17,7 @@ from pirrht.compiled.addresses import load_float64, load_int64
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.bodies import gathered
 from pirrht.geometry.crowd import jumps, reach_of, speed_bound
+from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.shapes import offset_of, outside
 
@@ -25,6 +26,7 @@ LEAST = 1.0  # ... and one of so many meters, if that is more [m]
 BODY = 5  # numbers of a body: how much later than now its rows' clock is [s], when it starts over [s] (0: never),
 # whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
 LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
+MOTIONS = 3  # of the arrays change with the motions: of bodies, parts and rows, the first
 PARTS = 4  # of a body: where its rows begin and end, and its solids
 ROW = 7  # numbers of a row: t [s], x, y [m], yaw [rad], and the rates of these until the next [1/s]
 SOLID = 15  # numbers of a solid: MuJoCo's sizes, place in the body's frame, and axes there as columns, row by row
@@ -61,25 +63,19 @@ class Traffic(Flow):
         """What moves in a scene; J may be 0."""
         movers, footprint = scene.movers, scene.footprint
         reach = max(REACH * footprint.radius, LEAST)
-        body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
-        row = solid = 0
-        for j, mover in enumerate(movers):
-            motion, far = mover.motion, reach_of(mover)
-            body[j] = (
-                motion.lead, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + footprint.radius,
-                speed_bound(motion, far),
-            )  # fmt: skip
-            parts[j] = row, row + len(motion.rows), solid, solid + len(mover.solids)
-            row, solid = row + len(motion.rows), solid + len(mover.solids)
-            rows.append(_with_rates(motion.rows))
         bodies = gathered([(), *(mover.solids for mover in movers)], footprint, reach)
         solids = bodies.solids
         shapes = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])
         form = np.column_stack([solids.form, bodies.first, bodies.shape])
-        every = np.vstack([np.zeros((0, ROW)), *rows])
-        arrays = body, parts, every, shapes, form, bodies.corner, bodies.table
-        speed = float(body[:, FASTEST].max(initial=0.0))
-        return cls._holding(arrays, (bodies.pitch, bodies.height, bodies.radius, speed, reach))
+        motions = _motions(movers, footprint.radius)
+        arrays = *motions, shapes, form, bodies.corner, bodies.table
+        return cls._holding(arrays, (bodies.pitch, bodies.height, bodies.radius, _fastest(motions[0]), reach))
+
+    def moving(self, movers: Sequence[Mover]) -> Traffic:
+        """The same bodies on other motions."""
+        motions, shapes = _motions(movers, self.robot), self.arrays[MOTIONS:]
+        numbers = self.pitch, self.height, self.robot, _fastest(motions[0]), self.reach
+        return self._holding((*motions, *shapes), numbers)
 
     @classmethod
     def _holding(cls, arrays: Sequence[Array | IntArray], numbers: Sequence[float]) -> Traffic:
@@ -94,6 +90,27 @@ class Traffic(Flow):
         later = self.arrays[0].copy()
         later[:, LEAD] += time
         return self._holding((later, *self.arrays[1:]), (self.pitch, self.height, self.robot, self.speed, self.reach))
+
+
+def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array]:
+    """The first MOTIONS of the arrays, of bodies about a robot of a radius [m]."""
+    body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
+    row = solid = 0
+    for j, mover in enumerate(movers):
+        motion, far = mover.motion, reach_of(mover)
+        body[j] = (
+            motion.lead, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + radius,
+            speed_bound(motion, far),
+        )  # fmt: skip
+        parts[j] = row, row + len(motion.rows), solid, solid + len(mover.solids)
+        row, solid = row + len(motion.rows), solid + len(mover.solids)
+        rows.append(_with_rates(motion.rows))
+    return body, parts, np.vstack([np.zeros((0, ROW)), *rows])
+
+
+def _fastest(body: Array) -> float:
+    """The greatest speed of any point of bodies (J, BODY) [m/s]."""
+    return float(body[:, FASTEST].max(initial=0.0))
 
 
 def _with_rates(rows: Array) -> Array:

@@ -8,7 +8,7 @@ layer at walls is that noise uses up follows from how far noise carries the posi
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from pirrht.guidance.course import Course, Task
 from pirrht.guidance.gates import CARELESS, gates_of, pushes_of
 from pirrht.guidance.probed import Noise, active_states, noise_of
 from pirrht.guidance.starts import Starts
-from pirrht.guidance.tracking import MARGIN, PARABOLA, SAG, TOLERANCE, WILD, wall_radius, worth
+from pirrht.guidance.tracking import MARGIN, NONE, PARABOLA, SAG, TOLERANCE, WILD, Stage, in_time, wall_radius, worth
 from pirrht.guidance.walls import Scales
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kind_of
@@ -36,7 +36,6 @@ from pirrht.topology.marks import NO_MARKS, Marks
 
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
-NONE = ((1.0, 0),)
 PUSHED = ((1.0, 60),)  # from a reference that is pushed aside
 RIVAL = 3.0  # lambda by which another valley of a class may be dearer and still be sampled
 APART = 3.0  # nats from which on samples around a guide hardly come to another one
@@ -133,6 +132,7 @@ class AnyGuidance:
         last: AnyGuide | None = None,
         elapsed: float = 0.0,
         time: float = 0.0,
+        pressed: Callable[[], bool] | None = None,
     ) -> AnyGuide | None:
         """A guide from x (n,) in the class with this additive key; None if it does not arrive within `times`.
 
@@ -141,6 +141,7 @@ class AnyGuidance:
             trajectory: the reference.
             last: the guide of the same class made `elapsed` [s] ago.
             time: now, on the clock of what moves [s].
+            pressed: whether time is short, so that a reference is improved no further; None: it never is.
 
         If the improvement leaves the class or touches something, samples follow the reference itself, with feedback;
         but where noise has carried the robot into a wall's zone the last guide is the way out of it.
@@ -152,7 +153,7 @@ class AnyGuidance:
         begun = self.starts.along if trajectory.slack is None else self.starts.tracked
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of a room.
         stages = COLD[1:] if self.problem.dynamics.noisy_position else COLD
-        guide = self._from(clock, x, times, key, begun(x, trajectory, times), stages)
+        guide = self._from(clock, x, times, key, begun(x, trajectory, times), in_time(stages, pressed))
         if guide is None or guide.valid:
             return guide
         return self._from(clock, x, times, key, begun(x, trajectory, times), NONE)
@@ -225,7 +226,7 @@ class AnyGuidance:
         times: Array,
         key: int,
         start: tuple[Course, int],
-        stages: Sequence[tuple[float, int]],
+        stages: Iterable[Stage],
     ) -> AnyGuide | None:
         (setup, then), (course, length) = clock, start
         course.states[0] = x

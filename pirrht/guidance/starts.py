@@ -60,10 +60,12 @@ class Starts:
         ends = int(np.searchsorted(times, trajectory.durations.sum()))
         if self.halts:
             tape[max(ends - 1, 0) : ends + ON] = trajectory.controls[-1]
+        if d.constant or d.input_form:
+            course.control[:, : d.m] = d.to_noise(x, tape)
+            return course, min(ends, len(tape))
         for i, u in enumerate(tape):
             course.control[i, : d.m] = d.to_noise(state, u)
-            if not (d.constant or d.input_form):
-                state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
+            state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
         return course, min(ends, len(tape))
 
     def pushed(self, x: Array, trajectory: Trajectory, times: Array) -> Iterator[tuple[Course, int]]:

@@ -14,7 +14,7 @@ McCormick 1968) a cold start is therefore optimised for more noise first, and fr
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +28,9 @@ from pirrht.rollouts.records import Setup
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.unicycle import Unicycle
 
-COLD = ((100.0, 60), (10.0, 30), (1.0, 150))  # from a curve: so many lambda, and backward passes at most
+Stage = tuple[float, int]  # how many lambda, and backward passes at most
+
+COLD: tuple[Stage, ...] = ((100.0, 60), (10.0, 30), (1.0, 150))  # from a curve
 WARM = ((1.0, 8),)  # from the last guide
 NONE = ((1.0, 0),)
 TOLERANCE = 0.01  # a round that is expected to gain less than this many lambda is the last
@@ -135,7 +137,15 @@ class Guidance:
         self._from(x, np.arange(3.0), 0, (empty_course(2), 1), WARM)
 
     def improve(
-        self, x: Array, times: Array, key: int, trajectory: Trajectory, last: Guide | None = None, elapsed: float = 0.0
+        self,
+        x: Array,
+        times: Array,
+        key: int,
+        trajectory: Trajectory,
+        last: Guide | None = None,
+        elapsed: float = 0.0,
+        *,
+        pressed: Callable[[], bool] | None = None,
     ) -> Guide | None:
         """A guide from x (3,) in the class with this additive key; None if it does not arrive within `times`.
 
@@ -143,6 +153,7 @@ class Guidance:
             times: ends of the rollout steps, (T+1,) from 0 [s].
             trajectory: the reference.
             last: the guide of the same class made `elapsed` [s] ago.
+            pressed: whether time is short, so that a curve is improved no further; None: it never is.
 
         If the improvement leaves the class or touches something, samples follow the curve itself, with feedback; but
         where noise has carried the robot into a wall's zone the last guide is the way out of it.
@@ -154,7 +165,7 @@ class Guidance:
                 return guide
         if guide is not None and not self.free(x):
             return guide
-        guide = self._from(x, times, key, _along(trajectory, times), COLD)
+        guide = self._from(x, times, key, _along(trajectory, times), in_time(COLD, pressed))
         if guide is None or guide.valid:
             return guide
         return self._from(x, times, key, _along(trajectory, times), NONE)
@@ -173,7 +184,7 @@ class Guidance:
         times: Array,
         key: int,
         start: tuple[Course, int],
-        stages: Sequence[tuple[float, int]],
+        stages: Iterable[Stage],
     ) -> Guide | None:
         course, length = start
         course.states[0] = x
@@ -193,6 +204,15 @@ class Guidance:
             sway=course.sway, sway_gains=course.sway_gains, sway_spread=course.sway_spread,
             length=length, cost=cost, priced=priced, valid=bool(sound),
         )  # fmt: skip
+
+
+def in_time(stages: Sequence[Stage], pressed: Callable[[], bool] | None) -> Iterator[Stage]:
+    """The stages until time is short, and then what makes a guide of what there is."""
+    for stage in stages:
+        if pressed is not None and pressed():
+            yield from NONE
+            return
+        yield stage
 
 
 def worth(prices: Sequence[float | None], samples: int, temperature: float) -> list[int]:

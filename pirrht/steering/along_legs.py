@@ -13,9 +13,9 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.geometry.certify import BLOCKED, UNSURE
+from pirrht.geometry.certify import BLOCKED, FREE, UNSURE
 from pirrht.geometry.field import Field
-from pirrht.geometry.sweeps import certify_leg, certify_way
+from pirrht.geometry.sweeps import certify_leg, certify_way, note_unsure
 from pirrht.geometry.traffic import Traffic
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
@@ -171,10 +171,13 @@ def _record(motions: Legs) -> LegRecord:
 
 
 def _ask(record: LegRecord, i: int, space: FreeSpace) -> bool:
-    """One swept capsule among what stands, and bisection against every body that moves."""
+    """Where that is not certain, one swept capsule among what stands, and bisection against a body that moves."""
     ax, ay, s, bx, by, t = (float(v) for v in record.path[i])
-    a, b = np.array([ax, ay]), np.array([bx, by])
-    return bool(space.collision.segments_free(a[None], b[None])[0]) and not space.crowd.meets(a, s, b, t)
+    a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.traffic.J, dtype=np.bool_)
+    if certify_way(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
+        return False
+    note_unsure(space.traffic, ax, ay, s, bx, by, t, unsure)
+    return not (unsure.any() and space.crowd.meets(a, s, b, t, unsure))
 
 
 def _until_goal(path: Legs, around: Any) -> Legs:

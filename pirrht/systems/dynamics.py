@@ -259,10 +259,11 @@ class Dynamics(ABC):
         return np.asarray(np.linalg.solve(self.G_c(x), self.B_c(x)))
 
     def to_noise(self, x: Array, u: Array) -> Array:
-        """The control u (m,) at x (n,) in noise units, a (m,) [1/sqrt(s)]."""
+        """Controls u (..., m) at x (n,) in noise units, a (..., m) [1/sqrt(s)]."""
+        column = np.asarray(u)[..., None]
         if self.input_noise is not None:
-            return np.asarray(np.linalg.solve(self.input_noise, u))
-        return np.asarray(np.linalg.solve(self.B_c(x), self.G_c(x) @ u))
+            return np.asarray(np.linalg.solve(self.input_noise, column)[..., 0])
+        return np.asarray(np.linalg.solve(self.B_c(x), self.G_c(x) @ column)[..., 0])
 
     def input_of(self, x: Array, a: Array) -> Array:
         """The control u (m,) at x (n,) of one in noise units (m,) [1/sqrt(s)]."""

@@ -139,7 +139,7 @@ class HomologyTree:
         vertices: int,
         *,
         progress: Callable[[int], None] | None = None,
-        enough: Callable[[], bool] | None = None,
+        enough: Callable[[int], bool] | None = None,
     ) -> None:
         """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1).
 
@@ -147,12 +147,12 @@ class HomologyTree:
 
         Args:
             progress: called with the number of vertices after every batch of draws.
-            enough: asked after every HURRIED draws or fewer whether the tree stays as it is, though it has fewer.
+            enough: asked after every HURRIED draws or fewer whether a tree of so many vertices stays as it is.
         """
         budget = DRAWS_PER_VERTEX * max(0, vertices - self.size)
         most = budget if enough is None else HURRIED
         while self.size < vertices and budget > 0:
-            if enough is not None and enough():
+            if enough is not None and enough(self.size):
                 return
             self._offers.note(self.states[: self.size])
             count = min(vertices - self.size, budget, most, self._offers.together(self.draws))

@@ -139,7 +139,7 @@ class Planner:
             before = clock.now()
             if before + 2.0 * self._vertex > until or tree.size >= self._most:
                 return
-            tree.grow(tree.size + 1)
+            tree.grow(tree.size + 1, enough=lambda _: clock.now() > until)
             self._vertex = _learned(self._vertex, clock.now() - before)
             added += 1
 
