@@ -9,6 +9,7 @@ swept on the way.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from itertools import repeat
@@ -44,7 +45,8 @@ class Body:
         self._lap = Motion(rows=motion.rows)  # once from the first row to the last
         self._lead = motion.lead
         self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
-        self._ways = np.concatenate([[0.0], np.cumsum(ways(motion, reach_of(mover)))])  # up to each row [m]
+        self._times: list[float] = motion.rows[:, 0].tolist()
+        self._ways = [0.0, *np.cumsum(ways(motion, reach_of(mover))).tolist()]  # up to each row [m]
         self.speed = speed_bound(motion, reach_of(mover))
 
     def lap(self, time: float) -> tuple[int, float]:
@@ -60,12 +62,19 @@ class Body:
     def way(self, begin: float, end: float) -> float:
         """How far any of its points goes between two times [s] at most, jumps aside [m]."""
         (laps, s), (more, t) = self.lap(begin), self.lap(end)
-        return (more - laps) * float(self._ways[-1]) + self._way(s, t)
+        return (more - laps) * self._ways[-1] + self._way(s, t)
 
     def _way(self, begin: float, end: float) -> float:
         """The same between two times of the rows [s]."""
-        first, last = np.interp((begin, end), self._lap.rows[:, 0], self._ways)
-        return float(last - first)
+        return self._gone(end) - self._gone(begin)
+
+    def _gone(self, time: float) -> float:
+        """How far they have gone since the first row, at a time of the rows [s]."""
+        i = bisect_right(self._times, time)
+        if i in (0, len(self._times)):
+            return self._ways[max(i - 1, 0)]
+        (a, b), (s, t) = self._ways[i - 1 : i + 1], self._times[i - 1 : i + 1]
+        return a + (b - a) * (time - s) / (t - s)
 
     def clearance(self, place: Array, row_time: float) -> float:
         """Free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,7 @@ STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), und
 STEERED = 3.0  # lambda / (time in which noise carries the position over its clearance) costs so much
 SHAKEN = 0.75  # likewise where noise acts on the position itself; both tuned for even weights
 BESIDE = 0.5  # and where it does so among bodies that move, in lambda b^2 / c^2
+WINDOW, ALL = 30, 1_000_000  # steps at the end of a course that are tracked anew with more of it
 FADED = 5.0  # layers beyond which a wall then costs nothing
 
 
@@ -70,13 +72,13 @@ class AnyGuidance:
         self.metric = noise.metric
         self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in COLD}
         hold = HOLD * problem.least_rate / wall_radius(problem) ** 2
-        tracking = self.tasks[COLD[0][0]]._replace(hold=hold)
+        tracking, window = self.tasks[COLD[0][0]]._replace(hold=hold), ALL
         if isinstance(setup, MovingSetup):
             # A reference passes bodies in time; who tracks it late and shuns them ends on another side of some.
-            tracking = tracking._replace(margin=-np.inf, spacing=np.inf)
+            tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), WINDOW
         self.starts = Starts(
             dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.passes.optimise,
-            tracking=tracking, asked=self.tasks[1.0].steep / STEEP,
+            tracking=tracking, window=window, asked=self.tasks[1.0].steep / STEEP,
         )  # fmt: skip
 
     @property
@@ -173,17 +175,22 @@ class AnyGuidance:
         trajectory: Trajectory,
         also: Sequence[Trajectory] = (),
         time: float = 0.0,
+        pressed: Callable[[], bool] | None = None,
     ) -> tuple[AnyGuide | None, AnyGuide | None]:
         """The same without any earlier one, or one that begins in another way and is surely cheaper; and its rival.
 
         Args:
             also: other references of the class.
+            pressed: whether time is short, so that no more ways to begin are looked at; None: it never is.
         """
-        found = [self.improve(x, times, key, trajectory, time=time)]
+        found = [self.improve(x, times, key, trajectory, time=time, pressed=pressed)]
         if self.tasks[1.0].curved:
-            clock, starts = self._clock(x, times, time), list(self.starts.pushed(x, trajectory, times))
-            starts += [self.starts.along(x, one, times) for one in also]
-            found += [self._from(clock, x, times, key, start, PUSHED) for start in starts]
+            clock = self._clock(x, times, time)
+            others = (self.starts.along(x, one, times) for one in also)
+            for start in chain(self.starts.pushed(x, trajectory, times), others):
+                if pressed is not None and pressed():
+                    break
+                found.append(self._from(clock, x, times, key, start, PUSHED))
         own, valid = found[0], [one for one in found if one is not None and one.valid]
         best = min(valid, key=lambda one: one.priced, default=own)
         # Prices are no nearer to what a class is worth than lambda.

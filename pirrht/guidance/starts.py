@@ -34,6 +34,7 @@ class Starts:
     halts: bool  # whether nothing homes in on the goal
     optimise: Any  # kernel (`any_ddp`)
     tracking: Task  # under which aims are held to
+    window: int  # steps, the last, that are improved when more of a reference is tracked
     asked: float  # |a| under which control costs what time does [1/sqrt(s)]
 
     def empty(self, T: int) -> Course:
@@ -105,7 +106,9 @@ class Starts:
         length = 0
         while length < whole:
             length = min(whole, length + HEAD)
-            self.optimise(self.setup, self.tracking, times, 0, ROUNDS, course, length)
+            first = max(0, length - self.window)
+            part = Course(*(array[first:] for array in course))
+            self.optimise(self.setup, self.tracking, times[first:], 0, ROUNDS, part, length - first)
         return course, length
 
     def shifted(self, last: AnyGuide, times: Array, elapsed: float) -> tuple[Course, int]:

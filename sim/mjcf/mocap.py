@@ -47,8 +47,9 @@ class Mocap:
 
     def place(self, data: mujoco.MjData, time: float) -> None:
         """Place the bodies as they are at a time [s]."""
-        places, turns = self.poses(np.array([time]))
-        data.mocap_pos[self._rows], data.mocap_quat[self._rows] = places[0], turns[0]
+        poses = np.array([motion.pose_at(time) for motion in self._motions])
+        data.mocap_pos[self._rows] = np.column_stack([poses[:, :2], self._heights])
+        data.mocap_quat[self._rows] = _turned(self._upright, poses[:, 2])
 
     def poses(self, times: Array) -> tuple[Array, Array]:
         """Places (k, J, 3) [m] and quaternions (k, J, 4), w first, at times (k,) [s]."""

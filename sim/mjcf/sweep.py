@@ -20,12 +20,14 @@ class Sweep:
     def __init__(self, model: mujoco.MjModel, robot: Mask, bodies: Mask, mocap: Mocap) -> None:
         self._model, self._data, self._mocap = model, mujoco.MjData(model), mocap
         offered, accepted = model.geom_contype, model.geom_conaffinity
-        self._pairs = [
+        pairs = [
             (int(mine), int(other))
             for mine in np.flatnonzero(robot)
             for other in np.flatnonzero(bodies)
             if (offered[mine] & accepted[other]) | (offered[other] & accepted[mine])
         ]
+        self._pairs = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        self._round = model.geom_rbound[self._pairs].sum(axis=1)  # of the balls around both geoms of a pair [m]
 
     def meets(
         self, before: Array, after: Array, begin: float, end: float, own: float, way: Callable[[float, float], float]
@@ -45,9 +47,12 @@ class Sweep:
             self._data.qpos[:] = before + share * (after - before)
             self._mocap.place(self._data, time(share))
             mujoco.mj_kinematics(self._model, self._data)
-            return min(
-                float(mujoco.mj_geomDistance(self._model, self._data, mine, other, far, None))
-                for mine, other in self._pairs
+            mine, other = self._data.geom_xpos[self._pairs.T]
+            near = np.sum((mine - other) ** 2, axis=1) < (self._round + far) ** 2
+            distances = (
+                float(mujoco.mj_geomDistance(self._model, self._data, one, another, far, None))
+                for one, another in self._pairs[near].tolist()
             )
+            return min(distances, default=far)
 
-        return bool(self._pairs) and touches(free, lambda a, b: (b - a) * own + way(time(a), time(b)))
+        return bool(len(self._pairs)) and touches(free, lambda a, b: (b - a) * own + way(time(a), time(b)))
