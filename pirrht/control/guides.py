@@ -71,7 +71,9 @@ class Guides:
             last, rival = self.last.get(one.whole), self.rivals.get(one.whole)
             if one.whole in thorough and (one is wanted[0] or not pressed()):
                 also = [backwards[one.winding]] if one.winding in backwards else []
-                found: tuple[Any, Any] = guidance.first(x, times, one.key, one.trajectory, also, pressed=pressed, **clock)
+                found: tuple[Any, Any] = guidance.first(
+                    x, times, one.key, one.trajectory, also, pressed=pressed, **clock
+                )
                 return found
             if last is None and one is not wanted[0] and pressed():
                 return None, None  # made from nothing it takes ten times as long

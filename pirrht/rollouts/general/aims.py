@@ -97,10 +97,11 @@ def aims(kind: Kind) -> Any:
             scratch.a[g, j] = bx * sx + by * sy
 
     @part
-    def aim(setup, leads, scratch, ratio, goal, radius, walls, h, i, share, modes):  # type: ignore[no-untyped-def]
+    def aim(setup, leads, scratch, keep, goal, radius, walls, h, i, share, modes):  # type: ignore[no-untyped-def]
         """Do so after a share of step i of the grid; of the one followed, h, if nothing is weighed."""
         x, a, wide, lost, home = scratch.x, scratch.a, scratch.wide, scratch.lost, scratch.home
-        led, count, weigh = leads.led, leads.ways.count, ratio.shape[0] > 0
+        led, count, ratio = leads.led, leads.ways.count, keep.ratio
+        weigh = ratio.shape[0] > 0
         near_walls, steep = noisy_position and leads.reach > 0.0, STEEP * setup.gain[0, 0]
         homeward, headed = np.inf, False  # computed once, if a reference asks for it
         for g in range(0 if weigh else h, a.shape[0] if weigh else h + 1):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.addresses import load_float64
-from pirrht.compiled.jit import inlined
+from pirrht.compiled.jit import inlined, part
 from pirrht.systems.heading import wrapped
 
 
@@ -28,7 +28,7 @@ def nearest_of(n: int, angles: int) -> Any:
     begin at column `there`, the weights of squares at `weights`. Steps are followed as long as they come nearer.
     """
 
-    @inlined
+    @part
     def apart(row, x, there, weights):  # type: ignore[no-untyped-def]
         """Square of how far x (n,) is from the state that a step of a law, a row at an address, is for."""
         total = 0.0
@@ -39,7 +39,7 @@ def nearest_of(n: int, angles: int) -> Any:
             total += load_float64(row, weights + k) * off * off
         return total
 
-    @inlined
+    @part
     def nearest(first, pitch, s, last, x, there, weights):  # type: ignore[no-untyped-def]
         """The step, up to the last one."""
         here = apart(first + pitch * s, x, there, weights)

@@ -144,7 +144,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 if near_walls:
                     cov = (rates[0] * dt, rates[1] * dt, rates[2] * dt)
                     walls = push_of(leads, scratch, arena, cov, close)
-                aim(setup, leads, scratch, keep.ratio, goal, radius, walls, h, i, done / whole, modes)
+                aim(setup, leads, scratch, keep, goal, radius, walls, h, i, done / whole, modes)
                 if owed > 0.0:
                     settle(keep.led_by, setup.inverse, scratch, h, trust, owed, last)
                     owed = 0.0
@@ -161,7 +161,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     at_share = (done + (until if until > 0.0 else dt * share)) / whole
                     body_key += key_among(leads.marks, goal, i, min(at_share, 1.0), moved[0], moved[1], scratch.side)
                 if weigh:
-                    add_log_ratios(keep.ratio, leads, scratch, i, dt, until, sway, modes)
+                    add_log_ratios(keep, leads, scratch, i, dt, until, sway, modes)
                 where = (i, whole, i == 0 and done == 0.0)
                 record(keep, setup.inverse, scratch, h, trust, where, until, near_walls, exit == INSIDE)
                 if i < keep.led_by.shape[0] and near_walls and exit == INSIDE:

@@ -18,7 +18,8 @@ def log_ratios(kind: Kind) -> Any:
     n, m, noisy_position, car, leadable = kind.n, kind.m, kind.noisy_position, is_car(kind), takes_law(kind)
 
     @part
-    def add_log_ratios(ratio, leads, scratch, i, dt, until, sway, modes):  # type: ignore[no-untyped-def]
+    def add_log_ratios(keep, leads, scratch, i, dt, until, sway, modes):  # type: ignore[no-untyped-def]
+        ratio = keep.ratio
         law, led, y, drawn, a = leads.law, leads.led, scratch.y, scratch.drawn, scratch.a
         wide, aside, white = scratch.wide, scratch.aside, scratch.white
         _, _, _, inverse, end = columns_of(n, modes)
