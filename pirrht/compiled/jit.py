@@ -54,7 +54,12 @@ def part(function: Callable[..., Any]) -> Any:
     Counting is atomic: a step of a path that is split into parts would take five times as long. It makes no arrays, and
     returns none (TypeError), since its caller would let go of what it never held.
     """
-    compiled: Any = _compiled(function, forceinline=True, counting=False)
+    return borrowing(function, forceinline=True)
+
+
+def borrowing(function: Callable[..., Any], **options: Any) -> Any:
+    """The same for a kernel that is called: for one path, that counts the arrays of all its records twice."""
+    compiled: Any = _compiled(function, counting=False, **options)
     if not DISABLED:
         compiled.compile = _returning_no_array(compiled, compiled.compile)
     return compiled

@@ -58,7 +58,8 @@ class Follow(Lead):
         then = np.maximum(np.minimum(i + 1, guide.length - 1), i)
         parts = [(1.0 - share) * part[i] + share * part[then] for part in (guide.modes, guide.gains.reshape(T, -1))]
         parts.append(self._states(i, share))
-        parts += [part[i].reshape(len(row), -1) for part in (guide.share, guide.inverse, guide.volume)]
+        parts += [np.swapaxes(part, 1, 2)[i].reshape(len(row), -1) for part in (guide.share, guide.inverse)]
+        parts.append(guide.volume[i, None])
         if guide.gates is not None:
             d = guide.dynamics
             gains = parts[1].reshape(-1, d.m, d.n)
@@ -69,6 +70,7 @@ class Follow(Lead):
             modes, gains, gates = without(guide.gates, d.B_c(guide.states[0]), parts[0], gains)
             parts[:2] = [modes, gains.reshape(len(row), -1)]
             leads.law[h, :, -gates[0].size :] = gates.reshape(len(row), -1)
+        parts[1] = np.swapaxes(parts[1].reshape(len(row), -1, guide.dynamics.n), 1, 2).reshape(len(row), -1)
         table = np.hstack(parts)
         width, n = table.shape[1], len(guide.metric)
         leads.law[h, :, :width], leads.law[h, :, width], leads.law[h, :, width + 1 : width + 1 + n] = (

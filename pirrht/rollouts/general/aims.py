@@ -11,7 +11,7 @@ from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.jit import part
 from pirrht.rollouts.gates import gate_slope
 from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
-from pirrht.rollouts.general.law import columns_of, nearest_of
+from pirrht.rollouts.general.law import columns_of, nearest_of, sums_of
 from pirrht.rollouts.homing import STEEP, homing
 from pirrht.rollouts.records import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
@@ -28,7 +28,7 @@ def aims(kind: Kind) -> Any:
     car, leadable, gated, gaining = is_car(kind), takes_law(kind), is_gated(kind), kind.gaining
     losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
     fixed, angles, homing_of = n - rows, kind.angles, kind.homing
-    nearest = nearest_of(n, angles)
+    nearest, (said, bound, _, _) = nearest_of(n, angles), sums_of(n, m, kind.modes)
 
     @part
     def car_law(leads, scratch, g, i, steep):  # type: ignore[no-untyped-def]
@@ -61,25 +61,23 @@ def aims(kind: Kind) -> Any:
     def any_law(leads, scratch, g, s, modes):  # type: ignore[no-untyped-def]
         """Write `wide` of a law's step s."""
         law, x, wide, beside = leads.law, scratch.x, scratch.wide, scratch.beside
-        slopes, there, _, _, end = columns_of(n, modes)
+        _, there, _, _, end = columns_of(n, modes)
         row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s)
         for k in range(n):
             beside[k] = x[k] - load_float64(row, there + k)
             if (angles >> k) & 1:
                 beside[k] = wrapped(beside[k])
-        for j in range(modes):
-            total = load_float64(row, j)
-            for k in range(n):
-                total += load_float64(row, slopes + j * n + k) * beside[k]
-            wide[g, j] = total
+        out, steep = wide.ctypes.data + 8 * wide.shape[1] * g, load_float64(row, end + 1)
+        said(out, row, beside.ctypes.data, modes)
         if gated:
             at_x, at_y = x[0] - law[g, s, there], x[1] - law[g, s, there + 1]
             sx, sy = gate_slope(law, g, s, end + 2 + n, at_x, at_y)
             for j in range(m):
                 wide[g, j] += scratch.B[0, j] * sx + scratch.B[1, j] * sy
-        for j in range(modes):
-            bound = load_float64(row, end + 1)
-            wide[g, j] = max(-bound, min(bound, wide[g, j]))
+            for j in range(m):  # one by one, as they were written last
+                wide[g, j] = max(-steep, min(steep, wide[g, j]))
+        else:
+            bound(out, steep, modes)
 
     @part
     def along_way(leads, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
@@ -134,13 +132,17 @@ def aims(kind: Kind) -> Any:
                     a[g, j] = 0.0
                 for j in range(modes if leadable else 0):
                     wide[g, j] = 0.0
-            if i < leads.active[g]:
+            held, pushing = i < leads.active[g], near_walls and count[g] == 0 and (led[g] == 0 or gated)
+            if held:
                 for j in range(m):
                     a[g, j] += 0.0 if gaining else leads.drift[g, i, j]
                     for k in range(m if gaining else 0):
                         a[g, j] += scratch.D[j, k] * leads.control[g, i, k]
-            if near_walls and count[g] == 0 and (led[g] == 0 or gated):
+            if pushing:
                 for j in range(m):
                     a[g, j] += scratch.pushed[j]
+            if leadable and (held or pushing or count[g] > 0):
+                for j in range(m):
+                    wide[g, j] = a[g, j]
 
     return aim

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.float32 import ONE, ZERO
 from pirrht.compiled.jit import part
 from pirrht.compiled.streams import fill_normals, normals
 from pirrht.rollouts.among import SKIN, facing_among, look_around, with_moving
 from pirrht.rollouts.first_exit import RIM, facing, fitting, two_walls, wall_slope
 from pirrht.rollouts.general.kind import Kind, is_car, takes_law
-from pirrht.rollouts.general.law import columns_of
+from pirrht.rollouts.general.law import columns_of, sums_of
 from pirrht.rollouts.general.scratch import ABREAST
 from pirrht.rollouts.listed import listing, surely
 
@@ -93,31 +92,29 @@ def noise_for(kind: Kind) -> Any:
     n, m, noisy_position = kind.n, kind.m, kind.noisy_position
     car, leadable, turning = is_car(kind), takes_law(kind), kind.turning
     abreast = leadable and not noisy_position
+    _, _, multiplied, mix = sums_of(n, m, kind.modes)
 
     @part
     def under_law(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
         """Draw under the law of a step, whose covariance counts where steps do not end at crossings."""
-        law, white, drawn, stage = leads.law, scratch.white, scratch.drawn, scratch.stage
-        even, root = modes + modes % 2, math.sqrt(dt)
+        law, white, drawn, stage, wide = leads.law, scratch.white, scratch.drawn, scratch.stage, scratch.wide
+        even, independent = modes + modes % 2, white.ctypes.data
         for j in range(0, 0 if abreast else modes, 2):
             state, z, other = normals(state)
-            white[j] = sign * z
+            white[j] = z
             if j + 1 < modes:
-                white[j + 1] = sign * other
+                white[j + 1] = other
         if abreast:  # several steps at once: no other draws come between theirs
             if i % ABREAST == 0:
                 state = fill_normals(state, ABREAST * even // 2, scratch.fresh)
-            for j in range(modes):
-                white[j] = sign * scratch.fresh[(i % ABREAST) * even + j]
-        _, _, shape, _, _ = columns_of(n, modes)
-        row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
-        for j in range(modes):
-            z = white[j]
-            if stage[h] < leads.led[h] and not noisy_position:
-                z = 0.0
-                for k in range(modes):
-                    z += load_float64(row, shape + j * modes + k) * white[k]
-            drawn[j] = z * root + (scratch.a[h, j] if j < m else scratch.wide[h, j]) * dt
+            independent = scratch.fresh.ctypes.data + 8 * even * (i % ABREAST)
+        out, source = drawn.ctypes.data, independent
+        if stage[h] < leads.led[h] and not noisy_position:
+            _, _, shape, _, _ = columns_of(n, modes)
+            row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
+            multiplied(out, row + 8 * shape, independent, modes)
+            source = out
+        mix(out, source, sign * math.sqrt(dt), wide.ctypes.data + 8 * wide.shape[1] * h, dt, modes)
         for j in range(m):
             scratch.y[j] = drawn[j]
         return state

@@ -33,7 +33,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.copies import copy_row, copy_rows
-from pirrht.compiled.jit import kernel, part
+from pirrht.compiled.jit import borrowing, part
 from pirrht.compiled.linear import solve
 from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
@@ -112,7 +112,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
             drift(x, p, scratch.f)
         return rates
 
-    @kernel
+    @borrowing
     def one_path(setup, leads, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
         """Simulate one sample around reference h and write what of it is to be kept (`Kept`).
 
@@ -161,7 +161,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     at_share = (done + (until if until > 0.0 else dt * share)) / whole
                     body_key += key_among(leads.marks, goal, i, min(at_share, 1.0), moved[0], moved[1], scratch.side)
                 if weigh:
-                    add_log_ratios(keep, leads, scratch, i, dt, until, sway, modes)
+                    add_log_ratios(keep, leads, scratch, h, i, dt, until, sway, modes)
                 where = (i, whole, i == 0 and done == 0.0)
                 record(keep, setup.inverse, scratch, h, trust, where, until, near_walls, exit == INSIDE)
                 if i < keep.led_by.shape[0] and near_walls and exit == INSIDE:

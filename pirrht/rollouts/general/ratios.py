@@ -9,7 +9,8 @@ from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.jit import part
 from pirrht.compiled.linear import solve
 from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
-from pirrht.rollouts.general.law import columns_of
+from pirrht.rollouts.general.law import columns_of, sums_of
+from pirrht.rollouts.general.scratch import ABREAST
 
 
 @cache
@@ -17,11 +18,14 @@ def log_ratios(kind: Kind) -> Any:
     """The kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     n, m, noisy_position, car, leadable = kind.n, kind.m, kind.noisy_position, is_car(kind), takes_law(kind)
 
+    _, _, multiplied, mix = sums_of(n, m, kind.modes)
+
     @part
-    def add_log_ratios(keep, leads, scratch, i, dt, until, sway, modes):  # type: ignore[no-untyped-def]
+    def add_log_ratios(keep, leads, scratch, h, i, dt, until, sway, modes):  # type: ignore[no-untyped-def]
         ratio = keep.ratio
         law, led, y, drawn, a = leads.law, leads.led, scratch.y, scratch.drawn, scratch.a
         wide, aside, white = scratch.wide, scratch.aside, scratch.white
+        wide_at = wide.ctypes.data
         _, _, _, inverse, end = columns_of(n, modes)
         rows_at, pitch = law.ctypes.data, 8 * law.shape[2]
         for g in range(ratio.shape[0]):
@@ -36,13 +40,14 @@ def log_ratios(kind: Kind) -> Any:
             elif leadable and not noisy_position and scratch.stage[g] < led[g]:
                 if until > 0.0:
                     gained, row = 0.0, rows_at + pitch * (law.shape[1] * g + scratch.stage[g])
+                    noise, size = scratch.fresh.ctypes.data + 8 * (modes + modes % 2) * (i % ABREAST), dt
+                    if g != h:  # from what was drawn under h, the noise that g would have had to draw
+                        mix(white.ctypes.data, drawn.ctypes.data, 1.0, wide_at + 8 * wide.shape[1] * g, -dt, modes)
+                        multiplied(scratch.off.ctypes.data, row + 8 * inverse, white.ctypes.data, modes)
+                        noise, size = scratch.off.ctypes.data, 1.0
                     for j in range(modes):
-                        white[j] = drawn[j] - (a[g, j] if j < m else wide[g, j]) * dt
-                    for j in range(modes):
-                        off = 0.0
-                        for k in range(modes):
-                            off += load_float64(row, inverse + j * modes + k) * white[k]
-                        gained += drawn[j] * drawn[j] - off * off
+                        one = load_float64(noise, j)
+                        gained += drawn[j] * drawn[j] - size * one * one
                     ratio[g] += 0.5 * gained / dt - load_float64(row, end)
             else:
                 for j in range(m):

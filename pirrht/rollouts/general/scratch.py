@@ -34,10 +34,11 @@ class Scratch(NamedTuple):
     lost: NDArray[np.bool_]  # (H,) whether it is out of question
     column: Array  # (m, 1)
     carried: Array  # (m, 1)
-    wide: Array  # (H, 2 m) a of a law, of all modes
+    wide: Array  # (H, 2 m) a of every reference, of all modes
     home: Array  # (m,) beyond the last step of a law
     white: Array  # (2 m,) independent normals
     drawn: Array  # (2 m,) noise of the step, of all modes
+    off: Array  # (2 m,) independent normals that another reference would have had to draw for it [sqrt(s)]
     beside: Array  # (n,) how far the state is from the law's
     fresh: Array  # normals of the next steps
     held: Array  # what `listed` holds
@@ -63,7 +64,7 @@ def scratch_for(kind: Kind) -> Any:
             np.zeros((rows, m)), np.empty((m, m)), np.empty((rows, m)),
             np.empty((H, m)), np.zeros(H), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
             np.empty((m, 1)), np.empty((m, 1)),
-            np.zeros((H, 2 * m)), np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n),
+            np.zeros((H, 2 * m)), np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n),
             np.zeros(ABREAST * 2 * (m + 1)),
             held_of(bodies), np.empty(bodies, np.int64), np.empty((bodies, NEAR)),
             np.empty((leads.marks.weight.shape[0], 2)),
