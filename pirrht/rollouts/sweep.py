@@ -30,7 +30,7 @@ def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
     A step that turns by so much in all [rad] is an arc beside its chord; into the goal it counts as straight.
     Returns: INSIDE or the Outcome, share of the step until the exit.
     """
-    exit, share, _ = _march(arena, x, y, nx, ny, turn)
+    exit, share, _ = _march(arena, x, y, nx, ny, turn, 0.0, 0.0)
     return exit, share
 
 
@@ -49,11 +49,16 @@ def sweep_onward(arena, x, y, nx, ny, turn, room):  # type: ignore[no-untyped-de
         ahead = clearance(arena.field, nx, ny)
         if ahead > 0.0 and arc < room + ahead:
             return INSIDE, 1.0, ahead
-    return _march(arena, x, y, nx, ny, turn)
+        return _march(arena, x, y, nx, ny, turn, room, ahead)
+    return _march(arena, x, y, nx, ny, turn, room, 0.0)
 
 
 @kernel
-def _march(arena, x, y, nx, ny, turn):  # type: ignore[no-untyped-def]
+def _march(arena, x, y, nx, ny, turn, room, ahead):  # type: ignore[no-untyped-def]
+    """What `sweep_exit` does, where no wall is nearer to the start than `room` and to the end than `ahead` [m].
+
+    Of them it looks only at what these leave open; 0 where nothing is known.
+    """
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
     if length == 0.0:
         exit, share = endpoint_exit(arena, nx, ny)
@@ -65,7 +70,7 @@ def _march(arena, x, y, nx, ny, turn):  # type: ignore[no-untyped-def]
         until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, gx, gy, arena.radius)
     stop = min(length, until)
     bow, pace = 0.5 * turn / length, 1.0 / math.sqrt(1.0 + 0.25 * turn * turn)
-    s = 0.0
+    s = min(stop, room * pace)
     while True:
         aside = bow * s * (length - s)
         c = clearance(field, x + s * ux + aside * uy, y + s * uy - aside * ux)
@@ -73,5 +78,7 @@ def _march(arena, x, y, nx, ny, turn):  # type: ignore[no-untyped-def]
             return COLLISION, s / length, 0.0
         if s >= stop:
             break
+        if ahead > 0.0 and length - s < (c + ahead) * pace:
+            return INSIDE, 1.0, ahead
         s = min(stop, s + max(c, 0.1 * field.spacing) * pace)
     return (GOAL, until / length, 0.0) if until < np.inf else (INSIDE, 1.0, c)
