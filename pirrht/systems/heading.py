@@ -13,6 +13,8 @@ TURN_GAIN = 3.0  # turn rate of homing per heading error [1/s]
 @inlined
 def wrapped(angle):  # type: ignore[no-untyped-def]
     """The same angle within half a turn of zero [rad]."""
+    if -math.pi <= angle < math.pi:  # as nearly all are: a division waits longer than this asks
+        return angle
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
