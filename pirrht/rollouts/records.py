@@ -23,8 +23,8 @@ def law_width(n: int, modes: int) -> int:
     """Numbers per step of the law of any other system with n states, under noise of so many modes per step.
 
     In this order: a (modes,), its slopes K' (n, modes), the state (n,) they are for, the deviation L' (modes, modes) of
-    the noise as a share of the passive one, its inverse likewise, log det L, what no component of a exceeds, and weights
-    (n,) of the squares that tell which of these states is the nearest.
+    the noise as a share of the passive one, its inverse likewise, log det L, what no component of a exceeds, and
+    weights (n,) of the squares that tell which of these states is the nearest.
     """
     return modes + modes * n + n + 2 * modes * modes + 2 + n
 
