@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.jit import inlined, kernel, part
 from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.moving import place_at
 
@@ -23,7 +23,7 @@ PER_PIECE = 0.02  # the base is looked at so often [s]
 class Marks(NamedTuple):
     """J markers that move, at the ends of T steps."""
 
-    goal: Array  # (T + 1, J, 2) the goal point as seen from each [m]
+    goal: Array  # (T + 1, 2, J) the goal point as seen from each [m]
     weight: IntArray  # (J,) additive key of one turn
     opening: int  # additive key of the turns that the base takes off
 
@@ -32,25 +32,26 @@ class Marks(NamedTuple):
         """For paths from x (n,) over steps that end at times (T + 1,) on the clock of what moves [s]."""
         moving = homology.moving
         weight = homology.hash_weights[homology.standing.M :]
-        goal = np.empty((len(times), moving.J, 2))
+        goal = np.empty((len(times), 2, moving.J))
         _seen(moving.tracks, moving.goal, times, goal)
         arrival = moving.arrival(x, float(times[0]))
         fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / PER_PIECE))
-        base = np.empty((len(fine), moving.J, 2))
+        base = np.empty((len(fine), 2, moving.J))
         _seen(moving.tracks, moving.goal, fine, base)
         return cls(goal, weight, int(_opening(base, weight, moving.goal, float(x[0]), float(x[1]))))
 
 
-NO_MARKS = Marks(np.zeros((1, 0, 2)), np.zeros(0, dtype=np.int64), 0)
+SIDES = 4  # rows of what is kept of the place of a path: where it is seen from each marker, and room for where next
+NO_MARKS = Marks(np.zeros((1, 2, 0)), np.zeros(0, dtype=np.int64), 0)
 
 
 @kernel
 def _seen(tracks, goal, times, out):  # type: ignore[no-untyped-def]
-    """Fill `out` (T, J, 2) with the goal point (2,) as seen from each marker at times (T,) [s]."""
+    """Fill `out` (T, 2, J) with the goal point (2,) as seen from each marker at times (T,) [s]."""
     for i in range(times.shape[0]):
-        for j in range(out.shape[1]):
+        for j in range(out.shape[2]):
             x, y = place_at(tracks, j, times[i])
-            out[i, j, 0], out[i, j, 1] = goal[0] - x, goal[1] - y
+            out[i, 0, j], out[i, 1, j] = goal[0] - x, goal[1] - y
 
 
 @inlined
@@ -71,48 +72,52 @@ def turn_at_ray(c, along, d, further):  # type: ignore[no-untyped-def]
 
 @kernel
 def _opening(base, weight, goal, x, y):  # type: ignore[no-untyped-def]
-    """Additive key that takes off the turns of the base from (x, y) [m], along which markers are as in (k, J, 2)."""
+    """Additive key that takes off the turns of the base from (x, y) [m], along which markers are as in (k, 2, J)."""
     key, last = np.int64(0), base.shape[0] - 1
     rx, ry = x - goal[0], y - goal[1]
     for j in range(weight.shape[0]):
-        c, along = seen_from(base[0, j, 0], base[0, j, 1], rx, ry)
+        c, along = seen_from(base[0, 0, j], base[0, 1, j], rx, ry)
         for i in range(1, last):
             rest = 1.0 - i / last
-            d, further = seen_from(base[i, j, 0], base[i, j, 1], rest * rx, rest * ry)
+            d, further = seen_from(base[i, 0, j], base[i, 1, j], rest * rx, rest * ry)
             key -= turn_at_ray(c, along, d, further) * weight[j]
             c, along = d, further
     return key
 
 
-@inlined
+@part
 def open_sides(marks, goal, x, y, side):  # type: ignore[no-untyped-def]
-    """Write where (x, y) [m] is at first, seen from each marker, to `side` (J, 2); the goal point is (2) [m]."""
-    for j in range(side.shape[0]):
-        side[j, 0], side[j, 1] = seen_from(marks.goal[0, j, 0], marks.goal[0, j, 1], x - goal[0], y - goal[1])
+    """Write where (x, y) [m] is at first, seen from each marker, to `side` (SIDES, J); the goal point is (2) [m]."""
+    for j in range(side.shape[1]):
+        side[0, j], side[1, j] = seen_from(marks.goal[0, 0, j], marks.goal[0, 1, j], x - goal[0], y - goal[1])
 
 
-@inlined
+@part
 def key_among(marks, goal, i, share, x, y, side):  # type: ignore[no-untyped-def]
     """Additive key of the turns of a step that ends at (x, y) [m], a share of step i later than that begins.
 
-    `side` (J, 2) is as `open_sides` or the last call has left it.
+    `side` (SIDES, J) is as `open_sides` or the last call has left it. Hardly ever is a ray met: vectors of markers are
+    asked for that first.
     """
-    key, rx, ry, rest = np.int64(0), x - goal[0], y - goal[1], 1.0 - share
-    for j in range(side.shape[0]):
-        gx = rest * marks.goal[i, j, 0] + share * marks.goal[i + 1, j, 0]
-        gy = rest * marks.goal[i, j, 1] + share * marks.goal[i + 1, j, 1]
-        c, along = seen_from(gx, gy, rx, ry)
-        turn = turn_at_ray(side[j, 0], side[j, 1], c, along)
+    key, rx, ry, rest, passed = np.int64(0), x - goal[0], y - goal[1], 1.0 - share, 0
+    for j in range(side.shape[1]):
+        gx = rest * marks.goal[i, 0, j] + share * marks.goal[i + 1, 0, j]
+        gy = rest * marks.goal[i, 1, j] + share * marks.goal[i + 1, 1, j]
+        side[2, j], side[3, j] = seen_from(gx, gy, rx, ry)
+        passed += (side[0, j] > 0.0) != (side[2, j] > 0.0)
+    for j in range(side.shape[1] if passed > 0 else 0):
+        turn = turn_at_ray(side[0, j], side[1, j], side[2, j], side[3, j])
         if turn != 0:
             key += turn * marks.weight[j]
-        side[j, 0], side[j, 1] = c, along
+    for j in range(side.shape[1]):
+        side[0, j], side[1, j] = side[2, j], side[3, j]
     return key
 
 
 @kernel
 def key_of_path(marks, goal, states, length):  # type: ignore[no-untyped-def]
     """Additive key of the turns of the first `length` steps of states (T + 1, n), less those of the base."""
-    side = np.empty((marks.weight.shape[0], 2))
+    side = np.empty((SIDES, marks.weight.shape[0]))
     open_sides(marks, goal, states[0, 0], states[0, 1], side)
     key = np.int64(marks.opening)
     for i in range(length):

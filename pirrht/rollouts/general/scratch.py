@@ -13,6 +13,7 @@ from pirrht.compiled.jit import kernel
 from pirrht.rollouts.among import NEAR
 from pirrht.rollouts.general.kind import Kind
 from pirrht.rollouts.listed import held_of
+from pirrht.topology.marks import SIDES
 
 ABREAST = 8  # steps whose noise is drawn at once
 
@@ -44,7 +45,7 @@ class Scratch(NamedTuple):
     held: Array  # what `listed` holds
     listed: NDArray[np.int64]  # (J,) bodies within reach
     near: Array  # (J, NEAR) where they are
-    side: Array  # (marks, 2) about which windings among bodies are counted
+    side: Array  # (SIDES, marks) about which windings among bodies are counted
 
 
 SCRATCH: Any = Scratch
@@ -67,7 +68,7 @@ def scratch_for(kind: Kind) -> Any:
             np.zeros((H, 2 * m)), np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n),
             np.zeros(ABREAST * 2 * (m + 1)),
             held_of(bodies), np.empty(bodies, np.int64), np.empty((bodies, NEAR)),
-            np.empty((leads.marks.weight.shape[0], 2)),
+            np.empty((SIDES, leads.marks.weight.shape[0])),
         )  # fmt: skip
 
     return scratch_of
