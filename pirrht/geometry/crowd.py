@@ -46,7 +46,7 @@ class Body:
         self._lead = motion.lead
         self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
         self._times: list[float] = motion.rows[:, 0].tolist()
-        self._ways = [0.0, *np.cumsum(ways(motion, reach_of(mover))).tolist()]  # up to each row [m]
+        self._ways: list[float] = [0.0, *np.cumsum(ways(motion, reach_of(mover))).tolist()]  # up to each row [m]
         self.speed = speed_bound(motion, reach_of(mover))
 
     def lap(self, time: float) -> tuple[int, float]:

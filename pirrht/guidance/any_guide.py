@@ -74,8 +74,7 @@ class AnyGuide:
     @property
     def tape(self) -> Array:
         """Its controls u (T, m), over the steps."""
-        m = self.dynamics.m
-        return np.array([self.input_of(x, a[:m]) for x, a in zip(self.states, self.modes, strict=False)])
+        return self.dynamics.inputs_of(self.states[:-1], self.modes[:, : self.dynamics.m])
 
     def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
         """What is left of it after some time [s], into the goal around the centre (2,) [m]; None if nothing."""

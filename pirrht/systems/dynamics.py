@@ -271,6 +271,14 @@ class Dynamics(ABC):
             return np.asarray(self.input_noise @ a)
         return np.asarray(np.linalg.solve(self.G_c(x), self.B_c(x) @ a))
 
+    def inputs_of(self, states: Array, a: Array) -> Array:
+        """The same for states (k, n) and a (k, m), (k, m); at once where G and B are the same everywhere."""
+        if self.input_noise is not None:
+            return np.asarray(a @ self.input_noise.T)
+        if isinstance(self.control_block, np.ndarray) and isinstance(self.diffusion_block, np.ndarray):
+            return np.asarray(np.linalg.solve(self.control_block, self.diffusion_block @ a.T).T)
+        return np.array([self.input_of(*pair) for pair in zip(states, a, strict=True)]).reshape(a.shape)
+
     def climbing_gain(self, x: Array) -> Array:
         """lambda R^-1 G' at x (n,), (m, rows): the control that a slope of log psi asks for, per slope."""
         if self.input_noise is not None:

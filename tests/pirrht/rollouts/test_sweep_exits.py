@@ -31,7 +31,7 @@ def test_a_sweep_never_passes_through_a_thin_wall():
 
 
 def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_by_step():
-    """400 walks of steps up to 0.3 m that turn by up to 0.5 rad; they differ within 5 mm of a wall or along it at most."""
+    """400 walks of steps up to 0.3 m that turn by up to 0.5 rad; they differ by 5 mm at a wall, or along it."""
     space = room()
     arena, rng, compared = space.arena, np.random.default_rng(8), []
     for _ in range(400):
