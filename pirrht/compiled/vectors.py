@@ -49,11 +49,12 @@ def summed(count: int, width: int) -> Any:
     """
 
     def plain(out: int, first: int, rows: int, factors: int) -> None:
+        totals = [load_float64(first, j) for j in range(width)]
+        for k in range(count):
+            for j in range(width):
+                totals[j] += load_float64(rows, k * width + j) * load_float64(factors, k)
         for j in range(width):
-            total = load_float64(first, j)
-            for k in range(count):
-                total += load_float64(rows, k * width + j) * load_float64(factors, k)
-            store_float64(out, j, total)
+            store_float64(out, j, totals[j])
 
     @intrinsic  # type: ignore[untyped-decorator]
     def add(typing_context: Any, out: Any, first: Any, rows: Any, factors: Any) -> Any:
@@ -76,11 +77,12 @@ def product(count: int, width: int) -> Any:
     """The same without a first row: (out, rows, factors)."""
 
     def plain(out: int, rows: int, factors: int) -> None:
+        totals = [0.0] * width
+        for k in range(count):
+            for j in range(width):
+                totals[j] += load_float64(rows, k * width + j) * load_float64(factors, k)
         for j in range(width):
-            total = 0.0
-            for k in range(count):
-                total += load_float64(rows, k * width + j) * load_float64(factors, k)
-            store_float64(out, j, total)
+            store_float64(out, j, totals[j])
 
     @intrinsic  # type: ignore[untyped-decorator]
     def multiply(typing_context: Any, out: Any, rows: Any, factors: Any) -> Any:

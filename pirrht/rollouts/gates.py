@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import erfcx
 
 from pirrht.compiled.jit import inlined
 
@@ -15,7 +14,7 @@ GATE = 5  # numbers of one: direction (x, y) of its free side, z on the guide, i
 
 FAR_IN, FAR_OUT, PER_UNIT = -6.0, 6.0, 16  # where its table begins and ends, and rows of that per unit of z
 _AT = np.linspace(FAR_IN, FAR_OUT, int((FAR_OUT - FAR_IN) * PER_UNIT) + 1)
-MILLS = math.sqrt(2.0 / math.pi) / erfcx(-_AT / math.sqrt(2.0))
+MILLS = np.exp(-0.5 * _AT**2) * math.sqrt(2.0 / math.pi) / np.array([math.erfc(-z / math.sqrt(2.0)) for z in _AT])
 
 
 @inlined
