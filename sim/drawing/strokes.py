@@ -160,7 +160,7 @@ def fans(
     share = max(4, points // (length * max(1, len(members))))
     chosen = {name: m if everything else _pick(m, estimate.weight, min(share, 50)) for name, m in members.items()}
     length = length if everything else max(2, min(length, points // max(1, sum(map(len, chosen.values())))))
-    top = float(estimate.weight.max())
+    top = max(float(estimate.weight.max()), np.finfo(float).tiny)  # earlier samples may have all the weight
     drawn = {}
     for name, group in chosen.items():
         opacity = np.sqrt(estimate.weight[group] / top)

@@ -71,8 +71,12 @@ class Planner:
         self._after: deque[float] = deque(maxlen=RECENT)  # what plans took once their samples were drawn [s]
 
     def first(self, x: Array) -> Ready:
-        """A plan at x (n,) for the beginning of a drive; it takes as long as any other."""
+        """A plan at x (n,) for the beginning of a drive, made in a period from what one without a clock has found.
+
+        Guides go on from those of the last plan, and the first ones are what takes long: the drive waits for them.
+        """
         self.controller.begin(x)
+        self.controller.plan(x)
         return self._made(x, begin=0.0, now=-self.period)
 
     def make_room(self) -> None:
