@@ -61,7 +61,7 @@ class FakeClock:
 
 
 class FakeDriver:
-    """Plans take the time that they are told to, those without a limit none; the law of plan i steers i+1 cm/s right."""
+    """Plans take the time that they are told to, if they have a limit; the law of plan i steers i+1 cm/s to the right."""
 
     tree = None
 
@@ -222,7 +222,7 @@ class Growing:
     def __init__(self, clock: FakeClock) -> None:
         self.size, self._clock = 10, clock
 
-    def grow(self, size: int) -> None:
+    def grow(self, size: int, enough: Callable[[int], bool] | None = None) -> None:
         self._clock.wait(self._clock.now() + 0.002 * (size - self.size))
         self.size = size
 
