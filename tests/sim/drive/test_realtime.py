@@ -61,7 +61,7 @@ class FakeClock:
 
 
 class FakeDriver:
-    """Plans take the time that they are told to, if they have a limit; the law of plan i steers i+1 cm/s to the right."""
+    """Plans take the time that they are told to, if they have a limit; the law of plan i steers i+1 cm/s aside."""
 
     tree = None
 
