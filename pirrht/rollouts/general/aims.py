@@ -17,8 +17,8 @@ from pirrht.rollouts.records import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.heading import wrapped
 
-LOST = 60.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
-# a martingale, so that exp(-60) is also what is expected of it later
+LOST = 30.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
+# a martingale, so that exp(-30) is also what is expected of it later
 
 
 @cache
