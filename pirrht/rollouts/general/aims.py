@@ -11,7 +11,8 @@ from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.jit import part
 from pirrht.rollouts.gates import gate_slope
 from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
-from pirrht.rollouts.general.law import columns_of, nearest_of, sums_of
+from pirrht.rollouts.general.law import columns_of, nearest_of
+from pirrht.rollouts.general.rows import rows_of
 from pirrht.rollouts.homing import STEEP, homing
 from pirrht.rollouts.records import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
@@ -28,7 +29,7 @@ def aims(kind: Kind) -> Any:
     car, leadable, gated, gaining = is_car(kind), takes_law(kind), is_gated(kind), kind.gaining
     losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
     fixed, angles, homing_of = n - rows, kind.angles, kind.homing
-    nearest, (said, bound, _, _) = nearest_of(n, angles), sums_of(n, m, kind.modes)
+    nearest, (said, bind, _, _) = nearest_of(n, angles), rows_of(n, m, kind.modes)
 
     @part
     def car_law(leads, scratch, g, i, steep):  # type: ignore[no-untyped-def]
@@ -77,7 +78,7 @@ def aims(kind: Kind) -> Any:
             for j in range(m):  # one by one, as they were written last
                 wide[g, j] = max(-steep, min(steep, wide[g, j]))
         else:
-            bound(out, steep, modes)
+            bind(out, steep, modes)
 
     @part
     def along_way(leads, scratch, g, goal, walls):  # type: ignore[no-untyped-def]

@@ -1,4 +1,4 @@
-"""The law of any system: the step of it that is for the state nearest to a path's own, and what that says."""
+"""The step of a law that is for the state nearest to a path's own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.jit import inlined, part
-from pirrht.compiled.vectors import bounded, mixed, product, summed
 from pirrht.systems.heading import wrapped
 
 
@@ -58,46 +57,3 @@ def nearest_of(n: int, angles: int) -> Any:
         return s
 
     return nearest
-
-
-@cache
-def sums_of(n: int, m: int, most: int) -> Any:
-    """Kernels for rows of m or of `most` modes, at addresses: what a law says, bounds, products and mixtures.
-
-    (out, row of the law, beside, modes) adds slopes times how far the state is off, (row, bound, modes) keeps it within
-    the bound, (out, matrix, row, modes) multiplies, and (out, x, a, y, b, modes) writes a x + b y.
-    """
-    few, many = summed(n, m), summed(n, most)
-    least, all_of = product(m, m), product(most, most)
-    mix_few, mix_many = mixed(m), mixed(most)
-    bind_few, bind_many = bounded(m), bounded(most)
-
-    @part
-    def said(out, row, beside, modes):  # type: ignore[no-untyped-def]
-        if modes == most:
-            many(out, row, row + 8 * most, beside)
-        else:
-            few(out, row, row + 8 * m, beside)
-
-    @part
-    def bound(row, most_of, modes):  # type: ignore[no-untyped-def]
-        if modes == most:
-            bind_many(row, most_of)
-        else:
-            bind_few(row, most_of)
-
-    @part
-    def multiplied(out, matrix, row, modes):  # type: ignore[no-untyped-def]
-        if modes == most:
-            all_of(out, matrix, row)
-        else:
-            least(out, matrix, row)
-
-    @part
-    def mix(out, x, a, y, b, modes):  # type: ignore[no-untyped-def]
-        if modes == most:
-            mix_many(out, x, a, y, b)
-        else:
-            mix_few(out, x, a, y, b)
-
-    return said, bound, multiplied, mix

@@ -14,7 +14,8 @@ from pirrht.compiled.streams import fill_normals, normals
 from pirrht.rollouts.among import SKIN, facing_among, look_around, with_moving
 from pirrht.rollouts.first_exit import RIM, facing, fitting, two_walls, wall_slope
 from pirrht.rollouts.general.kind import Kind, is_car, takes_law
-from pirrht.rollouts.general.law import columns_of, sums_of
+from pirrht.rollouts.general.law import columns_of
+from pirrht.rollouts.general.rows import rows_of
 from pirrht.rollouts.general.scratch import ABREAST
 from pirrht.rollouts.listed import listing, surely
 
@@ -92,7 +93,7 @@ def noise_for(kind: Kind) -> Any:
     n, m, noisy_position = kind.n, kind.m, kind.noisy_position
     car, leadable, turning = is_car(kind), takes_law(kind), kind.turning
     abreast = leadable and not noisy_position
-    _, _, multiplied, mix = sums_of(n, m, kind.modes)
+    _, _, times, mix = rows_of(n, m, kind.modes)
 
     @part
     def under_law(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
@@ -112,7 +113,7 @@ def noise_for(kind: Kind) -> Any:
         if stage[h] < leads.led[h] and not noisy_position:
             _, _, shape, _, _ = columns_of(n, modes)
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
-            multiplied(out, row + 8 * shape, independent, modes)
+            times(out, row + 8 * shape, independent, modes)
             source = out
         mix(out, source, sign * math.sqrt(dt), wide.ctypes.data + 8 * wide.shape[1] * h, dt, modes)
         for j in range(m):

@@ -9,7 +9,8 @@ from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.jit import part
 from pirrht.compiled.linear import solve
 from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
-from pirrht.rollouts.general.law import columns_of, sums_of
+from pirrht.rollouts.general.law import columns_of
+from pirrht.rollouts.general.rows import rows_of
 from pirrht.rollouts.general.scratch import ABREAST
 
 
@@ -18,7 +19,7 @@ def log_ratios(kind: Kind) -> Any:
     """The kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     n, m, noisy_position, car, leadable = kind.n, kind.m, kind.noisy_position, is_car(kind), takes_law(kind)
 
-    _, _, multiplied, mix = sums_of(n, m, kind.modes)
+    _, _, times, mix = rows_of(n, m, kind.modes)
 
     @part
     def add_log_ratios(keep, leads, scratch, h, i, dt, until, sway, modes):  # type: ignore[no-untyped-def]
@@ -43,7 +44,7 @@ def log_ratios(kind: Kind) -> Any:
                     noise, size = scratch.fresh.ctypes.data + 8 * (modes + modes % 2) * (i % ABREAST), dt
                     if g != h:  # from what was drawn under h, the noise that g would have had to draw
                         mix(white.ctypes.data, drawn.ctypes.data, 1.0, wide_at + 8 * wide.shape[1] * g, -dt, modes)
-                        multiplied(scratch.off.ctypes.data, row + 8 * inverse, white.ctypes.data, modes)
+                        times(scratch.off.ctypes.data, row + 8 * inverse, white.ctypes.data, modes)
                         noise, size = scratch.off.ctypes.data, 1.0
                     for j in range(modes):
                         one = load_float64(noise, j)
