@@ -19,6 +19,7 @@ from pirrht.control.prediction import ByVelocity, Prediction
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, solver_for
+from pirrht.exact.progress import Progress, untold
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
@@ -178,18 +179,24 @@ class Scenario:
         """
         return tree.references(tree.homology.asked(self.start, 0.0), polished=self.settings.polish)
 
-    def truth(self) -> Desirability:
+    def truth(self, progress: Progress = untold) -> Desirability:
         """The exact solution: in continuous time, or for steps of dt if exit is judged at their ends.
+
+        Args:
+            progress: called with the share that is done, where that takes long.
 
         Raises:
             OptionError: no grid solves this problem.
         """
         dt = self.settings.dt if self.settings.exit == "endpoint" else None
         self._refuse_unsolved(dt)
-        return Desirability.of(self.problem, self.space, dt=dt)
+        return Desirability.of(self.problem, self.space, dt=dt, progress=progress)
 
-    def optimal(self, truth: Desirability | None = None) -> Optimal:
+    def optimal(self, truth: Desirability | None = None, progress: Progress = untold) -> Optimal:
         """The grid's feedback law, in continuous time; `truth` if it has been solved for before.
+
+        Args:
+            progress: called with the share that is done, where it has not and that takes long.
 
         Raises:
             OptionError: bodies are to be foretold, and the law knows how they move.
@@ -197,7 +204,8 @@ class Scenario:
         if self.moving and self.settings.predict != "known":
             raise OptionError(f"--predict {self.settings.predict}: the optimal law knows how bodies move; leave it out")
         self._refuse_unsolved(None)
-        return Optimal(truth or Desirability.of(self.problem, self.space), self.sampling)
+        truth = truth or Desirability.of(self.problem, self.space, progress=progress)
+        return Optimal(truth, self.sampling)
 
     def _refuse_unsolved(self, dt: float | None) -> None:
         """Refuse by its public name a robot that no grid serves.
@@ -272,14 +280,20 @@ class Scenario:
             rng=np.random.default_rng(self.seeds()[1]),
         )
 
-    def driver(self, tree: HomologyTree | None = None, truth: Desirability | None = None) -> Driver:
+    def driver(
+        self,
+        tree: HomologyTree | None = None,
+        truth: Desirability | None = None,
+        progress: Progress = untold,
+    ) -> Driver:
         """Who decides under the settings' method.
 
         Args:
             tree: a grown one, of methods that need one.
             truth: of the method "optimal", the exact solution in continuous time if it is known already.
+            progress: called with the share of it that is done, if it is not.
         """
-        return self.optimal(truth) if self.settings.method == "optimal" else self.controller(tree)
+        return self.optimal(truth, progress) if self.settings.method == "optimal" else self.controller(tree)
 
     def drive(self, plant: Plant, driver: Policy) -> Generator[Frame]:
         """The drive from the start, as fast as it goes or in real time; one frame per control period.

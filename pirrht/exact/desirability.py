@@ -21,6 +21,7 @@ from pirrht import shown
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
 from pirrht.exact import discrete_time, heading_grid, moving, planar
+from pirrht.exact.progress import Progress, untold
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -43,8 +44,13 @@ class Solver(Protocol):
     def spacing_for(self, problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
         """The spacing [m] asked for, or a default; refuses a grid that is too fine or too coarse."""
 
-    def grid_of(self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Any:
-        """The solution for a spacing [m] and a step dt [s] or none, a record whose `frame` is a `domain.Frame`."""
+    def grid_of(
+        self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
+    ) -> Any:
+        """The solution for a spacing [m] and a step dt [s] or none, a record whose `frame` is a `domain.Frame`.
+
+        What takes minutes calls `progress` with the share of it that is done.
+        """
 
 
 # By dynamics: who solves in continuous time, and who with a step. Another kind of problem is another row.
@@ -85,7 +91,13 @@ class Desirability:
 
     @classmethod
     def of(
-        cls, problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None
+        cls,
+        problem: Problem,
+        space: FreeSpace,
+        *,
+        spacing: float | None = None,
+        dt: float | None = None,
+        progress: Progress = untold,
     ) -> Desirability:
         """Solve for psi (paper, section III-A, or III-B with a step).
 
@@ -94,6 +106,7 @@ class Desirability:
             space: of the same scene.
             spacing: of the grid [m]; None: fine enough for v to 0.5 % and u to 2 %.
             dt: step of the discrete-time problem [s]; None: continuous time.
+            progress: called with the share that is done where bodies move, anew for every period that is tried.
 
         Raises:
             OptionError: a problem that no grid of this package solves, or one that needs too fine a grid.
@@ -102,7 +115,7 @@ class Desirability:
         spacing = cls.spacing_for(problem, space, spacing=spacing, dt=dt)
         solver = solver_for(problem, space, dt)
         gain: Array = problem.temperature * np.linalg.solve(problem.control_cost(x), d.G_c(x).T).astype(float)
-        grid = solver.grid_of(problem, space, spacing, dt)
+        grid = solver.grid_of(problem, space, spacing, dt, progress)
         return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, look=solver.look, gain=gain)
 
     @staticmethod

@@ -20,6 +20,7 @@ from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_cells, in_goal
 from pirrht.exact.lagrange import derivative, polynomial
+from pirrht.exact.progress import Progress, untold
 from pirrht.exact.tiles import TILE, logarithm, one_round
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
@@ -56,7 +57,9 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return affordable(space.scene, deviation / PER_STEP if spacing is None else spacing, reason, ", a longer --dt")
 
 
-def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Lattice:
+def grid_of(
+    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
+) -> Lattice:
     """The solution (nx, ny) [nats] of a problem with steps of dt [s] on a grid of this spacing [m]."""
     assert not callable(problem.q)
     assert dt is not None

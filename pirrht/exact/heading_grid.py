@@ -21,6 +21,7 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.exact.domain import Frame, frame_at, in_cells, in_goal
 from pirrht.exact.lagrange import derivative, polynomial
+from pirrht.exact.progress import Progress, untold
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.problem import Problem
@@ -84,7 +85,9 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return h
 
 
-def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Headings:
+def grid_of(
+    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
+) -> Headings:
     """Solve for v (nx, ny, nt) [cost] of a car in continuous time on a grid of this spacing [m]; dt is unused.
 
     Raises:

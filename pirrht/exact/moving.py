@@ -24,6 +24,7 @@ from pirrht.exact.domain import Domain, affordable, frame_at, in_goal
 from pirrht.exact.march import march, taps_along
 from pirrht.exact.moving_look import BEYOND, March, in_wall
 from pirrht.exact.payoffs import at_goal
+from pirrht.exact.progress import Progress, untold
 from pirrht.exact.timetable import Timetable, timetable
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.bodies import bodies_of, clearance_from, frames_of, poses_at
@@ -62,15 +63,18 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return chosen
 
 
-def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> March:
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold) -> March:
     """The solution (G, nx, ny) [nats] in continuous time on a grid of this spacing [m]; dt is none.
+
+    Args:
+        progress: called with the share of the march that is done, anew for every period that is tried.
 
     Raises:
         OptionError: as `spacing_for`, or a repeated motion does not settle.
     """
     scene = space.scene
     table = timetable(scene.movers, _longest(problem, spacing))
-    solver = _Solver(problem, scene, spacing, table)
+    solver = _Solver(problem, scene, spacing, table, progress)
     return solver.solution()
 
 
@@ -104,9 +108,11 @@ def _thinning(scene: Scene, spacing: float, table: Timetable) -> int:
 class _Solver:
     """The march for one problem."""
 
-    def __init__(self, problem: Problem, scene: Scene, spacing: float, table: Timetable) -> None:
+    def __init__(
+        self, problem: Problem, scene: Scene, spacing: float, table: Timetable, progress: Progress = untold
+    ) -> None:
         assert not callable(problem.q)
-        self.problem, self.scene, self.table, self.spacing = problem, scene, table, spacing
+        self.problem, self.scene, self.table, self.spacing, self.progress = problem, scene, table, spacing, progress
         self.b = _noise(problem)
         self.rate, self.wall = problem.q / problem.temperature, problem.phi / problem.temperature
         self.longest = _longest(problem, spacing)
@@ -204,6 +210,7 @@ class _Solver:
             begin, end = frames_of(self.begin[k]), frames_of(self.end[k])
             march(now, out, self.room, begin, end, *self.taps(step), step)
             now = out
+            self.progress((last - k) / (last - first))
             yield k, now
 
     def taps(self, step: Step) -> tuple[Array, Array, Array]:

@@ -25,6 +25,7 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.exact.arms import ARMS, CLOSE, HUG, ends_of_arms
 from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_cells, in_goal
+from pirrht.exact.progress import Progress, untold
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 
@@ -69,7 +70,9 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return affordable(space.scene, default if spacing is None else spacing, reason)
 
 
-def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None) -> Expansion:
+def grid_of(
+    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
+) -> Expansion:
     """The solution, (K, 8) coefficients, in continuous time on a grid of this spacing [m]; dt is unused."""
     wall = problem.phi / problem.temperature
     return solve(Domain.of(space), wavenumber=wavenumber_of(problem), wall=wall, spacing=spacing)

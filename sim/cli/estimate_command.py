@@ -13,7 +13,7 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.estimation.estimate import Estimate
 from pirrht.tree.reference import Reference
 from sim.cli import tables, warm
-from sim.cli.shared import check_outputs, planned, scenario_of, wait
+from sim.cli.shared import check_outputs, planned, scenario_of, solving, unforeseen, wait
 from sim.drive.truth import Truth
 from sim.files import write_json
 from sim.result import estimate_json
@@ -50,6 +50,8 @@ def estimate(arguments: argparse.Namespace) -> int:
         dead = sum(e is None for e in estimates)
         remedy = "start slower" if _too_fast(scenario, controller, x) else "try more --samples"
         say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; {touching(scenario, x) or remedy}")
+    if truth is not None:
+        unforeseen(scenario)
     for line in tables.doubts(estimates, [r.id for r in references], scenario.settings.target_error):
         say(line)
     if scenario.settings.weights == "biased":
@@ -71,7 +73,8 @@ def touching(scenario: Scenario, x: Array) -> str | None:
 
 def _truth(scenario: Scenario, x: Array, time: float) -> Truth:
     """The grid's value and control at x (n,) at a time [s]."""
-    return Truth.at(scenario.truth(), x, time)
+    with solving() as progress:
+        return Truth.at(scenario.truth(progress), x, time)
 
 
 def _check_bodies(scenario: Scenario, x: Array, time: float) -> None:

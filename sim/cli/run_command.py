@@ -12,7 +12,7 @@ from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import tables, warm
-from sim.cli.shared import check_outputs, planned, progress_bar, scenario_of, wait
+from sim.cli.shared import check_outputs, planned, progress_bar, scenario_of, solving, unforeseen, wait
 from sim.drawing.colors import title
 from sim.drive import episode
 from sim.drive.truth import Witness
@@ -32,7 +32,8 @@ def run(arguments: argparse.Namespace) -> int:
     settings = scenario.settings
     optimal = settings.method == "optimal"
     film = _film(arguments, scenario)
-    truth = scenario.truth() if arguments.truth else None
+    with solving() as progress:
+        truth = scenario.truth(progress) if arguments.truth else None
     witness = None if truth is None else Witness(truth)
     compiling = None if optimal else warm.start(scenario.loaded.dynamics_name)
     tree, references = (None, []) if settings.method in TREELESS else planned(scenario)
@@ -40,7 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(tables.class_table(references, width(), scenario.homology))
     say(tables.odds(scenario))
     wait(compiling)
-    driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None)
+    with solving() as progress:
+        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, progress)
     rehearse(scenario, driving=True)
     tally = episode.Tally(settings.period)
     frames = scenario.drive(scenario.plant(), driver)
@@ -61,6 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     drive = tally.drive()
     result = {**drive.json(), **({} if witness is None else {"truth": witness.result()})}
     tables.summary(drive, result.get("truth"))
+    if truth is not None:
+        unforeseen(scenario)
     if recorder is not None and recorder.live:
         result["dropped_frames"] = recorder.dropped
         print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")

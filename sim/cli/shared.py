@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
 from pirrht.errors import OptionError
+from pirrht.exact.progress import Progress
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.cli import warm
 from sim.files import check_writable
 from sim.options import table as options
 from sim.scenario import Scenario, prepare
-from sim.text import counted
+from sim.text import counted, say
 
 
 def given(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -75,6 +78,22 @@ def wait(compiling: Any) -> None:
     """Until what is compiled elsewhere is there."""
     if compiling is not None and compiling.wait() == 0:
         warm.notice().done("sample")
+
+
+@contextmanager
+def solving() -> Iterator[Progress]:
+    """A bar, on a terminal, of the exact value while a grid is solved for, which takes minutes where bodies move."""
+    with progress_bar("exact value", 100.0, " %") as bar:
+        yield lambda share: bar.update(100.0 * share - bar.n)
+
+
+def unforeseen(scenario: Scenario) -> None:
+    """Say that the exact value knows what plans do not."""
+    if scenario.moving and scenario.settings.predict != "known":
+        say(
+            f"the exact value knows how bodies move, plans of --predict {scenario.settings.predict} do not: what they "
+            "are off is what they cannot see"
+        )
 
 
 def progress_bar(what: str, total: float, unit: str) -> Any:
