@@ -95,7 +95,7 @@ def _module(name: str, which: str) -> Any:
             _folders.add(Path(file).resolve().parent)
         return module
     except PirrhtError as error:
-        raise OptionError(f"--system {which}: {error}") from None
+        raise OptionError(f"--system {which}: {error}, while {_line_of(error, name)} was imported") from None
     except (Exception, SystemExit) as error:
         if isinstance(error, ModuleNotFoundError) and error.name in _parents(name):
             raise OptionError(
@@ -103,6 +103,16 @@ def _module(name: str, which: str) -> Any:
                 "or set PYTHONPATH"
             ) from None
         raise OptionError(f"--system {which}: {told(error)} while the module {name} was imported; mend it") from None
+
+
+def _line_of(error: BaseException, name: str) -> str:
+    """Which line of a module it was that raised an error, as far as it tells."""
+    trace, where = error.__traceback__, f"the module {name}"
+    while trace is not None:
+        if trace.tb_frame.f_globals.get("__name__") == name:
+            where = f"line {trace.tb_lineno} of {trace.tb_frame.f_code.co_filename}"
+        trace = trace.tb_next
+    return where
 
 
 def _called(function: Callable[[], Any], which: str) -> Any:

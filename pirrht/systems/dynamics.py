@@ -192,7 +192,8 @@ class Dynamics(ABC):
         rates = np.zeros((2, self.n))
         for x, out in zip((0.0, 0.3), rates, strict=True):
             try:
-                self.drift(np.full(self.n, x), self.parameters, out)
+                with np.errstate(all="ignore"):  # what is no number is told below
+                    self.drift(np.full(self.n, x), self.parameters, out)
             except TypeError as error:
                 raise OptionError(
                     f"{name}: drift(x, p, out) cannot be called ({error}); make it a @staticmethod"

@@ -83,7 +83,7 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
             f"{', '.join((*POSE, *able))}: drive it with --plant sde"
         )
     if wrong := _wrong_actuator(model, dynamics.states, system):
-        raise OptionError(wrong)
+        raise OptionError(f"{wrong}; a robot file of your own is --robot FILE.xml, and --plant sde needs none")
     x = dynamics.state_of(np.zeros(3))
     twists = len(dynamics.twist(x, dynamics.idle(x)))
     if command.shape[1] != twists:

@@ -53,16 +53,17 @@ def _check_body(spec: mujoco.MjSpec, name: str, path: Path) -> None:
     label, called = f'{path}: custom numeric "{name}"', name.removeprefix(MOTION)
     body = spec.body(called)
     if body is None:
-        known = ", ".join(f'"{MOTION}{b.name}"' for b in spec.bodies if b.mocap and b.name)
-        there = f"those that can move are {known}" if known else "none in this scene is a mocap body"
+        known = ", ".join(f'"{b.name}"' for b in spec.bodies if b.mocap and b.name)
+        there = f"bodies that can move are {known}" if known else "none in this scene is a mocap body"
         raise SceneError(
             f'{label} moves a body "{called}", which is not there; {there}: '
             f'write <body name="{called}" mocap="true" ...> in the worldbody or name another'
         )
     joints = body.find_all(mujoco.mjtObj.mjOBJ_JOINT)
     if joints:
+        joint = f'joint "{joints[0].name}"' if joints[0].name else "a joint"
         raise SceneError(
-            f'{label} moves body "{called}", which has joint "{joints[0].name}"; what moves by rows has no joints: '
+            f'{label} moves body "{called}", which has {joint}; what moves by rows has no joints: '
             f'remove them and write <body name="{called}" mocap="true" ...>'
         )
     if not body.mocap:
@@ -74,6 +75,8 @@ def _check_body(spec: mujoco.MjSpec, name: str, path: Path) -> None:
 
 def _motion(name: str, data: Array, repeat: bool, path: Path) -> Motion:
     label = f'{path}: custom numeric "{name}"'
+    if data.size > 4 and not data.any():
+        raise SceneError(f"{label} is of {data.size} numbers that are all 0; write {ROWS}")
     if data.size == 0 or data.size % 4:
         raise SceneError(f"{label} is of {data.size} numbers; write {ROWS}")
     try:

@@ -118,6 +118,30 @@ def test_what_is_no_system_costs_one_line(folder, capsys, which, what):
     assert told.count("\n") == 1
 
 
+def test_a_system_that_cannot_be_made_is_blamed_on_its_line_whichever_name_was_asked_for(folder, capsys):
+    lines = (folder / "rafts.py").read_text().splitlines()
+    lines.append("SUNK = System(name='sunk', dynamics=None, R=None, defaults={'perod': 0.1})")
+    (folder / "fleet.py").write_text("\n".join(lines))
+    assert main(["plan", "slit", "--system", "fleet:RAFT"]) == 2
+    told = capsys.readouterr().err
+    assert "system sunk: 'perod' is no setting" in told
+    assert f"line {len(lines)} of {folder / 'fleet.py'} was imported" in told
+
+
+def test_a_drift_that_is_no_number_costs_one_line_and_no_warning(folder, capsys, recwarn):
+    (folder / "whirl.py").write_text(
+        "import numpy as np\nfrom pirrht import SingleIntegrator\nfrom sim.systems import System\n"
+        "class Whirl(SingleIntegrator):\n    @staticmethod\n    def drift(x, p, out):\n"
+        "        out[0], out[1] = np.log(-1.0 - x[0] * x[0]), 0.0\n"
+        "WHIRL = System(name='whirl', dynamics=lambda s: Whirl(b=s.noise), R=2.0 * np.eye(2), states=('x', 'y'))\n"
+    )
+    assert main(["plan", "slit", "--system", "whirl:WHIRL"]) == 2
+    told = capsys.readouterr().err
+    assert "writes [nan, 0.0]" in told
+    assert told.count("\n") == 1
+    assert not recwarn.list
+
+
 def test_states_that_do_not_fit_the_robot_are_refused_by_name(folder, capsys):
     assert main(["plan", "slit", "--robot", "unicycle", "--system", "rafts:RAFT"]) == 2
     told = capsys.readouterr().err
