@@ -21,6 +21,8 @@ from sim.options import table as options
 from sim.scenario import Scenario, prepare
 from sim.text import counted, say
 
+MEANINGLESS = ("predict", "speed_limit")  # where nothing moves
+
 
 def given(arguments: argparse.Namespace) -> dict[str, Any]:
     """What the user said, by setting."""
@@ -46,6 +48,9 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
     )  # fmt: skip
     if arguments.start is not None and len(arguments.start) == 3 and not scenario.problem.dynamics.angles:
         raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
+    for name in MEANINGLESS if not scenario.moving else ():
+        if given(arguments).get(name) is not None:
+            say(f"--{name.replace('_', '-')} changes nothing here: nothing moves in this scene")
     said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
     return scenario
 

@@ -336,3 +336,11 @@ def test_a_geom_may_be_called_nan(tmp_path, capsys):
     scene = tmp_path / "grandmother.xml"
     scene.write_text(mjcf(FLOOR + SITES + '<geom name="nan" type="cylinder" size="0.5 0.5" pos="5 5 0.5"/>'))
     assert main(["plan", str(scene), *QUICK]) == 0
+
+
+@pytest.mark.parametrize(("words", "told"), [([], ""), (["--predict", "velocity"], "--predict changes nothing here")])
+def test_an_option_for_bodies_that_move_says_so_where_none_does(capsys, words, told):
+    assert main(["plan", "slit", "--vertices", "60", *words]) == 0
+    said = capsys.readouterr().out
+    assert told in said
+    assert said.count("changes nothing") == bool(words)
