@@ -66,6 +66,7 @@ class Film:
         across = max(float(extent[1]), float(extent[0]) * high / wide)
         center = np.array([*(lower + (0.5, 0.46) * extent), 0.0])  # what is near takes more room
         self._thick = max(1.0, across / 6.0)  # of lines
+        self._corner = np.array([lower[0], lower[1] + extent[1], 0.0])
         self._eye.look_at(center, distance=1.32 * across, elevation=ELEVATION)
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
         self._stance, self._colors = stance_of(loaded.model, loaded.states), ClassColors()
@@ -149,7 +150,9 @@ class Film:
             self._eye.line(_raised(points, 0.02), self._colors[name], radius * self._thick)
 
     def _bodies(self, plan: Plan, time: float) -> None:
-        """Names of the bodies that move, and outlines of where the plan takes them to be soon."""
+        """Names of the bodies that move, what time it is, and outlines of where the plan takes them to be soon."""
+        if self._movers:
+            self._eye.label(self._corner, f"{time:.1f} s")
         for mover in self._movers:
             top = max(float(solid.position[2]) for solid in mover.solids)
             self._eye.label(np.array([*mover.motion.pose(time)[:2], top]), mover.name.replace("_", " "))

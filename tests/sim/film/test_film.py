@@ -123,6 +123,21 @@ def test_every_robot_is_drawn_where_it_is(graphics, robot):
     assert columns.min() < 130 < 190 < columns.max()
 
 
+def test_among_bodies_that_move_pictures_tell_the_time_and_elsewhere_they_do_not(graphics, monkeypatch):
+    told: list[str] = []
+    monkeypatch.setattr(offscreen.Offscreen, "label", lambda self, place, text: told.append(text))
+    for scene, expected in (("crossing", ["0.1 s", "walker"]), ("slit", [])):
+        told.clear()
+        given = {"vertices": 60, "samples": 20, "period": 0.1, "max_time": 0.2}
+        scenario = prepare(scene, given=given)
+        shown = film.Film(scenario.loaded, size=(64, 36))
+        for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+            shown.add(frame)
+        shown.shots([0.1])
+        shown.close()
+        assert told == expected
+
+
 def test_where_one_way_of_drawing_fails_the_next_is_tried(graphics, monkeypatch):
     monkeypatch.setattr(offscreen, "CHOSEN", None)
     monkeypatch.setattr(offscreen, "BACKENDS", ("nothing", *offscreen.BACKENDS))
