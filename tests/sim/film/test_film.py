@@ -126,7 +126,7 @@ def test_every_robot_is_drawn_where_it_is(graphics, robot):
 def test_among_bodies_that_move_pictures_tell_the_time_and_elsewhere_they_do_not(graphics, monkeypatch):
     told: list[str] = []
     monkeypatch.setattr(offscreen.Offscreen, "label", lambda self, place, text: told.append(text))
-    for scene, expected in (("crossing", ["0.1 s", "walker"]), ("slit", [])):
+    for scene, expected in (("crossing", ["0.1 s", "crosser"]), ("slit", [])):
         told.clear()
         given = {"vertices": 60, "samples": 20, "period": 0.1, "max_time": 0.2}
         scenario = prepare(scene, given=given)
