@@ -49,12 +49,7 @@ def summed(count: int, width: int) -> Any:
     """
 
     def plain(out: int, first: int, rows: int, factors: int) -> None:
-        totals = [load_float64(first, j) for j in range(width)]
-        for k in range(count):
-            for j in range(width):
-                totals[j] += load_float64(rows, k * width + j) * load_float64(factors, k)
-        for j in range(width):
-            store_float64(out, j, totals[j])
+        _added(out, [load_float64(first, j) for j in range(width)], rows, factors, count)
 
     @intrinsic  # type: ignore[untyped-decorator]
     def add(typing_context: Any, out: Any, first: Any, rows: Any, factors: Any) -> Any:
@@ -77,12 +72,7 @@ def product(count: int, width: int) -> Any:
     """The same without a first row: (out, rows, factors)."""
 
     def plain(out: int, rows: int, factors: int) -> None:
-        totals = [0.0] * width
-        for k in range(count):
-            for j in range(width):
-                totals[j] += load_float64(rows, k * width + j) * load_float64(factors, k)
-        for j in range(width):
-            store_float64(out, j, totals[j])
+        _added(out, [0.0] * width, rows, factors, count)
 
     @intrinsic  # type: ignore[untyped-decorator]
     def multiply(typing_context: Any, out: Any, rows: Any, factors: Any) -> Any:
@@ -123,6 +113,16 @@ def bounded(width: int) -> Any:
 
     bind._set_uuid(f"pirrht.vectors.bounded {width}")
     return plain if DISABLED else bind
+
+
+def _added(out: int, totals: list[float], rows: int, factors: int, count: int) -> None:
+    """Write totals and rows times their factors: what is not compiled does."""
+    width = len(totals)
+    for k in range(count):
+        for j in range(width):
+            totals[j] += load_float64(rows, k * width + j) * load_float64(factors, k)
+    for j in range(width):
+        store_float64(out, j, totals[j])
 
 
 def _weighed(builder: ir.IRBuilder, count: int, width: int, rows: Any, factors: Any) -> list[Any]:
