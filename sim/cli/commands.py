@@ -32,7 +32,7 @@ def play(arguments: argparse.Namespace) -> int:
     from sim.cli import play_command
 
     scenario = play_command.checked(arguments, lambda: scenario_of(arguments, loose=True))
-    compiling = warm.start(scenario.loaded.dynamics_name)
+    compiling = warm.start(scenario.loaded)
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
         built = play_command.first(scenario, lambda size: bar.update(size - bar.n))
     warm.notice().done("plan")

@@ -31,7 +31,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     if scenario.settings.method == "optimal":
         raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
     x = _state(arguments.at, scenario)
-    compiling = warm.start(scenario.loaded.dynamics_name)
+    compiling = warm.start(scenario.loaded)
     truth = _truth(scenario, x, arguments.time) if arguments.truth else None
     tree, _ = (None, []) if scenario.settings.method in TREELESS else planned(scenario)
     wait(compiling)

@@ -26,7 +26,7 @@ def plan(arguments: argparse.Namespace) -> int:
 
             draw.check(path, f"--{option}")
     scenario = scenario_of(arguments)
-    helper = warm.start(scenario.loaded.dynamics_name, sampling=False)
+    helper = warm.start(scenario.loaded, sampling=False)
     clock = warm.notice().clock
     began = clock()
     convergence = None

@@ -21,8 +21,8 @@ SHOWN = 3  # errors that are told on the terminal
 
 def sweep(arguments: argparse.Namespace) -> int:
     """Many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
+    from sim.report import lines
     from sim.sweeps import sweep as engine
-    from sim.sweeps import tables
 
     if arguments.json is not None:
         check_writable(arguments.json, "--json")
@@ -37,7 +37,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         raise OptionError("--again makes runs of a dataset anew; add its folder, -o DIR")
     else:
         records = engine.sweep(grid.jobs(), jobs_at_once=arguments.jobs, scheduler=arguments.scheduler)
-    print(tables.summary(records, width()))
+    print(lines.summary(records, width()))
     if arguments.json:
         write_json(arguments.json, records)
     errors = [str(record["error"]) for record in records if record["outcome"] is None]

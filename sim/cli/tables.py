@@ -12,7 +12,7 @@ from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.reference import Reference
 from sim.drawing.colors import title
-from sim.drawing.sides import sides
+from sim.drawing.sides import passing
 from sim.drive import realtime_timing
 from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
@@ -44,7 +44,7 @@ def class_table(
     if isinstance(homology, TimedHomology):
         return table(
             ["class", "cost", "length [m]", "bodies"],
-            [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}", _passing(r, homology)] for r in references],
+            [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}", passing(r, homology)] for r in references],
             room,
         )
     if references and len(references[0].winding) > 4:  # too wide for a terminal; JSON has it all
@@ -52,15 +52,6 @@ def class_table(
         return table(["class", "cost", "length [m]"], rows, room)
     rows = [[r.id, f"{r.cost:.4f}", f"{r.length:.3f}", " ".join(f"{h:+.2f}" for h in r.signature)] for r in references]
     return table(["class", "cost", "length [m]", "H"], rows, room)
-
-
-def _passing(reference: Reference, homology: TimedHomology) -> str:
-    """On which side of each body that moves a reference passes; of many, those alone that it turns about."""
-    passed = list(zip(homology.moving.names, sides(reference, homology.moving), strict=True))
-    if len(passed) > FEW_CLASSES:
-        turns = reference.winding[homology.standing.M :]
-        passed = [row for row, turn in zip(passed, turns, strict=True) if turn]
-    return ", ".join(f"{name}: {side}" for name, side in passed if side) or "-"
 
 
 def estimate_table(

@@ -22,6 +22,7 @@ from tqdm import tqdm
 from pirrht.compiled import jit
 from pirrht.problem import Problem
 from sim.cli.compile_work import Work
+from sim.mjcf.load import Loaded
 from sim.systems import BUILT_IN, System, named
 
 # Modules of kernels that take long, by which one knows whether they have been compiled.
@@ -106,12 +107,15 @@ def shortening(dynamics_name: str) -> str:
     dynamics = system.dynamics(system.settings)
     if isinstance(dynamics, Unicycle):
         return "dubins_shortcut"
-    return "shorten" if is_point(dynamics) else PLANNER  # paths of others are shortened by what made them
+    return "polyline" if is_point(dynamics) else PLANNER  # paths of others are shortened by what made them
 
 
-def start(dynamics_name: str, *, sampling: bool = True) -> subprocess.Popen[bytes] | None:
+def start(loaded: Loaded, *, sampling: bool = True) -> subprocess.Popen[bytes] | None:
     """Begin to compile elsewhere what this process needs last; None if nothing is to compile, or cannot be kept."""
+    dynamics_name = loaded.dynamics_name
     if dynamics_name not in BUILT_IN or not jit.kept():
+        return None
+    if loaded.scene.movers and not sampling:  # paths in space and time are shortened by other kernels
         return None
     if jit.cached((sampler if sampling else shortening)(dynamics_name)):
         return None

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.moving import MovingHomology, places_at
 from pirrht.tree.reference import Reference
 
 MOMENTS = 60  # of a path that are looked at
 BACK = 0.1  # over which a body's direction is taken [s]
 STILL = 0.05  # m/s; what is slower is passed, not gone before or behind
+FEW = 4  # bodies of which every one is told
 
 
 def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
@@ -32,6 +34,15 @@ def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
         slow = float(np.hypot(*ahead)) < STILL
         found.append("past" if slow else "before" if float((way[k] - places[j, k]) @ ahead) > 0.0 else "behind")
     return tuple(found)
+
+
+def passing(reference: Reference, homology: TimedHomology) -> str:
+    """The sides of all bodies in one line, "-" if there are none; of many, those alone that the path turns about."""
+    passed = list(zip(homology.moving.names, sides(reference, homology.moving), strict=True))
+    if len(passed) > FEW:
+        turns = reference.winding[homology.standing.M :]
+        passed = [row for row, turn in zip(passed, turns, strict=True) if turn]
+    return ", ".join(f"{name}: {side}" for name, side in passed if side) or "-"
 
 
 def _places(moving: MovingHomology, times: Array) -> Array:

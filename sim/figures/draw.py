@@ -12,10 +12,13 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import replaced
 from pirrht.plotting import ground
+from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors, title
+from sim.drawing.sides import passing
+from sim.figures import moments
 from sim.scenario import Scenario
 
 ENDINGS = (".png", ".pdf", ".svg")
@@ -34,15 +37,24 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     colors.meet(reference.id for reference in references)
     for reference in reversed(references):
         line = reference.trajectory.points
-        label = f"{title(reference.id)}: {reference.cost:.2f}"
-        axes.plot(line[:, 0], line[:, 1], color=_rgb(colors[reference.id]), lw=2.2, label=label)
+        axes.plot(*line[:, :2].T, color=_rgb(colors[reference.id]), lw=2.2, label=_label(reference, tree))
+    step = moments.draw(axes, scenario, references, colors) if scene.movers else 0.0
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(
         handles[::-1], labels[::-1], fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False,
         title="class: cost", title_fontsize=8,
     )  # fmt: skip
-    axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first", fontsize=10)
+    told = f"; dots and outlines every {step:g} s" if step else ""
+    axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{told}", fontsize=10)
     _save(plt, figure, path, "--png")
+
+
+def _label(reference: Reference, tree: HomologyTree) -> str:
+    """A class and its cost, and below them on which side of bodies that move it passes."""
+    told = f"{title(reference.id)}: {reference.cost:.2f}"
+    if not isinstance(tree.homology, TimedHomology):
+        return told
+    return "\n".join([told, *(f"  {side}" for side in passing(reference, tree.homology).split(", ") if side != "-")])
 
 
 def draw_convergence(

@@ -13,6 +13,7 @@ from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.cli import warm
 from sim.cli.compile_work import GUIDES, MOTIONS, Work
 from sim.rehearsal import ROOM
+from sim.scenario import prepare
 from sim.systems import System, named
 
 ALL = {warm.PLANNER, warm.POINT, warm.OTHERS}
@@ -109,7 +110,22 @@ def test_where_nothing_can_be_written_notes_are_left_out(folder):
     assert work.seconds(False) == MOTIONS
 
 
+@pytest.mark.parametrize("name", ["single_integrator", "unicycle"])
 @pytest.mark.parametrize("sampling", [False, True])
-def test_the_process_that_compiles_on_the_other_core_does_what_it_is_for(sampling):
-    """Nobody would hear of its errors."""
-    warm.compile_rest("single_integrator", sampling=sampling)
+def test_the_process_on_the_other_core_compiles_what_commands_look_for(name, sampling):
+    """Nobody would hear of its errors, and one that left nothing would be started by every command."""
+    warm.compile_rest(name, sampling=sampling)
+    assert jit.cached((warm.sampler if sampling else warm.shortening)(name))
+
+
+@pytest.mark.parametrize("scene", ["slit", "clutter", "crossing"])
+def test_once_its_kernels_are_there_no_command_starts_to_compile(scene, monkeypatch):
+    loaded = prepare(scene).loaded
+    monkeypatch.setattr(jit, "cached", lambda module: module in {warm.shortening(loaded.dynamics_name), *ALL})
+    assert warm.start(loaded) is None
+    assert warm.start(loaded, sampling=False) is None
+
+
+def test_what_moves_is_planned_around_without_what_shortens_standing_paths(monkeypatch):
+    monkeypatch.setattr(jit, "cached", lambda module: False)
+    assert warm.start(prepare("crossing").loaded, sampling=False) is None

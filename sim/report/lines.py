@@ -1,30 +1,46 @@
-"""The table of a sweep on a terminal: one line per scene, noise level and method."""
+"""A sweep in a few lines on a terminal, as it ends: one per scene, noise level and method."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from sim.drawing.colors import title
+from sim.report.comparisons import BASE, Key, Record, both_arrive, pairs_of
 from sim.text import table
 
 _FIRST = ("scene", "b", "method", "runs", "goal", "collision", "timeout")
-_LAST = ("cost", "time [s]", "path/shortest", "switches", "reversals", "ms/step", "plan [s]", "classes")
+_LAST = ("time [s]", "path/shortest", "switches", "reversals", "ms/step", "plan [s]", "classes")
+_OVER = f"over {BASE}"  # of seeds that reach the goal by both: means of different seeds do not compare
 
 
-def summary(rows: Sequence[dict[str, Any]], room: int | None = None) -> str:
+def summary(rows: Sequence[Record], room: int | None = None) -> str:
     """A table with one line per scene, noise and method; a path is held against the shortest reference."""
-    points: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
+    points: dict[Key, list[Record]] = {}
     for row in rows:
         points.setdefault((row["scene"], row["noise"], row["method"]), []).append(row)
     failed = any(row["outcome"] is None for row in rows)
-    header = [*_FIRST, *(["error"] if failed else []), *_LAST]
-    return table(header, [_line(point, everyone, failed) for point, everyone in points.items()], room, keep=3)
+    over = {point: _over(point, points) for point in points}
+    paired = any(over.values())
+    header = [*_FIRST, *(["error"] if failed else []), "cost", *([_OVER] if paired else []), *_LAST]
+    lines = [
+        _line(point, everyone, failed, [over[point] or "-"] if paired else []) for point, everyone in points.items()
+    ]
+    return table(header, lines, room, keep=3)
 
 
-def _line(point: tuple[Any, ...], everyone: Sequence[dict[str, Any]], failed: bool) -> list[str]:
+def _over(point: Key, points: Mapping[Key, Sequence[Record]]) -> str:
+    """What a method's drives cost more than those of `BASE` with the same noise; empty without such pairs."""
+    scene, noise, method = point
+    if method == BASE:
+        return ""
+    pairs = pairs_of(points[point], points.get((scene, noise, BASE), ()))
+    off = [a["cost"] - b["cost"] for a, b in pairs if both_arrive(a, b)]
+    return f"{np.mean(off):+.3f}" if off else ""
+
+
+def _line(point: Key, everyone: Sequence[Record], failed: bool, over: Sequence[str]) -> list[str]:
     scene, noise, method = point
     group = [r for r in everyone if r["outcome"] is not None]
     arrived = [r for r in group if r["outcome"] == "goal"]
@@ -34,6 +50,7 @@ def _line(point: tuple[Any, ...], everyone: Sequence[dict[str, Any]], failed: bo
         *map(str, ends),
         *([str(len(everyone) - len(group))] if failed else []),
         _mean([r["cost"] for r in arrived]),
+        *over,
         _mean([r["time"] for r in arrived]),
         _mean([r["path_length"] / r["shortest_length"] for r in arrived if r["shortest_length"]]),
         _mean([r["class_switches"] for r in group], 2),
