@@ -244,23 +244,35 @@ def inexact(traffic, j):  # type: ignore[no-untyped-def]
     return found
 
 
-@kernel
+@inlined
 def clearance_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
     """Clearance of the robot's centre at (x, y) [m] from body j at (ox, oy) [m] and yaw [rad], up to the reach [m]."""
-    c, s, dx, dy = math.cos(yaw), math.sin(yaw), x - ox, y - oy
+    return clearance_facing(traffic, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
+
+
+@kernel
+def clearance_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
+    """The same from cosine and sine of the yaw."""
+    dx, dy = x - ox, y - oy
     u, v, best = c * dx + s * dy, c * dy - s * dx, traffic.reach
     for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
         best = min(best, _clearance_of(traffic, k, u, v))
     return best
 
 
-@kernel
+@inlined
 def wall_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
-    """The same, the unit vector (x, y) away from the nearest point of it, and the vector (x, y) from there [m].
+    """Clearance, the unit vector (x, y) away from the nearest point of body j, and the vector (x, y) from there [m].
 
     Both vectors are zero inside of the body, and where nothing is within reach.
     """
-    c, s, dx, dy = math.cos(yaw), math.sin(yaw), x - ox, y - oy
+    return wall_facing(traffic, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
+
+
+@kernel
+def wall_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
+    """The same from cosine and sine of the yaw."""
+    dx, dy = x - ox, y - oy
     u, v, best, which = c * dx + s * dy, c * dy - s * dx, traffic.reach, -1
     for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
         d = _clearance_of(traffic, k, u, v)

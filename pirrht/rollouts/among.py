@@ -19,40 +19,48 @@ from pirrht.geometry.moving_walls import WALL, moving_walls, walls_of_some
 from pirrht.geometry.traffic import (
     FASTEST,
     JUMPING,
+    clearance_facing,
     clearance_of_body,
     disc_of,
     of_body,
     outside_of,
     piece_of,
-    wall_of_body,
+    wall_facing,
 )
 from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_crossing
-from pirrht.rollouts.listed import at_least, listing, surely
+from pirrht.rollouts.listed import listing, surely
 
-SKIN = 0.8  # bodies are listed so much further away than they have to be [m]
+SKIN = 1.0  # bodies are listed so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met
 CLOSE = 0.1  # of the robot's radius: sweeps advance at least by so much
 BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
-NEAR = 13  # numbers of a listed body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
-# pose [m], [rad] and its rates, until when these are right [s], and what is known: 1 all of this, 0 all but the wall,
-# -1 only a lower bound of the clearance
-D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, UNTIL, KNOWN = range(NEAR)
+NEAR = 17  # numbers of a listed body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
+# pose [m], [rad] and its rates, from when and until when these are right [s], cosine and sine of a yaw, and whether the
+# wall is known: otherwise the clearance is only at least so much
+D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, WALL_KNOWN = range(NEAR)
+
+
+@inlined
+def list_around(traffic, x, y, t, within, held, listed, near):  # type: ignore[no-untyped-def]
+    """List bodies as `listing` does; nothing is known yet of how they are."""
+    count = listing(traffic, x, y, t, within, held, listed)
+    for k in range(count):
+        near[k, UNTIL] = -math.inf
+    return count
 
 
 @kernel
-def look_around(traffic, listed, count, x, y, t, within, held, near):  # type: ignore[no-untyped-def]
-    """Write how listed bodies are at t [s] to `near` (J, NEAR), from (x, y) [m] those that may be `within` a distance.
+def look_around(traffic, listed, count, x, y, t, within, near):  # type: ignore[no-untyped-def]
+    """Write how listed bodies are at t [s], seen from (x, y) [m], to `near` (J, NEAR); walls of those `within` alone.
 
-    Of others it is only told how far they are at least, by what `listing` has left in `held`.
     Returns: least clearance of these [m], and until when all of them keep their velocities [s].
     """
     least, until = traffic.reach, math.inf
     for k in range(count):
         j = listed[k]
-        near[k, D], near[k, KNOWN] = at_least(traffic, j, held, x, y, t), -1.0
-        if near[k, D] >= within:
-            continue
-        _see(traffic, j, k, x, y, t, near)
+        _see(traffic, j, k, t, near)
+        near[k, D] = outside_of(traffic, j, near[k, OX], near[k, OY], x, y)
+        near[k, WALL_KNOWN] = 0.0
         if near[k, D] < within:
             _know(traffic, j, k, x, y, near)
             least, until = min(least, near[k, D]), min(until, near[k, UNTIL])
@@ -60,20 +68,29 @@ def look_around(traffic, listed, count, x, y, t, within, held, near):  # type: i
 
 
 @inlined
-def _see(traffic, j, k, x, y, t, near):  # type: ignore[no-untyped-def]
-    """Write how body j, the k-th on the list, is at t [s], and how far about from (x, y) [m]."""
-    ox, oy, yaw, vx, vy, turn, ends = piece_of(traffic, j, t)
-    near[k, OX], near[k, OY], near[k, YAW] = ox, oy, yaw
-    near[k, VX], near[k, VY], near[k, TURN], near[k, UNTIL] = vx, vy, turn, ends
-    near[k, D], near[k, KNOWN] = outside_of(traffic, j, ox, oy, x, y), 0.0
+def _see(traffic, j, k, t, near):  # type: ignore[no-untyped-def]
+    """Write where body j, the k-th on the list, is at t [s]; on from where it was, while it keeps its velocity."""
+    past = t - near[k, SINCE]
+    if past >= 0.0 and t < near[k, UNTIL]:
+        near[k, OX] += past * near[k, VX]
+        near[k, OY] += past * near[k, VY]
+        near[k, YAW] += past * near[k, TURN]
+    else:
+        ox, oy, yaw, vx, vy, turn, ends = piece_of(traffic, j, t)
+        near[k, OX], near[k, OY], near[k, YAW] = ox, oy, yaw
+        near[k, VX], near[k, VY], near[k, TURN], near[k, UNTIL] = vx, vy, turn, ends
+        near[k, FACED] = math.inf
+    near[k, SINCE] = t
 
 
 @inlined
 def _know(traffic, j, k, x, y, near):  # type: ignore[no-untyped-def]
     """Complete what is known of body j, the k-th on the list, as seen from (x, y) [m]."""
-    ox, oy = near[k, OX], near[k, OY]
-    d, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, near[k, YAW], x, y)
-    near[k, D], near[k, NX], near[k, NY], near[k, KNOWN] = d, nx, ny, 1.0
+    ox, oy, yaw = near[k, OX], near[k, OY], near[k, YAW]
+    if near[k, FACED] != yaw:
+        near[k, COS], near[k, SIN], near[k, FACED] = math.cos(yaw), math.sin(yaw), yaw
+    d, nx, ny, ex, ey = wall_facing(traffic, j, ox, oy, near[k, COS], near[k, SIN], x, y)
+    near[k, D], near[k, NX], near[k, NY], near[k, WALL_KNOWN] = d, nx, ny, 1.0
     near[k, WX], near[k, WY] = near[k, VX] - near[k, TURN] * (y - ey - oy), near[k, VY] + near[k, TURN] * (x - ex - ox)
 
 
@@ -96,7 +113,7 @@ def with_moving(walls, near, count, widest):  # type: ignore[no-untyped-def]
     """
     c, nx, ny, d, mx, my = walls
     for k in range(count):
-        if near[k, KNOWN] == 1.0:
+        if near[k, WALL_KNOWN] == 1.0:
             c, nx, ny, d, mx, my = _with_wall(
                 c, nx, ny, d, mx, my, near[k, D], near[k, NX], near[k, NY], np.float64(widest)
             )
@@ -147,7 +164,7 @@ def facing_among(near, count, cov):  # type: ignore[no-untyped-def]
     """Least clearance [m] from bodies over the share of noise that each faces, where noise acts along a line."""
     size, nearest = cov[0] + cov[2], math.inf
     for k in range(count):
-        if near[k, KNOWN] == 1.0:
+        if near[k, WALL_KNOWN] == 1.0:
             share = _towards(near, k, cov) / size
             nearest = min(nearest, near[k, D] / math.sqrt(max(share, SIDEWAYS)))
     return nearest
@@ -166,22 +183,23 @@ def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, 
     alive, worst, which, from_, to, spread = 1.0, 2.0, 0, 0.0, 0.0, 0.0
     for k in range(count):
         j, c = listed[k], near[k, D]
-        if near[k, KNOWN] < 0.0:
-            d = c - length - of_body(traffic, j, FASTEST) * dt
-            if d > 0.0 and 2.0 * c * d >= reach:
-                continue
-            _see(traffic, j, k, x, y, t, near)
-            c = near[k, D]
+        d = c - length - of_body(traffic, j, FASTEST) * dt
+        if d > 0.0 and 2.0 * c * d >= reach:
+            continue
         px, py = near[k, OX] + dt * near[k, VX], near[k, OY] + dt * near[k, VY]
         way = math.sqrt((mx - x - px + near[k, OX]) ** 2 + (my - y - py + near[k, OY]) ** 2)
         way += abs(near[k, TURN]) * dt * disc_of(traffic, j)
         d = outside_of(traffic, j, px, py, mx, my)
         if c > 0.0 and d > 0.0 and 2.0 * c * d >= reach and c + d > way:
             continue
-        if near[k, KNOWN] == 0.0:
+        if near[k, WALL_KNOWN] == 0.0:
             _know(traffic, j, k, x, y, near)
             c = near[k, D]
-        d = clearance_of_body(traffic, j, px, py, near[k, YAW] + dt * near[k, TURN], mx, my)
+        cos, sin = near[k, COS], near[k, SIN]
+        if near[k, TURN] != 0.0:
+            yaw = near[k, YAW] + dt * near[k, TURN]
+            cos, sin = math.cos(yaw), math.sin(yaw)
+        d = clearance_facing(traffic, j, px, py, cos, sin, mx, my)
         if c > 0.0 and d > 0.0 and c + d <= way:
             d = _behind_body(traffic, j, near, k, x, y, mx, my, dt, c, d, way)
         variance = _towards(near, k, cov)

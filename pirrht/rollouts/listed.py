@@ -48,11 +48,12 @@ def held_of(bodies):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def at_least(traffic, j, held, x, y, t):  # type: ignore[no-untyped-def]
-    """A lower bound of the clearance of (x, y) [m] at t [s] from body j by what is known of it [m]."""
+def far_from(traffic, j, held, x, y, t, within):  # type: ignore[no-untyped-def]
+    """Whether by what is known of body j it is surely farther than `within` from (x, y) [m] at t [s]."""
     at = HELD + SEEN * j
-    away = math.sqrt((x - held[at + 1]) * (x - held[at + 1]) + (y - held[at + 2]) * (y - held[at + 2]))
-    return held[at] - away - of_body(traffic, j, FASTEST) * abs(t - held[at + 3]) - ROUNDING
+    room = held[at] - within - of_body(traffic, j, FASTEST) * abs(t - held[at + 3]) - ROUNDING
+    dx, dy = x - held[at + 1], y - held[at + 2]
+    return room > 0.0 and dx * dx + dy * dy < room * room
 
 
 @kernel
@@ -69,7 +70,7 @@ def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-
             laps = max(math.floor((t + lead) / period) + 1.0, 1.0)
             ends = laps * period - lead
             until = min(until, ends)
-        if held[at + 3] <= t < held[at + 4] and at_least(traffic, j, held, x, y, t) > within:
+        if held[at + 3] <= t < held[at + 4] and far_from(traffic, j, held, x, y, t, within):
             continue
         ox, oy, _, _, _, _, _ = piece_of(traffic, j, t)
         d = outside_of(traffic, j, ox, oy, x, y)

@@ -41,7 +41,7 @@ class Marks(NamedTuple):
         return cls(goal, weight, int(_opening(base, weight, moving.goal, float(x[0]), float(x[1]))))
 
 
-SIDES = 4  # rows of what is kept of the place of a path: where it is seen from each marker, and room for where next
+SPOT = 4  # numbers of the last place of a path: step, share of it, and place as seen from the goal point [m]
 NO_MARKS = Marks(np.zeros((1, 2, 0)), np.zeros(0, dtype=np.int64), 0)
 
 
@@ -85,41 +85,64 @@ def _opening(base, weight, goal, x, y):  # type: ignore[no-untyped-def]
     return key
 
 
-@part
-def open_sides(marks, goal, x, y, side):  # type: ignore[no-untyped-def]
-    """Write where (x, y) [m] is at first, seen from each marker, to `side` (SIDES, J); the goal point is (2) [m]."""
-    for j in range(side.shape[1]):
-        side[0, j], side[1, j] = seen_from(marks.goal[0, 0, j], marks.goal[0, 1, j], x - goal[0], y - goal[1])
+@inlined
+def goal_from(marks, j, i, share):  # type: ignore[no-untyped-def]
+    """The goal point as seen from marker j, a share of step i later than that begins [m]."""
+    rest = 1.0 - share
+    gx = rest * marks.goal[i, 0, j] + share * marks.goal[i + 1, 0, j]
+    return gx, rest * marks.goal[i, 1, j] + share * marks.goal[i + 1, 1, j]
 
 
 @part
-def key_among(marks, goal, i, share, x, y, side):  # type: ignore[no-untyped-def]
+def open_sides(marks, goal, x, y, side, spot):  # type: ignore[no-untyped-def]
+    """Write on which side of each ray (x, y) [m] is at first to `side` (J,), and the place to `spot` (SPOT,).
+
+    The goal point is (2) [m].
+    """
+    spot[0], spot[1], spot[2], spot[3] = 0.0, 0.0, x - goal[0], y - goal[1]
+    for j in range(side.shape[0]):
+        side[j], _ = seen_from(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
+
+
+@part
+def key_among(marks, goal, i, share, x, y, side, spot):  # type: ignore[no-untyped-def]
     """Additive key of the turns of a step that ends at (x, y) [m], a share of step i later than that begins.
 
-    `side` (SIDES, J) is as `open_sides` or the last call has left it. Hardly ever is a ray met: vectors of markers are
-    asked for that first.
+    `side` and `spot` are as `open_sides` or the last call has left them. Hardly ever does a path change sides, which is
+    all that vectors of markers are asked for.
     """
-    key, rx, ry, rest, passed = np.int64(0), x - goal[0], y - goal[1], 1.0 - share, 0
-    for j in range(side.shape[1]):
-        gx = rest * marks.goal[i, 0, j] + share * marks.goal[i + 1, 0, j]
-        gy = rest * marks.goal[i, 1, j] + share * marks.goal[i + 1, 1, j]
-        side[2, j], side[3, j] = seen_from(gx, gy, rx, ry)
-        passed += (side[0, j] > 0.0) != (side[2, j] > 0.0)
-    for j in range(side.shape[1] if passed > 0 else 0):
-        turn = turn_at_ray(side[0, j], side[1, j], side[2, j], side[3, j])
-        if turn != 0:
-            key += turn * marks.weight[j]
-    for j in range(side.shape[1]):
-        side[0, j], side[1, j] = side[2, j], side[3, j]
+    rx, ry, passed = x - goal[0], y - goal[1], 0
+    for j in range(side.shape[0]):
+        gx, gy = goal_from(marks, j, i, share)
+        c = gx * ry - gy * rx
+        passed += (side[j] > 0.0) != (c > 0.0)
+        side[j] = c
+    key = np.int64(0)
+    if passed > 0:
+        key = _turns(marks, i, share, rx, ry, side.shape[0], spot)
+    spot[0], spot[1], spot[2], spot[3] = i, share, rx, ry
+    return key
+
+
+@kernel
+def _turns(marks, i, share, rx, ry, count, spot):  # type: ignore[no-untyped-def]
+    """What `key_among` tells, from the last place and this one, for all markers."""
+    key, before = np.int64(0), int(spot[0])
+    for j in range(count):
+        gx, gy = goal_from(marks, j, before, spot[1])
+        c, along = seen_from(gx, gy, spot[2], spot[3])
+        gx, gy = goal_from(marks, j, i, share)
+        d, further = seen_from(gx, gy, rx, ry)
+        key += turn_at_ray(c, along, d, further) * marks.weight[j]
     return key
 
 
 @kernel
 def key_of_path(marks, goal, states, length):  # type: ignore[no-untyped-def]
     """Additive key of the turns of the first `length` steps of states (T + 1, n), less those of the base."""
-    side = np.empty((SIDES, marks.weight.shape[0]))
-    open_sides(marks, goal, states[0, 0], states[0, 1], side)
+    side, spot = np.empty(marks.weight.shape[0]), np.empty(SPOT)
+    open_sides(marks, goal, states[0, 0], states[0, 1], side, spot)
     key = np.int64(marks.opening)
     for i in range(length):
-        key += key_among(marks, goal, i, 1.0, states[i + 1, 0], states[i + 1, 1], side)
+        key += key_among(marks, goal, i, 1.0, states[i + 1, 0], states[i + 1, 1], side, spot)
     return key

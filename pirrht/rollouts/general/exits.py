@@ -11,7 +11,7 @@ import numpy as np
 from pirrht.compiled.jit import part
 from pirrht.compiled.streams import normals
 from pirrht.geometry.traffic import traffic_clearance
-from pirrht.rollouts.among import SKIN, at_moving_wall, look_around, met_on_bridge, met_on_way
+from pirrht.rollouts.among import SKIN, at_moving_wall, list_around, look_around, met_on_bridge, met_on_way
 from pirrht.rollouts.first_exit import (
     COLLISION,
     FAR,
@@ -26,7 +26,7 @@ from pirrht.rollouts.first_exit import (
 )
 from pirrht.rollouts.general.kind import Kind
 from pirrht.rollouts.general.noise import SOON
-from pirrht.rollouts.listed import listing, surely
+from pirrht.rollouts.listed import surely
 from pirrht.rollouts.sweep import sweep_exit, sweep_onward
 
 
@@ -45,9 +45,9 @@ def bodies_for(kind: Kind) -> Any:
             way *= 1.0 + abs(turn)
         if surely(held, traffic.speed, x[0], x[1], now) < way + spread or now + dt > held[4] + SOON:
             more = np.inf if now + dt > held[4] + SOON and not noisy_position else way + spread + SKIN
-            close = listing(traffic, x[0], x[1], now, more, held, scratch.listed)
+            close = list_around(traffic, x[0], x[1], now, more, held, scratch.listed, scratch.near)
             if noisy_position:
-                look_around(traffic, scratch.listed, close, x[0], x[1], now, spread, held, scratch.near)
+                look_around(traffic, scratch.listed, close, x[0], x[1], now, spread, scratch.near)
         return close
 
     return bodies_of

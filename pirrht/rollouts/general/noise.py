@@ -11,13 +11,13 @@ import numpy as np
 from pirrht.compiled.float32 import ONE, ZERO
 from pirrht.compiled.jit import part
 from pirrht.compiled.streams import fill_normals, normals
-from pirrht.rollouts.among import SKIN, facing_among, look_around, with_moving
+from pirrht.rollouts.among import SKIN, facing_among, list_around, look_around, with_moving
 from pirrht.rollouts.first_exit import RIM, facing, fitting, two_walls, wall_slope
 from pirrht.rollouts.general.kind import Kind, is_car, takes_law
 from pirrht.rollouts.general.law import columns_of
 from pirrht.rollouts.general.rows import rows_of
 from pirrht.rollouts.general.scratch import ABREAST
-from pirrht.rollouts.listed import listing, surely
+from pirrht.rollouts.listed import surely
 
 SOON = 1e-6  # a step is no shorter than this where motions change [s]
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
@@ -35,10 +35,10 @@ def length_for(kind: Kind) -> Any:
             traffic, held, listed, near = setup.traffic, scratch.held, scratch.listed, scratch.near
             within = max(3.0 * math.sqrt(max(xx, yy) * left), 3.0 * leads.reach)
             if surely(held, traffic.speed, x[0], x[1], now) < within:
-                close = listing(traffic, x[0], x[1], now, within + SKIN, held, listed)
+                close = list_around(traffic, x[0], x[1], now, within + SKIN, held, listed, near)
             gone, until_change = traffic.reach, np.inf
             if close > 0:
-                gone, until_change = look_around(traffic, listed, close, x[0], x[1], now, within, held, near)
+                gone, until_change = look_around(traffic, listed, close, x[0], x[1], now, within, near)
         if noisy_position and leads.least < left:
             scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
             gap = before[0]

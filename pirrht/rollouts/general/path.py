@@ -85,7 +85,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         copy_row(origin.x, scratch.moved)
         if moving:
             forget(scratch.held)
-            open_sides(leads.marks, arena.goal, x[0], x[1], scratch.side)
+            open_sides(leads.marks, arena.goal, x[0], x[1], scratch.side, scratch.spot)
         for j in range(n if keep.states.shape[0] > 0 else 0):
             keep.states[0, j] = x[j]
 
@@ -159,7 +159,9 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 lasting += missed
                 if moving:
                     at_share = (done + (until if until > 0.0 else dt * share)) / whole
-                    body_key += key_among(leads.marks, goal, i, min(at_share, 1.0), moved[0], moved[1], scratch.side)
+                    body_key += key_among(
+                        leads.marks, goal, i, min(at_share, 1.0), moved[0], moved[1], scratch.side, scratch.spot
+                    )
                 if weigh:
                     add_log_ratios(keep, leads, scratch, h, i, dt, until, sway, modes)
                 where = (i, whole, i == 0 and done == 0.0)

@@ -13,7 +13,7 @@ from pirrht.compiled.jit import kernel
 from pirrht.rollouts.among import NEAR
 from pirrht.rollouts.general.kind import Kind
 from pirrht.rollouts.listed import held_of
-from pirrht.topology.marks import SIDES
+from pirrht.topology.marks import SPOT
 
 ABREAST = 8  # steps whose noise is drawn at once
 
@@ -45,7 +45,8 @@ class Scratch(NamedTuple):
     held: Array  # what `listed` holds
     listed: NDArray[np.int64]  # (J,) bodies within reach
     near: Array  # (J, NEAR) where they are
-    side: Array  # (SIDES, marks) about which windings among bodies are counted
+    side: Array  # (marks,) on which side of the ray of each marker that moves the path is
+    spot: Array  # (SPOT,) where it was seen there
 
 
 SCRATCH: Any = Scratch
@@ -68,7 +69,7 @@ def scratch_for(kind: Kind) -> Any:
             np.zeros((H, 2 * m)), np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n),
             np.zeros(ABREAST * 2 * (m + 1)),
             held_of(bodies), np.empty(bodies, np.int64), np.empty((bodies, NEAR)),
-            np.empty((SIDES, leads.marks.weight.shape[0])),
+            np.empty(leads.marks.weight.shape[0]), np.empty(SPOT),
         )  # fmt: skip
 
     return scratch_of
