@@ -1,14 +1,9 @@
-"""What is said where the exact value knows more than plans do, and how far a solution has come."""
+"""What is said where the exact value knows more than plans do."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
-from discs import disc
-from moving import moved
 
-from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator
-from pirrht.exact.desirability import Desirability
 from sim.cli.shared import unforeseen
 from sim.scenario import prepare
 
@@ -19,17 +14,3 @@ def test_an_exact_value_beside_plans_that_do_not_know_motions_says_so(capsys, pr
     said = capsys.readouterr().out
     assert said.count("\n") == lines
     assert ("knows how bodies move" in said) == bool(lines)
-
-
-def test_a_march_tells_the_share_that_is_done_in_order_and_to_the_end():
-    scene = Scene(
-        name="hall", lower=np.zeros(2), upper=np.array([2.0, 1.4]), obstacles=(), robot_radius=0.1,
-        goal=Goal(center=np.array([1.6, 0.7]), radius=0.3), start=np.array([0.3, 0.7, 0.0]),
-        movers=(moved("walker", [(0, 1.0, 0.3, 0), (0.06, 1.0, 0.35, 0)], disc("walker", 0.0, 0.0, 0.2)),),
-    )  # fmt: skip
-    problem = Problem(dynamics=SingleIntegrator(b=0.4), scene=scene, R=2.0 * np.eye(2))
-    shares: list[float] = []
-    Desirability.of(problem, FreeSpace.of(scene), progress=shares.append)
-    assert len(shares) > 3
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
