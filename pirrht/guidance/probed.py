@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.errors import OptionError
 from pirrht.problem import Problem
 from pirrht.rollouts.records import MovingSetup, Setup
 
@@ -51,6 +52,9 @@ def noise_of(problem: Problem, setup: Setup | MovingSetup, expand: Any, active: 
     """Noise of a problem by the derivatives of its steps (`step_map`), which have so many modes.
 
     Where inputs carry the noise, one after the other is what the rate of cost asks for.
+
+    Raises:
+        OptionError: nothing of it reaches the position.
     """
     d, h = problem.dynamics, SPREADING / PIECES
     asked, at_once = math.sqrt(2.0 * problem.least_rate / problem.temperature), 0.0
@@ -69,6 +73,10 @@ def noise_of(problem: Problem, setup: Setup | MovingSetup, expand: Any, active: 
         for _ in range(PIECES):
             P = A @ P @ A.T + C @ C.T / h
         spread += P / PROBES
+    if not spread[:2, :2].any():
+        raise OptionError(
+            f"{type(d).__name__}: its noise never reaches x, y; its drift must say how they move, as in out[0] = x[2]"
+        )
     return Noise(spread, bend > STRAIGHT, at_once)
 
 

@@ -9,6 +9,7 @@ One definition of each system serves the rollout kernels, the analytic plant and
 
 from __future__ import annotations
 
+import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property
@@ -189,6 +190,8 @@ class Dynamics(ABC):
 
     def _try_drift(self, name: str) -> None:
         """Refuse a drift that cannot be called, fails, or says what is no number at two states."""
+        if inspect.ismethod(self.drift):
+            raise OptionError(f"{name}: drift(x, p, out) cannot be called without self; make it a @staticmethod")
         rates = np.zeros((2, self.n))
         for x, out in zip((0.0, 0.3), rates, strict=True):
             try:
@@ -222,6 +225,8 @@ class Dynamics(ABC):
             raise OptionError(
                 f"{name}: input_noise is {s.tolist()}; it must have an inverse, so that noise acts on every input"
             )
+        if inspect.ismethod(G):
+            raise OptionError(f"{name}: input_matrix is a method; make it a @staticmethod of three arguments")
         if callable(G):
             try:
                 G(np.zeros(self.n), self.parameters, np.zeros(shape))

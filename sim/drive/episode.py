@@ -126,9 +126,7 @@ class Tally:
         before = None if self.last is None else self.last.plan.fallback
         favourite, estimate = frame.plan.favourite, frame.plan.estimate
         if frame.plan.fallback not in (None, before):
-            news.append(
-                f"{frame.plan.fallback} at {frame.time:.2f} s: following what is known; try more --samples or --noise"
-            )
+            news.append(f"{frame.plan.fallback} at {frame.time:.2f} s: following what is known; try more --samples")
         if estimate is not None and estimate.doubtful and frame.time - self._doubted >= STRETCH:
             news.append(f"{estimate.ess:.1f} effective samples at {frame.time:.2f} s: the control is a guess")
         if frame.plan.fallback is None and self.favourite not in (None, favourite):

@@ -11,6 +11,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import replaced
+from pirrht.geometry.scene import Goal
 from pirrht.plotting import ground
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.convergence import Convergence
@@ -125,7 +126,13 @@ def tree_lines(tree: HomologyTree) -> list[Array]:
             tails.append(v)
             heads.append(int(graph.head[e]))
     curves = tree.steering.connect(tree.states[tails], tree.states[heads])
-    return curves.points(0.15)
+    return [_until(line, tree.space.scene.goal) for line in curves.points(0.15)]
+
+
+def _until(line: Array, goal: Goal) -> Array:
+    """A line (k, 2) up to where it is in the goal's disc: what an edge may do beyond counts for nothing."""
+    within = np.flatnonzero(np.hypot(*(line[:, :2] - goal.center).T) < goal.radius)
+    return line[: within[0] + 1] if len(within) else line
 
 
 def _save(plt: Any, figure: Any, path: Path, option: str) -> None:

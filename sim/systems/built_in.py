@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.arrays import Array
 from sim.settings import Settings
 from sim.systems.record import POSE, System
 
@@ -70,20 +69,6 @@ def _driven(problem: Any) -> Any:
     return RoverSteering.of(problem)
 
 
-def _pushed_home(problem: Any) -> Any:
-    """The cost of the optimum without obstacles to the goal disc's nearest point, at any velocity there."""
-    steering, goal = _pushed(problem), problem.scene.goal
-
-    def beyond(states: Array) -> Array:
-        off = states[:, :2] - goal.center
-        away = np.hypot(*off.T)
-        rim = goal.center + off * np.minimum(1.0, goal.radius / np.maximum(away, 1e-12))[:, None]
-        costs = steering.distance(states, np.hstack([rim, np.full_like(rim, np.nan)]))
-        return np.where(away > goal.radius, costs, 0.0)
-
-    return beyond
-
-
 SYSTEMS = (
     System(
         name="single_integrator",
@@ -124,7 +109,6 @@ SYSTEMS = (
         R=2.0 * np.eye(2),
         states=("x", "y", "vx", "vy"),
         defaults={"vertices": 2000, "samples": 300, "period": 0.05},
-        home=_pushed_home,
         paper_samples=300,
         own=("noise", "vertices", "samples", "dt", "period"),  # its noise has a unit, its paths a pace of their own
         robots="hover",
@@ -142,7 +126,7 @@ SYSTEMS = (
         paper_samples=300,
         own=("vertices", "samples", "dt", "period"),  # its paths have a pace of their own
         robots="rover",
-        noise_in="in m/sqrt(s) of the speed and half the rad/sqrt(s) of the turn rate",
+        noise_in="in m/sqrt(s) of the speed, and the turn rate's is twice the number in rad/sqrt(s)",
     ),
     System(
         name="second_order_car",

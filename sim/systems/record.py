@@ -135,9 +135,29 @@ class System:
         Raises:
             OptionError: it cannot be told.
         """
-        if self.home is None and self.steering is None:
+        if self.home is not None:
+            return self._asked("home", problem)
+        if self.steering is None:
             return self._straight_home(problem)
-        return None if self.home is None else self._asked("home", problem)
+        d = problem.dynamics
+        moves = d.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any()
+        return None if moves else self._steered_home(problem)
+
+    def _steered_home(self, problem: Any) -> Any:
+        """The cost of the steering's own way to the rim of the goal's disc, at the best of its ends there."""
+        steering, goal = self.steered(problem), problem.scene.goal
+        ends = np.asarray(steering.roots(goal.center))
+
+        def beyond(states: Array) -> Array:
+            off = states[:, :2] - goal.center
+            away = np.hypot(*off.T)
+            shift = off * np.minimum(1.0, goal.radius / np.maximum(away, 1e-12))[:, None]
+            heads = np.repeat(ends[None], len(states), axis=0)
+            heads[:, :, :2] += shift[:, None]
+            costs = [steering.distance(states, heads[:, k]) for k in range(len(ends))]
+            return np.where(away > goal.radius, np.min(costs, axis=0), 0.0)
+
+        return beyond
 
     def _straight_home(self, problem: Any) -> Any:
         steering, goal = self.steered(problem), problem.scene.goal

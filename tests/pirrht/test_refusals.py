@@ -75,6 +75,10 @@ REFUSED = {
     "no inverse": ({"diffusion_block": np.zeros((2, 2))}, "diffusion_block is .* it must have an inverse"),
     "no drift": ({"drift": None}, "drift missing; a Dynamics declares n, m, parameters, drift"),
     "a method": ({"drift": no_drift}, r"drift\(x, p, out\) cannot be called .* make it a @staticmethod"),
+    "a method of itself": (
+        {"drift": lambda self, x, p, out: None},
+        r"drift\(x, p, out\) cannot be called .* make it a @staticmethod",
+    ),
     "a row of B": ({"diffusion_block": np.ones(2)}, r"diffusion_block is \(2,\); with m = 2 it must be \(2, 2\)"),
 }
 

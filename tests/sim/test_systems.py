@@ -182,7 +182,7 @@ def test_the_way_home_of_a_mass_is_the_optimum_into_the_goal_at_any_velocity():
     toward, away = np.array([[1.0, 2.5, 1.0, 0.0]]), np.array([[1.0, 2.5, -1.0, 0.0]])
     assert beyond(toward)[0] < beyond(at_rest)[0] < beyond(away)[0]
     np.testing.assert_array_equal(beyond(np.array([[*goal.center, 3.0, 1.0]])), [0.0])
-    assert named("unicycle").way_home(scenario.problem) is None
+    assert named("unicycle").way_home(prepare("slit", robot="unicycle").problem) is None
     assert scenario.with_settings(method="mppi").mppi().path_integral is not None
 
 

@@ -1,0 +1,69 @@
+"""What lies beyond a tape's horizon is known of any system that has a steering, also of one that begins at rest."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pirrht.control.mppi import Mppi
+from pirrht.errors import OptionError
+from pirrht.steering.double_integrator import MassSteering
+from pirrht.systems.double_integrator import DoubleIntegrator
+from sim.scenario import Scenario, prepare
+from sim.systems import System, registry
+
+
+class Drag(DoubleIntegrator):
+    """A mass that its own speed brakes."""
+
+    @staticmethod
+    def drift(x, p, out):
+        out[0], out[1], out[2], out[3] = x[2], x[3], -0.4 * x[2], -0.4 * x[3]
+
+
+class Forgetful(DoubleIntegrator):
+    """One that does not say that its velocity moves it."""
+
+    @staticmethod
+    def drift(x, p, out):
+        out[0], out[1], out[2], out[3] = 0.0, 0.0, 0.0, 0.0
+
+
+def of(kind: type[DoubleIntegrator]) -> System:
+    """A system that nobody has told a way home."""
+    return System(
+        name=kind.__name__.lower(),
+        dynamics=lambda settings: kind(b=settings.noise),
+        steering=MassSteering.of,
+        R=2.0 * np.eye(2),
+        states=("x", "y", "vx", "vy"),
+        defaults={"period": 0.05, "vertices": 60, "samples": 20},
+    )
+
+
+@pytest.fixture(autouse=True)
+def _forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is registered is forgotten afterwards."""
+    monkeypatch.setattr(registry, "_known", dict(registry._known))
+
+
+def scenario(kind: type[DoubleIntegrator], **given: Any) -> Scenario:
+    return prepare("slit", robot="hover", system=of(kind), given={"plant": "sde", **given})
+
+
+def test_mppi_drives_a_mass_of_ones_own_that_begins_at_rest():
+    mine = scenario(Drag, method="mppi")
+    driver = mine.driver()
+    assert isinstance(driver, Mppi)
+    plan = driver.plan(mine.start)
+    assert plan.estimate is not None
+    assert np.isfinite(plan.estimate.value)
+
+
+def test_a_drift_that_forgets_what_velocities_are_for_is_refused_and_told():
+    lost = scenario(Forgetful)
+    tree = lost.grown_tree()
+    with pytest.raises(OptionError, match=r"^Forgetful: its noise never reaches x, y; its drift must say how"):
+        lost.controller(tree)
