@@ -226,7 +226,9 @@ class Dynamics(ABC):
                 f"{name}: input_noise is {s.tolist()}; it must have an inverse, so that noise acts on every input"
             )
         if inspect.ismethod(G):
-            raise OptionError(f"{name}: input_matrix is a method; make it a @staticmethod of three arguments")
+            raise OptionError(
+                f"{name}: input_matrix(x, p, out) does not fill an out of {shape} without self; make it a @staticmethod"
+            )
         if callable(G):
             try:
                 G(np.zeros(self.n), self.parameters, np.zeros(shape))
