@@ -30,7 +30,7 @@ def read_arrays(stream: BinaryIO) -> Arrays:
 
     Raises:
         OSError, zipfile.BadZipFile, zlib.error, EOFError: it cannot be read, or what is read is not what was written.
-        ValueError, NotImplementedError, RuntimeError: it is a zip file of another kind; says why.
+        ValueError, RuntimeError: it is a zip file of another kind; says why.
     """
     if not zipfile.is_zipfile(stream):
         raise ValueError("it is no zip file")
@@ -54,7 +54,7 @@ def _check_sizes(members: list[zipfile.ZipInfo], length: int) -> None:
     if len({member.filename for member in members}) != len(members):
         raise zipfile.BadZipFile("a name is there twice")
     if any(m.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for m in members):
-        raise NotImplementedError("it is packed in another way")
+        raise ValueError("it is packed in another way")
     if sum(m.compress_size for m in members) > length:
         raise zipfile.BadZipFile("its parts are longer than the file")
     if any(m.file_size > DEFLATED * (m.compress_size + 1) for m in members):

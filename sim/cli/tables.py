@@ -44,7 +44,10 @@ def class_table(
     if isinstance(homology, TimedHomology):
         return table(
             ["class", "cost", "length [m]", "bodies"],
-            [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}", passing(r, homology)] for r in references],
+            [
+                [title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}", ", ".join(passing(r, homology)) or "-"]
+                for r in references
+            ],
             room,
         )
     if references and len(references[0].winding) > 4:  # too wide for a terminal; JSON has it all

@@ -36,13 +36,13 @@ def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
     return tuple(found)
 
 
-def passing(reference: Reference, homology: TimedHomology) -> str:
-    """The sides of all bodies in one line, "-" if there are none; of many, those alone that the path turns about."""
+def passing(reference: Reference, homology: TimedHomology) -> list[str]:
+    """Each body with its side, as "walker: behind"; of many bodies those alone that the path turns about."""
     passed = list(zip(homology.moving.names, sides(reference, homology.moving), strict=True))
     if len(passed) > FEW:
         turns = reference.winding[homology.standing.M :]
         passed = [row for row, turn in zip(passed, turns, strict=True) if turn]
-    return ", ".join(f"{name}: {side}" for name, side in passed if side) or "-"
+    return [f"{name}: {side}" for name, side in passed if side]
 
 
 def _places(moving: MovingHomology, times: Array) -> Array:

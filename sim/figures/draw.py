@@ -55,7 +55,7 @@ def _label(reference: Reference, tree: HomologyTree) -> str:
     told = f"{title(reference.id)}: {reference.cost:.2f}"
     if not isinstance(tree.homology, TimedHomology):
         return told
-    return "\n".join([told, *(f"  {side}" for side in passing(reference, tree.homology).split(", ") if side != "-")])
+    return "\n".join([told, *(f"  {side}" for side in passing(reference, tree.homology))])
 
 
 def draw_convergence(

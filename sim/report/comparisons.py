@@ -44,7 +44,7 @@ def comparison(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Comparison |
     pairs = pairs_of(groups[key], base)
     ends = Counter((a["outcome"] == "goal", b["outcome"] == "goal") for a, b in pairs)
     gained, lost = ends[True, False], ends[False, True]
-    off = [a["cost"] - b["cost"] for a, b in pairs if both_arrive(a, b)]
+    off = extra_costs(pairs)
     return Comparison(
         scene=scene,
         noise=noise,
@@ -67,6 +67,11 @@ def pairs_of(runs: Iterable[Record], others: Iterable[Record]) -> list[tuple[Rec
     known = {(r["scene"], r["seed"]): r for r in others if r["outcome"] is not None}
     ended = [r for r in runs if r["outcome"] is not None]
     return [(r, known[r["scene"], r["seed"]]) for r in ended if (r["scene"], r["seed"]) in known]
+
+
+def extra_costs(pairs: Iterable[tuple[Record, Record]]) -> list[float]:
+    """What the first of two runs cost more than the second, pair by pair of which both reached the goal."""
+    return [a["cost"] - b["cost"] for a, b in pairs if both_arrive(a, b)]
 
 
 def both_arrive(a: Record, b: Record) -> bool:

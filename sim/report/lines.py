@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sim.drawing.colors import title
-from sim.report.comparisons import BASE, Key, Record, both_arrive, pairs_of
+from sim.report.comparisons import BASE, Key, Record, extra_costs, pairs_of
 from sim.text import table
 
 _FIRST = ("scene", "b", "method", "runs", "goal", "collision", "timeout")
@@ -35,8 +35,7 @@ def _over(point: Key, points: Mapping[Key, Sequence[Record]]) -> str:
     scene, noise, method = point
     if method == BASE:
         return ""
-    pairs = pairs_of(points[point], points.get((scene, noise, BASE), ()))
-    off = [a["cost"] - b["cost"] for a, b in pairs if both_arrive(a, b)]
+    off = extra_costs(pairs_of(points[point], points.get((scene, noise, BASE), ())))
     return f"{np.mean(off):+.3f}" if off else ""
 
 

@@ -1,4 +1,4 @@
-"""What lies beyond a tape's horizon is known of any system that has a steering, also of one that begins at rest."""
+"""A mass of one's own: MPPI knows its way home from rest, and one that noise cannot move is refused."""
 
 from __future__ import annotations
 
