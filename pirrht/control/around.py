@@ -77,9 +77,12 @@ class Around:
             return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),), time=moment.now)
         names = [class_id(whole) for whole in classes]
         wanted = [
-            Wanted(whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory, winding=one.winding)
+            Wanted(
+                whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory, winding=one.winding,
+                others=one.others,
+            )
             for whole, one in zip(classes, references, strict=True)
-        ]
+        ]  # fmt: skip
         leads, counts = self._leads(x, times, wanted, names, moment)
         proposals = [
             Proposal(lead=lead, count=count, name=name, key=one.key)

@@ -26,6 +26,7 @@ class Wanted:
     key: int  # of the rest alone, as kernels carry it
     winding: tuple[int, ...]  # the same
     trajectory: Trajectory  # its reference
+    others: tuple[Trajectory, ...]  # of other valleys
 
 
 @dataclass(slots=True)
@@ -70,7 +71,7 @@ class Guides:
         def improved(one: Wanted) -> tuple[Any, Any]:
             last, rival = self.last.get(one.whole), self.rivals.get(one.whole)
             if one.whole in thorough and (one is wanted[0] or not pressed()):
-                also = [backwards[one.winding]] if one.winding in backwards else []
+                also = [*one.others, *([backwards[one.winding]] if one.winding in backwards else [])]
                 found: tuple[Any, Any] = guidance.first(
                     x, times, one.key, one.trajectory, also, pressed=pressed, **clock
                 )

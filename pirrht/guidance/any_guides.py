@@ -152,13 +152,12 @@ class AnyGuidance:
         if guide is not None and (guide.valid or not self._clearance(x, time) > 0.0):
             return guide
         clock = self._clock(x, times, time)
-        begun = self.starts.along if trajectory.slack is None else self.starts.tracked
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of a room.
         stages = COLD[1:] if self.problem.dynamics.noisy_position else COLD
-        guide = self._from(clock, x, times, key, begun(x, trajectory, times), in_time(stages, pressed))
+        guide = self._from(clock, x, times, key, self._begun(x, trajectory, times), in_time(stages, pressed))
         if guide is None or guide.valid:
             return guide
-        return self._from(clock, x, times, key, begun(x, trajectory, times), NONE)
+        return self._from(clock, x, times, key, self._begun(x, trajectory, times), NONE)
 
     def onward(
         self, x: Array, times: Array, key: int, last: AnyGuide, elapsed: float, time: float = 0.0
@@ -184,13 +183,12 @@ class AnyGuidance:
             pressed: whether time is short, so that no more ways to begin are looked at; None: it never is.
         """
         found = [self.improve(x, times, key, trajectory, time=time, pressed=pressed)]
-        if self.tasks[1.0].curved:
-            clock = self._clock(x, times, time)
-            others = (self.starts.along(x, one, times) for one in also)
-            for start in chain(self.starts.pushed(x, trajectory, times), others):
-                if pressed is not None and pressed():
-                    break
-                found.append(self._from(clock, x, times, key, start, PUSHED))
+        clock = self._clock(x, times, time)
+        pushed = self.starts.pushed(x, trajectory, times) if self.tasks[1.0].curved else ()
+        for start in chain(pushed, (self._begun(x, one, times) for one in also)):
+            if pressed is not None and pressed():
+                break
+            found.append(self._from(clock, x, times, key, start, PUSHED))
         own, valid = found[0], [one for one in found if one is not None and one.valid]
         best = min(valid, key=lambda one: one.priced, default=own)
         # Prices are no nearer to what a class is worth than lambda.
@@ -206,6 +204,11 @@ class AnyGuidance:
         dear = [one for one in others if one is not None and one.valid and one is not guide and one.priced < most]
         apart = [one for one in dear if guide.unlike(one) > APART]
         return min(apart, key=lambda one: one.priced, default=None)
+
+    def _begun(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
+        """A guide's beginning from x (n,): along a reference, or tracking one that knows positions alone."""
+        begun = self.starts.along if trajectory.slack is None else self.starts.tracked
+        return begun(x, trajectory, times)
 
     def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
         """What paths from x (n,) meet, and ends of their steps (T+1,) [s] on the clock of what moves."""

@@ -22,8 +22,11 @@ from pirrht.tree.extend import Vertices
 from pirrht.tree.nodes import SearchRules
 from pirrht.tree.reference import Reference
 from pirrht.tree.search import Best, best_classes
+from pirrht.tree.valleys import apart_of, choose
 
 ALIKE = 1e-5  # share of its cost by which a path that was shortened before may exceed one that is not
+WAYS = 4  # of a class in space and time that are shortened where no earlier one is known
+APART, DEARER = 0.1, 0.2  # these lie so far from each other, as a share of the way to the goal, and cost so much more
 NEW = 1  # of the classes in space and time that is polished at once while earlier paths of others are known
 
 Earlier = Mapping[tuple[int, ...], Motions]  # polished paths by winding
@@ -35,6 +38,7 @@ class _Path(NamedTuple):
     winding: tuple[int, ...]
     motions: Any
     taut: bool  # whether it goes on from an earlier one that has been shortened
+    others: tuple[Any, ...] = ()  # of the same class, apart from it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,7 +55,8 @@ class Asked:
     ) -> list[Reference]:
         """See `HomologyTree.references`; x (n,) is a state as vertices are."""
         known = before if before and polished and resumes(self.around.steering) else {}
-        paths = self._paths(x, known, threads)
+        ways = polished and not known and isinstance(self.around.steering, InTime)
+        paths = self._paths(x, known, ways, threads)
         if polished:
             raw = [i for i, path in enumerate(paths) if not path.taut]
             if known and isinstance(self.around.steering, InTime):
@@ -72,8 +77,8 @@ class Asked:
             path.append(vertex)
         return path
 
-    def _paths(self, x: Array, known: Earlier, threads: int) -> list[_Path]:
-        """The path of every allowed class, cheapest of the tree's own first."""
+    def _paths(self, x: Array, known: Earlier, ways: bool, threads: int) -> list[_Path]:
+        """The path of every allowed class, cheapest of the tree's own first; with other `ways` where it is not taut."""
         around, nodes = self.around, self.places.graph.nodes
         edges = around.edges_from(x, self.vertices, around.steering.asked, threads)
         best = Best.room(self.rules.classes or max(1, int(nodes[edges.near[edges.free]].sum())))
@@ -82,25 +87,53 @@ class Asked:
         if count == 0:
             raise NoReference(x.tolist(), vertices=len(self.vertices.states), limit=self.rules.limit)
         order = np.argsort(best.cost[:count], kind="stable")
-        return mapped(lambda i: self._path(x, edges, int(best.edge[i]), int(best.slot[i]), known), order, threads)
+
+        def path(i: int) -> _Path:
+            found = self._path(x, edges, int(best.edge[i]), int(best.slot[i]), known)
+            if found.taut or not ways:
+                return found
+            return found._replace(others=self._others(x, edges, int(best.key[i])))
+
+        return mapped(path, order, threads)
 
     def _shorten(self, paths: list[_Path], raw: list[int], threads: int) -> None:
         """Shorten some of the paths, in place."""
         around = self.around
-        short = mapped(lambda i: polish(paths[i].motions, around.steering, around.space), raw, threads)
-        for i, motions in zip(raw, short, strict=True):
-            paths[i] = paths[i]._replace(motions=motions)
+        each = [(i, motions) for i in raw for motions in (paths[i].motions, *paths[i].others)]
+        short = mapped(lambda one: polish(one[1], around.steering, around.space), each, threads)
+        for i in raw:
+            own = [motions for (j, _), motions in zip(each, short, strict=True) if j == i]
+            own.sort(key=lambda motions: float(motions.cost.sum()))
+            others = apart_of(own, self._far(own[0].knots[0])) if paths[i].others else ()
+            paths[i] = paths[i]._replace(motions=own[0], others=others)
 
     def _path(self, x: Array, edges: Edges, edge: int, slot: int, known: Earlier) -> _Path:
         """The path from x (n,) over one of the edges and on from a node at its head, or what is left of an earlier."""
         around, head = self.around, int(edges.near[edge])
-        states = np.vstack([x, self.vertices.states[self.path_of(head, slot)]])
-        path = around.checker.until_goal(around.steering.connect(states[:-1], states[1:]))
+        path = self._motions(x, edges, edge, slot)
         turns = edges.turns.dense(edge, around.homology.M)
         winding = integers(g.class_at(self.places.graph, head, slot) + turns)
         again = self._resumed(x, known[winding], winding) if winding in known else None
         taut = again is not None and again.cost.sum() <= path.cost.sum() * (1.0 + ALIKE)
         return _Path(winding, again if taut else path, taut)
+
+    def _others(self, x: Array, edges: Edges, key: int) -> tuple[Any, ...]:
+        """What ways of a class there are apart from the cheapest."""
+        steering, weights = self.around.steering, self.around.homology.hash_weights
+        assert isinstance(steering, InTime)
+        chosen, rules = np.empty((WAYS, 2), np.int64), (self._far(x), DEARER)
+        count = choose(self.places, self.vertices.states, edges, weights, key, x, steering.pace, rules, chosen)
+        return tuple(self._motions(x, edges, int(edge), int(slot)) for edge, slot in chosen[1:count])
+
+    def _far(self, x: Array) -> float:
+        """How far apart ways from x (n,) lie that may end in different valleys [m]."""
+        return APART * float(np.hypot(*(x[:2] - self.around.space.scene.goal.center)))
+
+    def _motions(self, x: Array, edges: Edges, edge: int, slot: int) -> Any:
+        """The path from x (n,) over one of the edges and on from a node at its head, into the goal."""
+        around = self.around
+        states = np.vstack([x, self.vertices.states[self.path_of(int(edges.near[edge]), slot)]])
+        return around.checker.until_goal(around.steering.connect(states[:-1], states[1:]))
 
     def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
         """The cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
@@ -118,4 +151,5 @@ class Asked:
             winding=path.winding,
             signature=self.around.homology.signature(x, path.winding),
             trajectory=self.around.steering.trajectory(path.motions),
+            others=tuple(self.around.steering.trajectory(other) for other in path.others),
         )

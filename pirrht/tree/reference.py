@@ -18,6 +18,7 @@ class Reference:
     winding: tuple[int, ...]  # (M,) whole turns against the straight line from the state to the goal point
     signature: Array  # (M,) the paper's H, leading 1 included [turns]
     trajectory: Trajectory  # controls (l, m), durations (l,) [s] and path
+    others: tuple[Trajectory, ...] = ()  # dearer ones of the class in other valleys, where they were looked for
 
     @property
     def path(self) -> Any:

@@ -1,25 +1,27 @@
 """Plans among moving bodies at random states and times against the exact grid: value, control, and their errors.
 
-The built-in scenes in which bodies move, or one that is given. Times are uniform up to half a second after the last
-row of any motion, places stratified by clearance as those of `calibration`. Every plan begins a drive of its own, for
-which the tree gains some vertices at each state. `1 %` counts states where the mean of the plans' v is so near the
-grid's, and `worst` tells the farthest of them [%].
+The built-in scenes in which bodies move, one that is given, or random ones (`--scenes`). Times are uniform up to half
+a second after the last row of any motion, places stratified by clearance as those of `calibration`. Every plan begins a
+drive of its own, for which the tree gains some vertices at each state. `1 %` counts states where the mean of the plans'
+v is so near the grid's, and `worst` tells the farthest of them [%]. At every fifth state the shares of classes are
+compared with what the grid's paths take: `shares off` is the greatest difference of any class [points], of which the
+paths' own standard error is 2.5 at most.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
 from benchmarks.first_plan import first_plan
+from benchmarks.oblique_scene import oblique_scenario
 from benchmarks.scenes import random_states
 from tqdm import tqdm
 
@@ -33,14 +35,15 @@ NOISES, STATES, PLANS = (0.1, 0.2, 0.3), 20, 10
 AFTER = 0.5  # of the last row [s]
 FREE = 0.005  # clearance from what moves at least [m]
 NEAR = 0.01  # share of v
-HEADER = [f"{COLUMNS[0].split(',')[0]}, scene", *COLUMNS[1:], "1 %", "worst"]
+EVERY, PATHS = 5, 400  # states of which one is asked for shares, and paths of the grid's for these
+HEADER = [f"{COLUMNS[0].split(',')[0]}, scene", *COLUMNS[1:], "1 %", "worst", "shares off"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
     """One scene at one noise."""
 
-    file: str
+    scene: str | int  # a name, a file, or the seed of a random one
     noise: float
     seed: int
     states: int
@@ -56,20 +59,24 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
         off = [_off(s) for s in some if s["plans"]]
         near = int(np.sum(np.abs(off) <= NEAR)) if off else 0
         worst = float(100.0 * max(off, key=abs)) if off else float("nan")
-        values.append({"noise": noise, "scene": name, **summary(some), "near": near, "worst": worst})
+        apart = [_apart(s) for s in some if s["shares"] and s["plans"]]
+        far = 100.0 * max(apart, default=float("nan"))
+        values.append({"noise": noise, "scene": name, **summary(some), "near": near, "worst": worst, "shares": far})
         cells = text_of({**values[-1], "from": 0.0, "to": None})
-        table.append([f"{noise:g}, {name}", *cells[1:], f"{near}/{len(some)}", f"{worst:+.2f}"])
+        table.append([f"{noise:g}, {name}", *cells[1:], f"{near}/{len(some)}", f"{worst:+.2f}", f"{far:.1f}"])
     return HEADER, table, {"table": values, "states": found}
 
 
 def collect(options: argparse.Namespace) -> list[dict[str, Any]]:
     """One record per scene, noise, state and time."""
-    files = SCENES if options.scene is None else (str(options.scene),)
+    scenes: Sequence[str | int] = SCENES if options.scene is None else (str(options.scene),)
+    if options.scenes:
+        scenes = range(options.first_seed, options.first_seed + options.scenes)
     shared = {
         "seed": options.first_seed, "states": options.states or STATES, "plans": options.plans or PLANS,
         "threads": 1 if options.workers > 1 else None,
     }  # fmt: skip
-    todo = [Job(file=file, noise=noise, **shared) for file in files for noise in options.noises or NOISES]
+    todo = [Job(scene=scene, noise=noise, **shared) for scene in scenes for noise in options.noises or NOISES]
     found: list[dict[str, Any]] = []
     with tqdm(total=len(todo), desc="scenes x noises", leave=False, disable=None) as bar:
         for records in _in_turn(todo, options.workers):
@@ -88,12 +95,14 @@ def _in_turn(todo: list[Job], workers: int) -> Iterator[list[dict[str, Any]]]:
 
 def looked_at(job: Job) -> list[dict[str, Any]]:
     """Records of a scene at one noise."""
-    scenario = prepare(job.file, given={"seed": job.seed, "threads": job.threads, "noise": job.noise})
+    given = {"seed": job.seed, "threads": job.threads, "noise": job.noise}
+    scenario = oblique_scenario(job.scene, given) if isinstance(job.scene, int) else prepare(job.scene, given=given)
     truth = Desirability.of(scenario.problem, scenario.space)
     controller = scenario.controller(scenario.grown_tree())
     assert isinstance(controller, Controller)
     controller.path_integral.warm_up()
-    return [_record(scenario, truth, controller, x, t, job) for x, t in states_and_times(scenario, job)]
+    asked = states_and_times(scenario, job)
+    return [_record(scenario, truth, controller, x, t, job, i % EVERY == 0) for i, (x, t) in enumerate(asked)]
 
 
 def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
@@ -108,15 +117,24 @@ def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
 
 
 def _record(
-    scenario: Scenario, truth: Desirability, controller: Controller, x: Array, t: float, job: Job
+    scenario: Scenario, truth: Desirability, controller: Controller, x: Array, t: float, job: Job, ways: bool
 ) -> dict[str, Any]:
     plans = [first_plan(controller, x, t) for _ in range(job.plans)]
     clearance = min(scenario.space.clearance(x), scenario.space.crowd.clearance(x, t))
     return {
-        "scene": Path(job.file).stem, "x": x.tolist(), "t": t, "noise": job.noise, "clearance": clearance,
+        "scene": scenario.loaded.scene.name, "x": x.tolist(), "t": t, "noise": job.noise, "clearance": clearance,
         "room": clearance / job.noise, "v": float(truth.value(x, t)), "u": truth.control(x, t).tolist(),
+        "shares": truth.shares(x, PATHS, t=t) if ways else None,
         "plans": [plan for plan in plans if plan is not None], "without": sum(plan is None for plan in plans),
     }  # fmt: skip
+
+
+def _apart(state: dict[str, Any]) -> float:
+    """The greatest difference between a class' share of the grid's paths and its mean share of the plans' samples."""
+    plans = [plan["shares"] for plan in state["plans"]]
+    names = set(state["shares"]).union(*plans)
+    said = {name: float(np.mean([plan.get(name, 0.0) for plan in plans])) for name in names}
+    return max(abs(said[name] - state["shares"].get(name, 0.0)) for name in names)
 
 
 def _off(state: dict[str, Any]) -> float:

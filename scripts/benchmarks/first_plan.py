@@ -27,6 +27,7 @@ def first_plan(controller: Controller, x: Array, t: float = 0.0) -> dict[str, An
         "u": e.control.tolist(),
         "u_error": e.control_error.tolist(),
         "ess": e.ess,
+        "shares": e.class_weights,
         "samples": sum(part.size for part in e.parts),
         "ms": 1e3 * seconds,
     }
