@@ -128,8 +128,8 @@ class Problem:
             value = here if value is None else value
             if not (np.allclose(value * shape, noise, rtol=1e-8, atol=0) and value > 0):
                 raise NotLinearlySolvable(
-                    f"no lambda solves lambda G R^-1 G' = B B' at x = {x.tolist()}: G R^-1 G' = {shape.tolist()}, "
-                    f"B B' = {noise.tolist()}; choose R proportional to G' (B B')^-1 G"
+                    f"no lambda solves lambda G R^-1 G' = B B' at x = {shown.vector(x)}: "
+                    f"G R^-1 G' = {shown.matrix(shape)}, B B' = {shown.matrix(noise)}; choose R proportional to G' (B B')^-1 G"
                 )
         assert value is not None
         return value
@@ -141,8 +141,8 @@ class Problem:
         value = here if value is None else value
         if not (np.allclose(value * shape, noise, rtol=1e-8, atol=1e-12 * np.trace(noise)) and value > 0):
             raise NotLinearlySolvable(
-                f"{type(self.dynamics).__name__}: no lambda solves lambda R^-1 = s s' at x = {x.tolist()}: "
-                f"R^-1 = {shape.tolist()}, s s' = {noise.tolist()}; choose R proportional to (s s')^-1"
+                f"{type(self.dynamics).__name__}: no lambda solves lambda R^-1 = s s' at x = {shown.vector(x)}: "
+                f"R^-1 = {shown.matrix(shape)}, s s' = {shown.matrix(noise)}; choose R proportional to (s s')^-1"
             )
         return value
 

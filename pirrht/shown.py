@@ -18,6 +18,11 @@ def vector(numbers: Iterable[float]) -> str:
     return "(" + ", ".join(f"{float(v) + 0.0:.3g}" for v in numbers) + ")"
 
 
+def matrix(rows: Iterable[Iterable[float]]) -> str:
+    """Rows of numbers as [[1.2, 0], [0, 3.4]], with four digits."""
+    return "[" + ", ".join("[" + ", ".join(f"{float(v) + 0.0:.4g}" for v in row) + "]" for row in rows) + "]"
+
+
 def share(weight: float) -> str:
     """A share in per cent."""
     return f"{100.0 * weight:.0f} %"

@@ -55,7 +55,9 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
     parser.add_argument("--png", type=Path, help="draw `calibration`, or the parts samples and drives of `quality`")
     random = parser.add_argument_group("calibration and mass")
-    random.add_argument("--scenes", type=int, help="random scenes (30; of the car 3)")
+    random.add_argument(
+        "--scenes", type=int, help="random scenes (30; of the car 3; of `--part moving` the built-in ones)"
+    )
     random.add_argument("--states", type=int, help="random states in each (12; of the car 8); of `mass` in all (20)")
     random.add_argument("--plans", type=int, help="plans at each state and noise level (20; of `mass` 10)")
     random.add_argument(

@@ -139,7 +139,7 @@ def odds(scenario: Scenario) -> str:
 
 def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
     """Print what a drive came to; with a truth also how far from the optimal control it was."""
-    executed = "none" if drive.executed_class is None else title(drive.executed_class)
+    executed = "no class" if drive.executed_class is None else f"class {title(drive.executed_class)}"
     so_far = " so far" if drive.outcome == "timeout" else ""
     ms, late = drive.step_ms, "longer than the period" if drive.real_time is None else "late"
     say(
@@ -147,7 +147,7 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
         "smoothed over its jitter"
     )
     say(
-        f"class {executed}, {counted(drive.class_switches, 'class switch', 'class switches')} "
+        f"{executed}, {counted(drive.class_switches, 'class switch', 'class switches')} "
         f"({counted(drive.class_reversals, 'reversal')} of a decision), "
         f"{counted(drive.fallbacks, 'fallback')} (plans without reference or surviving sample), "
         f"least clearance {drive.min_clearance:.3f} m (free distance around the footprint)"

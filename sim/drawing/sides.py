@@ -1,4 +1,4 @@
-"""On which side of bodies that move a path in space and time passes: before them, or behind."""
+"""On which side of bodies that move a path in space and time passes: before or behind, left or right if they rest."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ from pirrht.tree.reference import Reference
 
 MOMENTS = 60  # of a path that are looked at
 BACK = 0.1  # over which a body's direction is taken [s]
-STILL = 0.05  # m/s; what is slower is passed, not gone before or behind
+STILL = 0.05  # m/s; of what is slower there is no before and behind
+SIDES = "before", "behind", "left of", "right of"  # the last two seen along the path, of a body that hardly moves then
 FEW = 4  # bodies of which every one is told
 
 
 def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
-    """ "before", "behind" or "past", one for each of J markers, by where the path is when it is nearest to it.
-
-    "" for a path that has no times.
-    """
+    """One of SIDES for each of J markers, by where the path is when nearest to it; "" for a path without times."""
     path = reference.trajectory.path
     knots = getattr(path, "knots", None)
     if knots is None or knots.shape[1] != 3:
@@ -30,19 +28,22 @@ def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
     nearest = np.argmin(np.linalg.norm(places - way, axis=2), axis=1)
     found = []
     for j, k in enumerate(nearest.tolist()):
-        ahead = (late[j, k] - early[j, k]) / (2.0 * BACK)
-        slow = float(np.hypot(*ahead)) < STILL
-        found.append("past" if slow else "before" if float((way[k] - places[j, k]) @ ahead) > 0.0 else "behind")
+        ahead, aside = (late[j, k] - early[j, k]) / (2.0 * BACK), way[k] - places[j, k]
+        if float(np.hypot(*ahead)) >= STILL:
+            found.append("before" if float(aside @ ahead) > 0.0 else "behind")
+        else:
+            along = way[min(k + 1, MOMENTS - 1)] - way[max(k - 1, 0)]
+            found.append("left of" if float(along[0] * aside[1] - along[1] * aside[0]) > 0.0 else "right of")
     return tuple(found)
 
 
 def passing(reference: Reference, homology: TimedHomology) -> list[str]:
-    """Each body with its side, as "walker: behind"; of many bodies those alone that the path turns about."""
+    """Each body with its side, as "walker: behind" or "door: left of it"; of many those that the path turns about."""
     passed = list(zip(homology.moving.names, sides(reference, homology.moving), strict=True))
     if len(passed) > FEW:
         turns = reference.winding[homology.standing.M :]
         passed = [row for row, turn in zip(passed, turns, strict=True) if turn]
-    return [f"{name}: {side}" for name, side in passed if side]
+    return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in passed if side]
 
 
 def _places(moving: MovingHomology, times: Array) -> Array:

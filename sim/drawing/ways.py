@@ -31,7 +31,7 @@ def worded(
         names: of the obstacles, (M,).
         movers: of the bodies that move, in the order of the windings.
         among: those from which each is to be told apart; None: from all.
-        sides: by id, how each body is passed, "before", "behind" or "past" (`sides`).
+        sides: by id, how each body is passed, as `sides.SIDES` has it.
 
     Left and right are those of somebody who goes along the path.
     """
@@ -61,7 +61,7 @@ def _words(
         sides = [f"{side} of {_listed(group)}" for side, group in (("right", right), ("left", left)) if group]
     bodies = [_about(mine[k], movers, k - len(names), passed) for k in told if k >= len(names)]
     if not standing and not bodies:  # a class alone is told by the bodies that it passes
-        bodies = [f"{side} {name}" for side, name in zip(passed, movers, strict=False) if side in ("before", "behind")]
+        bodies = [f"{side} {name}" for side, name in zip(passed, movers, strict=False) if side]
     return ", ".join([*rounds, *sides, *bodies]) or "straight ahead"
 
 
@@ -85,7 +85,7 @@ def _passed(mine: Sequence[int], straight: Array) -> list[int]:
 
 def _about(turns: int, movers: Sequence[str], body: int, sides: Sequence[str]) -> str:
     name = movers[body] if body < len(movers) else "a moving body"
-    if body < len(sides) and sides[body] in ("before", "behind"):
+    if body < len(sides) and sides[body]:
         return f"{sides[body]} {name}"
     return f"past {name} as the straight way" if turns == 0 else f"the other way round {name}"
 

@@ -65,7 +65,7 @@ def test_an_input_form_that_is_none_is_refused_by_name(changes, told):
 
 
 def test_noise_and_cost_without_a_common_lambda_are_refused_with_both_matrices():
-    told = r"^Cart: no lambda solves lambda R\^-1 = s s' .*R\^-1 = \[\[0.5, 0.0\], .*s s' = \[\[0.25, 0.0\], .*choose R"
+    told = r"^Cart: no lambda solves lambda R\^-1 = s s' .*R\^-1 = \[\[0.5, 0\], .*s s' = \[\[0.25, 0\], .*choose R"
     with pytest.raises(NotLinearlySolvable, match=told):
         Problem(dynamics=system(), scene=around_a_disc(), R=np.diag([2.0, 2.0]))
 

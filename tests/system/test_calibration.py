@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import calibration, calibration_car, calibration_table, scenes
+from benchmarks import calibration, calibration_car, calibration_moving, calibration_table, oblique_scene, scenes
 
 from pirrht import FreeSpace
 from sim.files import plain
@@ -107,3 +107,28 @@ def test_the_cars_bias_is_that_of_its_plans_less_a_million_samples_and_unclear_t
     assert row["steps"] == pytest.approx(0.05)
     assert row["v2"] == pytest.approx(2 / 3)
     assert len(calibration_car._text({"noise": 0.1, "scene": "all", **row})) == len(calibration_car.HEADER)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_random_bodies_cross_the_straight_way_when_the_robot_would_come_by_and_leave_start_and_goal(seed):
+    scenario = oblique_scene.oblique_scenario(seed, {})
+    assert oblique_scene.oblique_scene(seed) == oblique_scene.oblique_scene(seed)
+    scene, crowd = scenario.loaded.scene, scenario.space.crowd
+    start, goal = scene.start[:2], scene.goal.center
+    last = max(float(mover.motion.rows[-1, 0]) for mover in scene.movers)
+    assert last <= oblique_scene.LAST
+    assert crowd.clearance(start, 0.0) >= oblique_scene.CLEAR - 1e-6
+    assert crowd.clearance(goal, last) >= scene.goal.radius + oblique_scene.CLEAR - 1e-6
+    way = goal - start
+    for mover in scene.movers:
+        times = np.linspace(0.0, last, 2000)
+        places = np.array([mover.motion.pose(t)[:2] for t in times])
+        aside = (places - start) @ np.array([-way[1], way[0]])
+        met = np.flatnonzero(aside[1:] * aside[:-1] <= 0.0)
+        when = np.hypot(*(places[met] - start).T)
+        assert np.any(np.abs(times[met] - when) <= oblique_scene.AROUND + 0.01)
+
+
+def test_shares_of_classes_are_apart_by_the_greatest_difference_of_any():
+    plans = [{"shares": {"0": 0.5, "1": 0.5}}, {"shares": {"0": 0.7, "other": 0.3}}]
+    assert calibration_moving._apart({"shares": {"0": 0.9, "2": 0.1}, "plans": plans}) == pytest.approx(0.3)

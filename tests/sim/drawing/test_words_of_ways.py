@@ -11,7 +11,7 @@ from drives import Drive
 from pirrht.outcome import Outcome
 from sim.drawing import averages, strokes
 from sim.drawing.colors import EARLY, ClassColors, method_color, nth_color, place_of
-from sim.drawing.sides import sides
+from sim.drawing.sides import passing, sides
 from sim.drawing.ways import worded
 from sim.scenario import prepare
 
@@ -175,3 +175,14 @@ def test_ways_among_bodies_are_named_by_whether_they_pass_before_or_behind():
         passed,
     )
     assert set(words.values()) == {"before walker", "behind walker"}
+
+
+def test_bodies_that_rest_are_passed_left_or_right():
+    """The discs of `pincer` have met when the robot comes by below or above them."""
+    scenario = prepare("pincer", given={"vertices": 300})
+    references = {one.id: one for one in scenario.references(scenario.grown_tree())}
+    passed = {name: sides(references[name], scenario.homology.moving) for name in ("0,0", "1,0", "0,-1")}
+    assert passed == {"0,0": ("before",) * 2, "1,0": ("right of",) * 2, "0,-1": ("left of",) * 2}
+    assert passing(references["1,0"], scenario.homology) == ["low: right of it", "high: right of it"]
+    words = worded({name: references[name].winding for name in passed}, np.zeros(0), (), ("low", "high"), None, passed)
+    assert len(set(words.values())) == 3
