@@ -70,10 +70,15 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     states = collect(options)
     found = summaries(states)
     if options.png is not None:
-        calibration_plot.draw(options.png, states)
+        calibration_plot.draw(options.png, states, _scenario_of)
     truth = truth_errors(states)
     table = [text_of(row) for row in found] + [truth_text(row) for row in truth]
     return HEADER, table, {"table": found, "truth": truth, "states": states}
+
+
+def _scenario_of(state: dict[str, Any]) -> Scenario:
+    given = {"seed": state["seed"]}
+    return prepare(state["file"], given=given) if state["file"] else scenario_of(state["seed"], given)
 
 
 def jobs(options: argparse.Namespace) -> list[Job]:

@@ -5,19 +5,20 @@ a second after the last row of any motion, places stratified by clearance as tho
 drive of its own, for which the tree gains some vertices at each state. `1 %` counts states where the mean of the plans'
 v is so near the grid's, and `worst` tells the farthest of them [%]. At every fifth state the shares of classes are
 compared with what the grid's paths take: `shares off` is the greatest difference of any class [points], of which the
-paths' own standard error is 2.5 at most.
+paths' own standard error is 2.5 at most. `--png` draws coverage and errors over room, and one scene with its states.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
+from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
 from benchmarks.first_plan import first_plan
@@ -64,6 +65,8 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
         values.append({"noise": noise, "scene": name, **summary(some), "near": near, "worst": worst, "shares": far})
         cells = text_of({**values[-1], "from": 0.0, "to": None})
         table.append([f"{noise:g}, {name}", *cells[1:], f"{near}/{len(some)}", f"{worst:+.2f}", f"{far:.1f}"])
+    if options.png is not None:
+        calibration_plot.draw(options.png, found, lambda state: _scenario(state["of"], {}))
     return HEADER, table, {"table": values, "states": found}
 
 
@@ -96,13 +99,17 @@ def _in_turn(todo: list[Job], workers: int) -> Iterator[list[dict[str, Any]]]:
 def looked_at(job: Job) -> list[dict[str, Any]]:
     """Records of a scene at one noise."""
     given = {"seed": job.seed, "threads": job.threads, "noise": job.noise}
-    scenario = oblique_scenario(job.scene, given) if isinstance(job.scene, int) else prepare(job.scene, given=given)
+    scenario = _scenario(job.scene, given)
     truth = Desirability.of(scenario.problem, scenario.space)
     controller = scenario.controller(scenario.grown_tree())
     assert isinstance(controller, Controller)
     controller.path_integral.warm_up()
     asked = states_and_times(scenario, job)
     return [_record(scenario, truth, controller, x, t, job, i % EVERY == 0) for i, (x, t) in enumerate(asked)]
+
+
+def _scenario(scene: str | int, given: Mapping[str, Any]) -> Scenario:
+    return oblique_scenario(scene, given) if isinstance(scene, int) else prepare(scene, given=given)
 
 
 def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
@@ -122,8 +129,9 @@ def _record(
     plans = [first_plan(controller, x, t) for _ in range(job.plans)]
     clearance = min(scenario.space.clearance(x), scenario.space.crowd.clearance(x, t))
     return {
-        "scene": scenario.loaded.scene.name, "x": x.tolist(), "t": t, "noise": job.noise, "clearance": clearance,
-        "room": clearance / job.noise, "v": float(truth.value(x, t)), "u": truth.control(x, t).tolist(),
+        "scene": scenario.loaded.scene.name, "of": job.scene, "x": x.tolist(), "t": t, "noise": job.noise,
+        "clearance": clearance, "room": clearance / job.noise, "v": float(truth.value(x, t)),
+        "u": truth.control(x, t).tolist(),
         "shares": truth.shares(x, PATHS, t=t) if ways else None,
         "plans": [plan for plan in plans if plan is not None], "without": sum(plan is None for plan in plans),
     }  # fmt: skip

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks.calibration_table import EDGES, scores
 from benchmarks.plots import COLORS
-from benchmarks.scenes import scenario_of
 
 from sim.figures.draw import draw_scene, pyplot
-from sim.scenario import prepare
+from sim.scenario import Scenario
 
 NOMINAL = 0.9545  # of errors within two standard errors
 LEAST, MOST = 0.5, 8.0  # of the colours of the map: error over standard error
@@ -19,8 +19,8 @@ ROOMS = 0.02, 30.0  # axis of room
 SCORES = 0.05, 300.0  # axis of errors over standard errors
 
 
-def draw(path: Path, states: list[dict[str, Any]]) -> None:
-    """Write the picture of what `calibration` found at some states."""
+def draw(path: Path, states: list[dict[str, Any]], scenario_of: Callable[[dict[str, Any]], Scenario]) -> None:
+    """Write the picture of what `calibration` found at some states, of each of which one can tell the scenario."""
     plt = pyplot("--png")
     figure, panels = plt.subplots(2, 3, figsize=(14.0, 8.0), layout="constrained", width_ratios=(1.0, 1.15, 1.0))
     known = [s for s in states if s["plans"]]
@@ -28,7 +28,7 @@ def draw(path: Path, states: list[dict[str, Any]]) -> None:
     for which, row in zip(("v", "u"), panels, strict=True):
         _coverage(row[0], known, which)
         _scatter(row[1], known, which)
-        _map(figure, row[2], picked, which)
+        _map(figure, row[2], picked, which, scenario_of(picked[0]))
     panels[0, 0].legend(fontsize=8, frameon=False, loc="lower right")
     panels[1, 1].legend(fontsize=8, frameon=False, loc="upper right", markerscale=3.0)
     figure.savefig(path, dpi=110)
@@ -92,11 +92,9 @@ def _scatter(axes: Any, states: list[dict[str, Any]], which: str) -> None:
     _plain(axes)
 
 
-def _map(figure: Any, axes: Any, states: list[dict[str, Any]], which: str) -> None:
+def _map(figure: Any, axes: Any, states: list[dict[str, Any]], which: str, scenario: Scenario) -> None:
     """One scene at one noise level; states coloured by root mean squares of error over standard error."""
     first = states[0]
-    given = {"seed": first["seed"]}
-    scenario = prepare(first["file"], given=given) if first["file"] else scenario_of(first["seed"], given)
     draw_scene(axes, scenario)
     ratio = [np.sqrt(np.mean(_scores(s, which) ** 2)) for s in states]
     dots = axes.scatter(
