@@ -129,7 +129,8 @@ class Problem:
             if not (np.allclose(value * shape, noise, rtol=1e-8, atol=0) and value > 0):
                 raise NotLinearlySolvable(
                     f"no lambda solves lambda G R^-1 G' = B B' at x = {shown.vector(x)}: "
-                    f"G R^-1 G' = {shown.matrix(shape)}, B B' = {shown.matrix(noise)}; choose R proportional to G' (B B')^-1 G"
+                    f"G R^-1 G' = {shown.matrix(shape)}, B B' = {shown.matrix(noise)}; "
+                    "choose R proportional to G' (B B')^-1 G"
                 )
         assert value is not None
         return value

@@ -58,7 +58,7 @@ def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, st
     Raises:
         NoSurvivingSample: none of them has any weight.
     """
-    return weigh(problem, [_restricted(problem, part, h) for part in estimate.parts], estimate.push, classes)
+    return weigh(problem, [_restricted(problem, part, h) for part in estimate.parts], estimate.walls, classes)
 
 
 def _own(problem: Problem, part: Rollouts) -> Array:

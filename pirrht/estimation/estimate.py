@@ -15,6 +15,7 @@ from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.sums import centred, grouped, scatter
+from pirrht.guidance.near_walls import NearWalls
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.records import Leads, MovingSetup, Origin, Paths, Setup
@@ -68,7 +69,7 @@ class Estimate:
         survivors: number of samples that reached the goal.
         rollouts: the last samples that have any weight.
         parts: all samples, in the rounds in which they were drawn.
-        push: the part of `control` that the nearest walls account for, (m,) [control].
+        walls: what the nearest ones do to `control`.
 
     Example:
         >>> estimate = controller.plan(x).estimate  # doctest: +SKIP
@@ -90,7 +91,12 @@ class Estimate:
     survivors: int
     rollouts: Rollouts
     parts: tuple[Rollouts, ...]
-    push: Array
+    walls: NearWalls
+
+    @property
+    def push(self) -> Array:
+        """The part of `control` that the nearest walls account for, (m,) [control]."""
+        return self.walls.push
 
     def __repr__(self) -> str:
         leading = sorted(self.class_weights.items(), key=lambda one: -one[1])[:SHOWN]
@@ -146,12 +152,12 @@ def log_weights(
 
 
 def weigh(
-    problem: Problem, parts: Sequence[Rollouts], push: Array, classes: Mapping[int, str] | None = None
+    problem: Problem, parts: Sequence[Rollouts], walls: NearWalls, classes: Mapping[int, str] | None = None
 ) -> Estimate:
     """Weigh the samples: v and its error [cost], u (m,) and its error, and the share of every class in them.
 
     Args:
-        push: what the nearest walls add to the control at the state, (m,).
+        walls: what the nearest ones do to the control at the state.
         classes: additive class keys to the names of the references' classes.
 
     Each part is weighed by its own proposals. Where these were fixed before it was drawn, the mean over all samples is
@@ -177,13 +183,13 @@ def weigh(
     control = groups.control.sum(axis=0) / span
     errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].leads.mirrored)
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
-    unresolved = _unresolved(control - np.einsum("s,sm->m", weight, paths.led), push, control)
+    free, unresolved = walls.told(control, np.einsum("s,sm->m", weight, paths.led))
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     ends = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
     rollouts = parts[shown]
     return Estimate(
-        control=control + push,
+        control=free + walls.push,
         log_psi=log_psi,
         value=-problem.temperature * log_psi,
         value_error=problem.temperature * float(errors[0]),
@@ -193,26 +199,15 @@ def weigh(
         class_weights=dict(zip(names, groups.weight.tolist(), strict=True)),
         class_ess=dict(zip(names, (groups.weight**2 / np.maximum(groups.square, 1e-300)).tolist(), strict=True)),
         class_controls={
-            name: total / max(under_way, 1e-300)
+            name: total / max(under_way, 1e-300) + (free - control)
             for name, total, under_way in zip(names, groups.control, groups.span.tolist(), strict=True)
         },
         proposal_weights=drawn_around.reshape(len(parts), -1).sum(axis=0).tolist(),
         survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
         rollouts=rollouts,
         parts=tuple(parts),
-        push=push,
+        walls=walls,
     )
-
-
-def _unresolved(found: Array, push: Array, control: Array) -> Array:
-    """What may be missing of the control, (m,), since it is a mean over leading steps in which walls change it.
-
-    The guide is followed exactly; of what samples `found` on top of it (m,) about as much again is missing where the
-    push of the walls (m,) is large against the rest of the control (m,), and nothing in the open.
-    """
-    hard, rest = float(np.linalg.norm(push)), float(np.linalg.norm(control))
-    share = hard / (hard + rest) if hard > 0.0 else 0.0
-    return np.abs(share * found)
 
 
 def normalised(log_weight: Array) -> tuple[Array, float]:

@@ -14,9 +14,12 @@ from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.traffic import Traffic, traffic_clearance
 from pirrht.guidance.leads import Climb, Lead, Tape
+from pirrht.guidance.near_walls import NearWalls, NearWallsOfMeans
 from pirrht.guidance.walls import Push, Scales
 from pirrht.guidance.ways import way_of
 from pirrht.problem import Problem
+from pirrht.rollouts.backend import kind_of
+from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.records import Leads
 from pirrht.steering.trajectory import Trajectory
 
@@ -44,6 +47,7 @@ class Leading:
         start = problem.dynamics.state_of(problem.scene.start)
         self._everywhere = Scales.of(problem, start) if constant else None
         self.beyond, self._soft = self._set_back(start)
+        self._steady = is_steady(kind_of(problem))
 
     @property
     def climbs(self) -> bool:
@@ -122,6 +126,17 @@ class Leading:
                 max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known) if known < leads.reach else 0.0
             )
         return self._push(leads.reach, float(leads.times[1]), slack, time)
+
+    def near_walls(self, leads: Leads, x: Array, time: float) -> NearWalls:
+        """What the nearest walls do at x (n,) to the control now of samples that followed these leads.
+
+        Args:
+            time: when they start, on the clock of what moves [s].
+        """
+        push = self.push(leads, x, time)
+        if self._steady and leads.reach > 0.0:
+            return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]))
+        return NearWalls(push=push(x))
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> Push:
         return Push(

@@ -177,8 +177,7 @@ class PathIntegral:
             NoSurvivingSample: no sample has any weight.
         """
         first = parts[0]
-        push = self.leading.push(first.leads, first.x0, first.origin.time)
-        return weigh(self.problem, parts, push(first.x0), classes)
+        return weigh(self.problem, parts, self.leading.near_walls(first.leads, first.x0, first.origin.time), classes)
 
 
 def _in_parallel(work, count: int, threads: int) -> None:  # type: ignore[no-untyped-def]

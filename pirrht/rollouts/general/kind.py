@@ -101,6 +101,14 @@ def is_gated(kind: Kind) -> bool:
     return kind.moving and kind.n == kind.m == 2 and not kind.input_form
 
 
+def is_steady(kind: Kind) -> bool:
+    """Whether such a point also stays where it is without control and noise, and pays and is shaken alike everywhere.
+
+    Then its optimal control is a martingale along its optimal paths (`guidance.near_walls`).
+    """
+    return is_gated(kind) and not (kind.drifting or kind.varying or kind.gaining or kind.varying_rate)
+
+
 def takes_law(kind: Kind) -> bool:
     """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do.
 

@@ -8,7 +8,7 @@ from typing import Any
 from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.jit import part
 from pirrht.compiled.linear import solve
-from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
+from pirrht.rollouts.general.kind import Kind, is_car, is_gated, is_steady, takes_law
 from pirrht.rollouts.general.law import columns_of
 from pirrht.rollouts.general.rows import rows_of
 from pirrht.rollouts.general.scratch import ABREAST
@@ -62,9 +62,9 @@ def recorder(kind: Kind) -> Any:
     """Kernels that add what a step applied, and the part of it that its lead takes, to means over steps of the grid.
 
     Over a step the guide is the mean of both ends, to second order, where walls push: its second half is added when the
-    next step has found out (`owed`).
+    next step has found out (`owed`). Of a steady point nothing is taken (`guidance.near_walls`).
     """
-    m, gaining, gated = kind.m, kind.gaining, is_gated(kind)
+    m, gaining, gated, steady = kind.m, kind.gaining, is_gated(kind), is_steady(kind)
 
     @part
     def to_controls(scratch, inverse):  # type: ignore[no-untyped-def]
@@ -105,7 +105,7 @@ def recorder(kind: Kind) -> Any:
             to_controls(scratch, inverse)
             for j in range(m):
                 keep.applied[i, j] += carried[j, 0] / whole
-        if i < keep.led_by.shape[0]:
+        if i < keep.led_by.shape[0] and not steady:
             for start in range(2 if first else 1):
                 taken(scratch, h, trust, start == 1 and near_walls)
                 to_controls(scratch, inverse)
