@@ -10,6 +10,7 @@ psi ~ sinh(g c), g = s / b^2, and within t the slope of log psi falls short by
 
 1/c erfc(c / (b sqrt(2 t))) along it: g E[exp(-k tau); tau <= t] / sinh(g c), tau being when passive paths meet it. For
 s = 0 that is Bessel's process in three dimensions, whose drift 1/c is the textbook's local martingale that is none.
+How fast the point goes away where the wall no longer counts, s, follows from the mean itself.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ from pirrht.guidance.walls import Push
 
 MOMENTS, SHARES = np.polynomial.legendre.leggauss(8)
 MOMENTS, SHARES = 0.5 * (MOMENTS + 1.0), 0.5 * SHARES  # on a time from 0 to 1
+HALVINGS = 24  # in which a speed is found
+NOTHING = 1e-9  # of 1/c, below which a mean misses nothing
 ALONG = 1e-4  # of g c, below which a point goes along a wall
 FAR = 300.0  # of g c, above which a wall is out of reach
 SOON = 1e-3  # over which it is looked how fast a wall comes [s]
@@ -51,6 +54,23 @@ def shortfall(c: float, s: float, variance: float, span: float) -> float:
             near, far = math.erfc((c - s * t) / spread), math.erfc((c + s * t) / spread)
             total += share * g * (near / math.expm1(2.0 * g * c) - far / math.expm1(-2.0 * g * c))
     return float(total)
+
+
+def speed_of(mean: float, c: float, variance: float, span: float) -> float:
+    """The speed s of `shortfall` at which the slope's mean [1/m], as seen from the wall, is what it is; 0 at least."""
+
+    def off(s: float) -> float:
+        g = s / variance
+        now = 1.0 / c if g * c < ALONG else g / math.tanh(g * c)
+        return now - shortfall(c, s, variance, span) - mean
+
+    low, high = 0.0, max(mean, 0.0) * variance
+    if off(low) >= 0.0:
+        return 0.0
+    for _ in range(HALVINGS):  # the mean is no less than s / variance
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if off(middle) >= 0.0 else (middle, high)
+    return 0.5 * (low + high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,8 +126,11 @@ class NearWallsOfMeans(NearWalls):
         """As above; nothing that samples follow counts for itself."""
         slope, velocity = np.zeros(2), self.moved @ mean
         for c, away, receding in self.walls:
-            speed = float(away @ velocity) + receding
-            slope += away * shortfall(c, speed, float(away @ self.noise @ away), self.span)
+            variance = float(away @ self.noise @ away)
+            if shortfall(c, 0.0, variance, self.span) < NOTHING / c:
+                continue
+            speed = speed_of((float(away @ velocity) + receding) / variance, c, variance, self.span)
+            slope += away * shortfall(c, speed, variance, self.span)
         missing: Array = self.gain @ slope
         return mean + missing - self.push, UNSURE * np.abs(missing)
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from pirrht.guidance.near_walls import NearWalls, NearWallsOfMeans, shortfall
+from pirrht.guidance.near_walls import NearWalls, NearWallsOfMeans, shortfall, speed_of
 
 B = 0.2
 SPEEDS = [0.0, 1e-6, 0.05, 0.4, 1.0]
@@ -53,6 +53,18 @@ def test_the_mean_of_the_slope_falls_short_by_what_paths_that_would_meet_the_wal
     assert shortfall(c, s, B**2, span) == pytest.approx(now - mean, abs=1e-5 / c)
 
 
+@pytest.mark.parametrize("s", SPEEDS)
+@pytest.mark.parametrize("c", [0.01, 0.05, 0.2])
+def test_the_speed_away_follows_from_the_mean(s, c):
+    """Beside the wall, where a mean tells little of small speeds, so does what is missing."""
+    g, span = s / B**2, 0.01
+    now = g / math.tanh(g * c) if g > 0.0 else 1.0 / c
+    missing = shortfall(c, s, B**2, span)
+    found = speed_of(now - missing, c, B**2, span)
+    assert shortfall(c, found, B**2, span) == pytest.approx(missing, rel=1e-4, abs=1e-12)
+    assert speed_of(now - missing - 30.0, c, B**2, span) <= found
+
+
 def test_far_from_walls_and_in_no_time_nothing_is_missing():
     assert shortfall(1.0, 0.0, B**2, 0.1) < 1e-20
     assert shortfall(0.05, 0.0, B**2, 1e-6) < 1e-20
@@ -69,13 +81,13 @@ def beside(
 
 
 def test_controls_are_told_without_the_push_and_add_what_is_missing_along_each_wall():
-    mean, led = np.array([0.3, -0.2]), np.zeros(2)
+    mean, led = np.array([0.3, -0.2]), np.zeros(2)  # no faster than along the wall
     free, unsure = beside((0.02, (0.0, 1.0), 0.0), push=(0.1, 0.4)).told(mean, led)
     missing = B**2 * shortfall(0.02, 0.0, B**2, 0.02)
     assert free + np.array([0.1, 0.4]) == pytest.approx(mean + np.array([0.0, missing]))
     assert unsure == pytest.approx([0.0, 0.3 * missing])
     both, _ = beside((0.02, (0.0, 1.0), 0.0), (0.02, (0.0, -1.0), 0.2)).told(np.zeros(2), led)
-    assert both[1] == pytest.approx(missing - B**2 * shortfall(0.02, 0.2, B**2, 0.02))
+    assert both[1] == pytest.approx(0.0)  # slower than along either, as if along both
     nothing, sure = beside().told(mean, led)
     assert np.array_equal(nothing, mean)
     assert np.array_equal(sure, np.zeros(2))
