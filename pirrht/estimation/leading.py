@@ -37,6 +37,7 @@ class Leading:
         arena: what rollouts judge exits by.
         traffic: what is taken to move, on the clock of plans; None: nothing does.
         beyond: how far behind walls psi vanishes [m].
+        steady: whether the optimal control is a martingale (`is_steady`).
     """
 
     def __init__(
@@ -47,7 +48,7 @@ class Leading:
         start = problem.dynamics.state_of(problem.scene.start)
         self._everywhere = Scales.of(problem, start) if constant else None
         self.beyond, self._soft = self._set_back(start)
-        self._steady = is_steady(kind_of(problem))
+        self.steady = is_steady(kind_of(problem))
 
     @property
     def climbs(self) -> bool:
@@ -134,8 +135,8 @@ class Leading:
             time: when they start, on the clock of what moves [s].
         """
         push = self.push(leads, x, time)
-        if self._steady and leads.reach > 0.0:
-            return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]))
+        if self.steady and leads.reach > 0.0:
+            return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
         return NearWalls(push=push(x))
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> Push:

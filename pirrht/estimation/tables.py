@@ -7,15 +7,17 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.leading import Leading
 from pirrht.guidance.any_guides import AnyGuidance
+from pirrht.guidance.following import Follow
 from pirrht.guidance.leads import Batch
 from pirrht.guidance.tracking import Guidance
-from pirrht.guidance.walls import AMONG, AVERAGED, Scales, trust, window
+from pirrht.guidance.walls import AMONG, AVERAGED, Scales, squeezed, trust, window
 from pirrht.guidance.ways import NODES
 from pirrht.rollouts.records import FINER, LAW, Leads, MovingSetup, Setup
 from pirrht.rollouts.ways import no_ways
 from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.marks import NO_MARKS, Marks
 
+MOMENTS = np.arange(1, 9) / 8.0  # of the window at which one looks where a guide is
 LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
 SMALL = 0.01  # among bodies that move no step is split over which noise carries a point by so many radii of the robot
 
@@ -68,6 +70,7 @@ class Tables:
             marks=NO_MARKS if homology is None else Marks.of(homology, x, times + batch.time),
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
         )
+        leads = leads._replace(counted=self._counted(batch, leads, scales))
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(leads, h)
         busy = np.any(leads.control != 0.0, axis=2)
@@ -78,6 +81,22 @@ class Tables:
     @property
     def _moving(self) -> bool:
         return self.leading.traffic is not None
+
+    def _counted(self, batch: Batch, leads: Leads, scales: Scales) -> float:
+        """Share of a law that counts in the control now as it is at the start.
+
+        Of a steady point none, unless it comes so near walls meanwhile that the mean misses more than near ones take.
+        """
+        if not self.leading.steady:
+            return leads.trust
+        guides = [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, Follow)]
+        if not guides:
+            return 0.0
+        _, guide = max(guides, key=lambda one: one[0])
+        times = float(leads.times[leads.window]) * MOMENTS
+        places = np.stack([np.interp(times, guide.times, column) for column in guide.states.T], axis=1)
+        room = [self.leading.nearest(x, batch.time + t) for x, t in zip(places, times, strict=True)]
+        return leads.trust * squeezed(scales.noise, np.array(room), times)
 
     def _least(self, scales: Scales) -> float:
         """No step near walls is shorter than this [s]."""

@@ -104,6 +104,7 @@ class NearWallsOfMeans(NearWalls):
         moved: G, (2, m).
         noise: BB', (2, 2) [m^2/s].
         span: over which the mean is taken [s].
+        counted: share of what samples follow that counts as it is at the start, and of the push in place of the rest.
     """
 
     walls: tuple[tuple[float, Array, float], ...]
@@ -111,19 +112,20 @@ class NearWallsOfMeans(NearWalls):
     moved: Array
     noise: Array
     span: float
+    counted: float
 
     @classmethod
-    def of(cls, push: Push, x: Array, span: float) -> NearWallsOfMeans:
+    def of(cls, push: Push, x: Array, span: float, counted: float) -> NearWallsOfMeans:
         """Beside the two walls that are nearest to x (2,) at the moment of a plan."""
         d, now, then = push.problem.dynamics, push.walls(x), push.walls(x, SOON)
         B = d.B_c(x)
         return cls(
             push=push(x), walls=tuple(wall for wall in (_wall(now, then, k) for k in (0, 3)) if wall is not None),
-            gain=push.gain(x), moved=d.G_c(x), noise=B @ B.T, span=span,
+            gain=push.gain(x), moved=d.G_c(x), noise=B @ B.T, span=span, counted=counted,
         )  # fmt: skip
 
     def told(self, mean: Array, led: Array) -> tuple[Array, Array]:
-        """As above; nothing that samples follow counts for itself."""
+        """As above."""
         slope, velocity = np.zeros(2), self.moved @ mean
         for c, away, receding in self.walls:
             variance = float(away @ self.noise @ away)
@@ -131,8 +133,10 @@ class NearWallsOfMeans(NearWalls):
                 continue
             speed = speed_of((float(away @ velocity) + receding) / variance, c, variance, self.span)
             slope += away * shortfall(c, speed, variance, self.span)
-        missing: Array = self.gain @ slope
-        return mean + missing - self.push, UNSURE * np.abs(missing)
+        missing = (1.0 - self.counted) * (self.gain @ slope)
+        _, unsure = NearWalls.told(self, mean, led)
+        free: Array = mean + missing - (1.0 - self.counted) * self.push
+        return free, UNSURE * np.abs(missing) + self.counted * unsure
 
 
 def _wall(now: tuple[float, ...], then: tuple[float, ...], k: int) -> tuple[float, Array, float] | None:

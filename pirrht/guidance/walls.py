@@ -27,6 +27,7 @@ AVERAGED = 0.04  # near walls and goal the control now is averaged over leading 
 AMONG = 0.01  # likewise where bodies move: a gap that closes is passed, or not, in less than the above
 SHARE = 0.5  # of the time in which noise carries a path to the nearest of them
 SHARPER = 0.2  # of a rollout step's noise: nearer than that a wall pushes the robot no harder
+LOOSE, TIGHT = 1.2, 0.7  # room in deviations of noise since now, from where on walls ahead count, and all of them do
 CLOSING = 0.05  # the same where bodies move, since gaps that close leave a robot no room to be shy in
 
 
@@ -63,6 +64,16 @@ def trust(noise: float, near: float) -> float:
     All of it where the shortest `window` would do; none where noise (`Scales`) carries paths to a wall within that.
     """
     return min(1.0, SHARE * near**2 / (noise * AMONG))
+
+
+def squeezed(noise: float, room: Array, times: Array) -> float:
+    """How surely walls count within some times [s] other than where one is now, from 0 to 1.
+
+    Args:
+        room: to walls and goal at these times, (k,) [m], on the way.
+    """
+    least = float(np.min(room / np.sqrt(noise * times)))
+    return min(max((LOOSE - least) / (LOOSE - TIGHT), 0.0), 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -84,6 +84,7 @@ class Leads(NamedTuple):
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
     marks: Marks = NO_MARKS  # about which paths are told apart where bodies move
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
+    counted: float = 1.0  # share of it that counts as it is at the start in the control now
 
 
 class Origin(NamedTuple):

@@ -16,9 +16,9 @@ Nothing in the problem depends on the time, and noise makes a mass early or late
 whose state is nearest, not the one that would be due. Beyond the last one `Dynamics.homing` takes over.
 
 The control now is the mean of what paths apply on top of the part of their lead that changes fast, which is taken at
-the start; of a steady point among moving bodies it is the mean of all that they apply (`guidance.near_walls`). Close to
-walls the linear law of another one changes faster than the optimal control does, and only `Leads.trust` of it counts as
-such a part, beside what the walls push.
+the start. Of a point among moving bodies only a share of its linear law is such a part (`Leads.counted`): close to
+walls it changes faster than the optimal control does, beside what the walls push. Of a steady one mostly nothing is,
+and the mean is of all that paths apply (`guidance.near_walls`).
 
 Where bodies move (`Kind.moving`) something does depend on the time, so that the step that is due counts, and every
 system is led by a law. Every step asks the bodies near it, where they are when it begins and when it ends (`among`);
@@ -41,7 +41,7 @@ from pirrht.geometry.arena import at
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.general.aims import aims
 from pirrht.rollouts.general.exits import exits
-from pirrht.rollouts.general.kind import Kind, diffusion_of, is_steady
+from pirrht.rollouts.general.kind import Kind, diffusion_of
 from pirrht.rollouts.general.motion import covariance_of, motion
 from pirrht.rollouts.general.noise import NO_WALLS, length_for, noise_for, walls_for
 from pirrht.rollouts.general.ratios import log_ratios, recorder
@@ -66,7 +66,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
     """Kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, m, noisy_position = kind.drift, kind.q, kind.n, kind.m, kind.noisy_position
     varying, varying_rate, gaining, drifting = kind.varying, kind.varying_rate, kind.gaining, kind.drifting
-    bending, moving, most, steady = kind.bending, kind.moving, kind.modes, is_steady(kind)
+    bending, moving, most = kind.bending, kind.moving, kind.modes
     gain_at: Any = kind.control_block if gaining else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance, move = covariance_of(kind), motion(kind)
@@ -120,7 +120,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the
         logarithm of the probability that no wall was met on the way, where that is weighed.
         """
-        arena, p, times, trust = at(setup.arena, 0.0), setup.parameters, leads.times, leads.trust
+        arena, p, times, trust = at(setup.arena, 0.0), setup.parameters, leads.times, leads.counted
         goal, radius, x, moved = arena.goal, arena.radius, scratch.x, scratch.moved
         T, weigh = leads.control.shape[1], keep.ratio.shape[0] > 0
         bent = bending and setup.bridge and leads.least < np.inf
@@ -167,7 +167,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     add_log_ratios(keep, leads, scratch, h, i, dt, until, sway, modes)
                 where = (i, whole, i == 0 and done == 0.0)
                 record(keep, setup.inverse, scratch, h, trust, where, until, near_walls, exit == INSIDE)
-                if i < keep.led_by.shape[0] and near_walls and not steady and exit == INSIDE:
+                if i < keep.led_by.shape[0] and near_walls and exit == INSIDE:
                     owed, last = until / whole, i
                 work += (q(x, p) if varying_rate else setup.rate) * dt * share
                 done += until

@@ -83,9 +83,10 @@ def recorder(kind: Kind) -> Any:
         """Write the part of the lead that changes fast to `column`, perhaps without what walls push."""
         pushed, a = scratch.pushed, scratch.a
         for j in range(m):
-            scratch.column[j, 0] = pushed[j] + trust * (a[h, j] - pushed[j]) if gated else a[h, j]
+            pushing = trust * pushed[j] if steady else pushed[j]
+            scratch.column[j, 0] = pushing + trust * (a[h, j] - pushed[j]) if gated else a[h, j]
             if without:
-                scratch.column[j, 0] -= pushed[j]
+                scratch.column[j, 0] -= pushing
 
     @part
     def settle(led_by, inverse, scratch, h, trust, owed, last):  # type: ignore[no-untyped-def]
@@ -105,7 +106,7 @@ def recorder(kind: Kind) -> Any:
             to_controls(scratch, inverse)
             for j in range(m):
                 keep.applied[i, j] += carried[j, 0] / whole
-        if i < keep.led_by.shape[0] and not steady:
+        if i < keep.led_by.shape[0]:
             for start in range(2 if first else 1):
                 taken(scratch, h, trust, start == 1 and near_walls)
                 to_controls(scratch, inverse)
