@@ -77,7 +77,9 @@ def beside(
 ) -> NearWallsOfMeans:
     seen = tuple((c, np.array(away), receding) for c, away, receding in walls)
     eye = np.eye(2)
-    return NearWallsOfMeans(push=np.array(push), walls=seen, gain=B**2 * eye, moved=eye, noise=B**2 * eye, span=0.02)
+    return NearWallsOfMeans(
+        push=np.array(push), walls=seen, gain=B**2 * eye, moved=eye, noise=B**2 * eye, span=0.02, counted=counted
+    )
 
 
 def test_controls_are_told_without_the_push_and_add_what_is_missing_along_each_wall():
@@ -98,3 +100,12 @@ def test_beside_what_samples_follow_the_mean_stands_as_it_is():
     free, unsure = NearWalls(push=np.array([0.0, 3.0])).told(mean, np.array([0.6, 0.0]))
     assert free is mean
     assert unsure == pytest.approx([0.75 * 0.4, 0.0])
+
+
+def test_what_counts_of_the_lead_takes_the_place_of_what_is_missing():
+    mean, wall, push = np.array([0.3, -0.2]), (0.02, (0.0, 1.0), 0.0), (0.0, 0.4)
+    none, _ = beside(wall, push=push).told(mean, mean)
+    whole, _ = beside(wall, push=push, counted=1.0).told(mean, mean)
+    half, _ = beside(wall, push=push, counted=0.5).told(mean, mean)
+    assert np.array_equal(whole, mean)
+    assert half == pytest.approx(0.5 * (none + whole))
