@@ -118,8 +118,8 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
                 raise OptionError(
                     f"at {speed:g} m/s, commanded to accelerate by {_told(wanted)} m/s^2 as a {system}, the robot "
                     f"accelerates by {_told(made)} m/s^2: make pirrht_command its mass over the gears of its motors, "
-                    "and leave out damping, friction, gravity and narrow ctrlranges along its slides, or name a --system "
-                    "whose drift has them"
+                    "and leave out damping, friction, gravity and narrow ctrlranges along its slides, or name a "
+                    "--system whose drift has them"
                 )
 
 

@@ -73,7 +73,7 @@ def test_far_from_walls_and_in_no_time_nothing_is_missing():
 
 
 def beside(
-    *walls: tuple[float, tuple[float, float], float], push: tuple[float, float] = (0.0, 0.0)
+    *walls: tuple[float, tuple[float, float], float], push: tuple[float, float] = (0, 0), counted: float = 0.0
 ) -> NearWallsOfMeans:
     seen = tuple((c, np.array(away), receding) for c, away, receding in walls)
     eye = np.eye(2)
