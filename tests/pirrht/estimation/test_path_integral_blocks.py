@@ -166,8 +166,8 @@ def test_an_inconsistent_triple_is_refused_with_both_matrices():
     with pytest.raises(NotLinearlySolvable) as caught:
         Problem(dynamics=SingleIntegrator(b=0.5), scene=strip_space(0.5).scene, R=np.diag([1.0, 2.0]))
     message = str(caught.value)
-    assert "[[1.0, 0.0], [0.0, 0.5]]" in message  # G R^-1 G'
-    assert "[[0.25, 0.0], [0.0, 0.25]]" in message  # B B'
+    assert "[[1, 0], [0, 0.5]]" in message  # G R^-1 G'
+    assert "[[0.25, 0], [0, 0.25]]" in message  # B B'
     assert "\n" not in message
 
 
