@@ -89,9 +89,7 @@ class NearWalls:
         What samples follow, of which `led` (m,) is the mean, counts as it is at the start; of what they found on top of
         it about as much again is missing where the push is large against the rest of the control, nothing in the open.
         """
-        hard, rest = float(np.linalg.norm(self.push)), float(np.linalg.norm(mean))
-        share = hard / (hard + rest) if hard > 0.0 else 0.0
-        return mean, np.abs(share * (mean - led))
+        return mean, _unresolved(self.push, mean, mean - led)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -125,7 +123,7 @@ class NearWallsOfMeans(NearWalls):
         )  # fmt: skip
 
     def told(self, mean: Array, led: Array) -> tuple[Array, Array]:
-        """As above."""
+        """As above, of the share that is counted; the rest of the mean falls short by what walls take off it."""
         slope, velocity = np.zeros(2), self.moved @ mean
         for c, away, receding in self.walls:
             variance = float(away @ self.noise @ away)
@@ -134,9 +132,15 @@ class NearWallsOfMeans(NearWalls):
             speed = speed_of((float(away @ velocity) + receding) / variance, c, variance, self.span)
             slope += away * shortfall(c, speed, variance, self.span)
         missing = (1.0 - self.counted) * (self.gain @ slope)
-        _, unsure = NearWalls.told(self, mean, led)
         free: Array = mean + missing - (1.0 - self.counted) * self.push
-        return free, UNSURE * np.abs(missing) + self.counted * unsure
+        return free, UNSURE * np.abs(missing) + self.counted * _unresolved(self.push, mean, mean - led)
+
+
+def _unresolved(push: Array, mean: Array, found: Array) -> Array:
+    """As much of what samples found on top of what they follow (m,) as the push is of push and control."""
+    hard, rest = float(np.linalg.norm(push)), float(np.linalg.norm(mean))
+    share = hard / (hard + rest) if hard > 0.0 else 0.0
+    return np.abs(share * found)
 
 
 def _wall(now: tuple[float, ...], then: tuple[float, ...], k: int) -> tuple[float, Array, float] | None:

@@ -111,10 +111,9 @@ class Paths(NamedTuple):
     key: NDArray[np.int64]  # (S,) class of the path itself, as an additive key
     outcome: NDArray[np.int8]  # (S,) Outcome
     steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
-    now: Array  # (S, m) control now, integrated over the first `window` steps: noise, and the guide at the start, or
-    # of a steady point among bodies whatever was applied
+    now: Array  # (S, m) control now, integrated over the first `window` steps: noise, and the guide at the start
     span: Array  # (S,) time of these steps until the exit [s]
-    led: Array  # (S, m) the guide's part of the former at the start, without the push of the nearest walls
+    led: Array  # (S, m) the guide's part of the control at the start, without the push of the nearest walls
     lasting: Array  # (S,) log probability that no wall was met within the steps, where that is weighed [nats]
 
 

@@ -106,7 +106,7 @@ def apart_of(ways: Sequence[Legs], far: float) -> tuple[Legs, ...]:
     times = np.linspace(ways[0].knots[0, 2], ways[0].knots[-1, 2], STATIONS)
     kept: list[tuple[Legs, Array]] = []
     for way in ways:
-        places = np.stack([np.interp(times, way.knots[:, 2], way.knots[:, k]) for k in range(2)])
-        if all(np.hypot(*(places - other)).max() > far for _, other in kept):
+        places = way.places(times)
+        if all(np.hypot(*(places - other).T).max() > far for _, other in kept):
             kept.append((way, places))
     return tuple(way for way, _ in kept[1:])

@@ -53,8 +53,12 @@ class Job:
 
     def scenario(self) -> Scenario:
         """The scene under default settings."""
-        given = {"seed": self.seed, "threads": self.threads}
-        return scenario_of(self.seed, given) if self.file is None else prepare(self.file, given=given)
+        return _scenario(self.file, self.seed, self.threads)
+
+
+def _scenario(file: str | None, seed: int, threads: int | None = None) -> Scenario:
+    given = {"seed": seed, "threads": threads}
+    return scenario_of(seed, given) if file is None else prepare(file, given=given)
 
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
@@ -70,15 +74,10 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     states = collect(options)
     found = summaries(states)
     if options.png is not None:
-        calibration_plot.draw(options.png, states, _scenario_of)
+        calibration_plot.draw(options.png, states, lambda state: _scenario(state["file"], state["seed"]))
     truth = truth_errors(states)
     table = [text_of(row) for row in found] + [truth_text(row) for row in truth]
     return HEADER, table, {"table": found, "truth": truth, "states": states}
-
-
-def _scenario_of(state: dict[str, Any]) -> Scenario:
-    given = {"seed": state["seed"]}
-    return prepare(state["file"], given=given) if state["file"] else scenario_of(state["seed"], given)
 
 
 def jobs(options: argparse.Namespace) -> list[Job]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.moving_text import World, mover, prepared
 
 from pirrht.arrays import Array
-from sim.scenario import Scenario, prepare
+from sim.scenario import Scenario
 
 SIDES = np.array([10.0, 8.0])  # of the workspace [m]
 START, GOAL = np.array([0.8, 4.0]), np.array([9.2, 4.0])  # [m]
@@ -17,6 +16,10 @@ ROOM = 1.0  # that bodies leave the start at first, beside their own size [m]
 SIZES, SPEEDS, LEGS = (0.2, 0.4), (0.3, 1.0), (1.5, 4.0)  # radii [m], [m/s], lengths of legs [m]
 TURNING = 1.0  # boxes turn no faster [rad/s]
 ROBOT = 0.2  # radius [m]
+STANDING = (
+    '    <geom name="pillar" type="cylinder" size="0.4 0.3" pos="5 6 0.3"/>',
+    '    <geom name="crate" type="box" size="0.5 0.3 0.3" pos="5 2 0.3"/>',
+)
 REPEATING = 0.5  # share of the bodies that go to and fro for ever
 
 
@@ -24,30 +27,14 @@ def moving_scene(seed: int, bodies: int) -> str:
     """MJCF of a scene of 10 x 8 m with so many bodies, every second one a disc, the others boxes."""
     rng = np.random.default_rng([seed, 54])
     parts = [_body(j, rng) for j in range(bodies)]
-    half = f"{SIDES[0] / 2:g} {SIDES[1] / 2:g} 0.5"
-    return f"""<mujoco model="moving{seed}">
-  <custom>
-    <numeric name="pirrht_radius" data="{ROBOT}"/>
-{chr(10).join(motion for _, motion in parts)}
-  </custom>
-  <worldbody>
-    <geom name="pillar" type="cylinder" size="0.4 0.3" pos="5 6 0.3"/>
-    <geom name="crate" type="box" size="0.5 0.3 0.3" pos="5 2 0.3"/>
-{chr(10).join(body for body, _ in parts)}
-    <site name="workspace" type="box" pos="{half}" size="{half}"/>
-    <site name="start" pos="{START[0]} {START[1]} 0"/>
-    <site name="goal" type="cylinder" pos="{GOAL[0]} {GOAL[1]} 0" size="0.3 0.01"/>
-  </worldbody>
-</mujoco>
-"""
+    return World(
+        name=f"moving{seed}", radius=ROBOT, sides=SIDES, start=START, goal=GOAL, standing=STANDING, movers=parts
+    ).text()
 
 
 def moving_scenario(seed: int, bodies: int, given: dict[str, Any], robot: str | None = None) -> Scenario:
     """The scene ready to be planned in, under settings by name."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"moving{seed}.xml"
-        path.write_text(moving_scene(seed, bodies))
-        return prepare(path, robot=robot, given=given)
+    return prepared(f"moving{seed}", moving_scene(seed, bodies), given, robot)
 
 
 def _body(j: int, rng: np.random.Generator) -> tuple[str, str]:
@@ -63,12 +50,7 @@ def _body(j: int, rng: np.random.Generator) -> tuple[str, str]:
         back = rows[-2::-1].copy()
         back[:, 0] = 2.0 * rows[-1, 0] - back[:, 0]
         rows = np.vstack([rows, back])
-    x, y, yaw = rows[0, 1:]
-    data = "  ".join(" ".join(f"{v:.6f}" for v in row) for row in rows)
-    repeat = f'<text name="pirrht_motion_{name}" data="repeat"/>' if again else ""
-    pose = f'pos="{x:.6f} {y:.6f} 0.3" euler="0 0 {np.degrees(yaw):.6f}"'
-    body = f'    <body name="{name}" mocap="true" {pose}><geom name="{name}" {shape}/></body>'
-    return body, f'    <numeric name="pirrht_motion_{name}" data="{data}"/>{repeat}'
+    return mover(name, shape, rows, again)
 
 
 def _rows(rng: np.random.Generator, size: float, *, turning: bool) -> Array:

@@ -6,18 +6,17 @@ still in the end; two or three of them, beside what stands.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from benchmarks.moving_text import REACH, World, mover, prepared
 
 from pirrht.arrays import Array
-from sim.scenario import Scenario, prepare
+from sim.scenario import Scenario
 
 SIDES = np.array([6.0, 5.0])  # of the workspace [m]
-ROBOT, REACH = 0.1, 0.3  # radii of the robot and of the goal [m]
+ROBOT = 0.1  # radius [m]
 APART = (3.5, 4.6)  # start and goal [m]
 EDGE = 0.5  # start, goal and corners of ways stay so far inside [m]
 AROUND = 0.7  # when bodies cross, beside when the robot would come by at its best speed of 1 m/s [s]
@@ -35,28 +34,14 @@ def oblique_scene(seed: int) -> str:
     start, goal = _task(rng)
     bodies = [_body(j, start, goal, rng) for j in range(int(rng.integers(2, 4)))]
     posts = [_post(j, start, goal, rng) for j in range(int(rng.integers(0, 3)))]
-    half = f"{SIDES[0] / 2:g} {SIDES[1] / 2:g} 0.5"
-    return f"""<mujoco model="oblique{seed}">
-  <custom>
-    <numeric name="pirrht_radius" data="{ROBOT}"/>
-{chr(10).join(motion for _, motion in bodies)}
-  </custom>
-  <worldbody>
-{chr(10).join([*posts, *(body for body, _ in bodies)])}
-    <site name="workspace" type="box" pos="{half}" size="{half}"/>
-    <site name="start" pos="{start[0]:.6f} {start[1]:.6f} 0"/>
-    <site name="goal" type="cylinder" pos="{goal[0]:.6f} {goal[1]:.6f} 0" size="{REACH} 0.01"/>
-  </worldbody>
-</mujoco>
-"""
+    return World(
+        name=f"oblique{seed}", radius=ROBOT, sides=SIDES, start=start, goal=goal, standing=posts, movers=bodies
+    ).text()
 
 
 def oblique_scenario(seed: int, given: Mapping[str, Any]) -> Scenario:
     """The scene ready to be planned in, under settings by name."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"oblique{seed}.xml"
-        path.write_text(oblique_scene(seed))
-        return prepare(path, given=given)
+    return prepared(f"oblique{seed}", oblique_scene(seed), given)
 
 
 def _task(rng: np.random.Generator) -> tuple[Array, Array]:
@@ -79,11 +64,7 @@ def _body(j: int, start: Array, goal: Array, rng: np.random.Generator) -> tuple[
         if inside and away and open_end:
             break
     shape = f'type="box" size="{size:.4f} {THICK} 0.3"' if bar else f'type="cylinder" size="{size:.4f} 0.3"'
-    x, y, yaw = rows[0, 1:]
-    pose = f'pos="{x:.6f} {y:.6f} 0.3" euler="0 0 {np.degrees(yaw):.6f}"'
-    data = "  ".join(" ".join(f"{v:.6f}" for v in row) for row in rows)
-    body = f'    <body name="{name}" mocap="true" {pose}><geom name="{name}" {shape}/></body>'
-    return body, f'    <numeric name="pirrht_motion_{name}" data="{data}"/>'
+    return mover(name, shape, rows)
 
 
 def _rows(start: Array, goal: Array, turns: bool, rng: np.random.Generator) -> Array:

@@ -23,7 +23,7 @@ def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
     if knots is None or knots.shape[1] != 3:
         return ("",) * moving.J
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
-    way = np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
+    way = path.places(times)
     places, late, early = (_places(moving, times + shift) for shift in (0.0, BACK, -BACK))
     nearest = np.argmin(np.linalg.norm(places - way, axis=2), axis=1)
     found = []

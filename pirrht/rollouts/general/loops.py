@@ -30,7 +30,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
         """Fill `paths` for the samples from `start` to `stop`."""
         nothing, scratch = np.empty((0, 1)), scratch_of(setup, leads)
         window, times = leads.window, leads.times
-        applied, led_by, base = np.empty((window, m)), np.empty((window, m)), np.zeros(m)
+        applied, led_by, base = np.empty((window, m)), np.empty((window, m)), np.empty(m)
         h = 0
         for s in range(start, stop):
             while s >= leads.first[h + 1]:

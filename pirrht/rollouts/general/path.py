@@ -58,7 +58,7 @@ class Kept(NamedTuple):
     states: Array  # (T+1, n)
     applied: Array  # (up to T, m) control carried up to the exit, as a mean over each step
     led_by: Array  # (up to T, m) the lead's part of it
-    base: Array  # (m,) the lead's control at the start without the nearest wall, or zeros that stay
+    base: Array  # (m,) the lead's control at the start without the nearest wall
 
 
 @cache
@@ -120,7 +120,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the
         logarithm of the probability that no wall was met on the way, where that is weighed.
         """
-        arena, p, times, trust = at(setup.arena, 0.0), setup.parameters, leads.times, leads.counted
+        arena, p, times, counted = at(setup.arena, 0.0), setup.parameters, leads.times, leads.counted
         goal, radius, x, moved = arena.goal, arena.radius, scratch.x, scratch.moved
         T, weigh = leads.control.shape[1], keep.ratio.shape[0] > 0
         bent = bending and setup.bridge and leads.least < np.inf
@@ -147,7 +147,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                     walls = push_of(leads, scratch, arena, cov, close)
                 aim(setup, leads, scratch, keep, goal, radius, walls, h, i, done / whole, modes)
                 if owed > 0.0:
-                    settle(keep.led_by, setup.inverse, scratch, h, trust, owed, last)
+                    settle(keep.led_by, setup.inverse, scratch, h, counted, owed, last)
                     owed = 0.0
                 state, sway = draw(leads, scratch, state, sign, h, i, dt, modes)
                 way = move(setup, leads, scratch, arena, dt, sway, rates, bent)
@@ -166,7 +166,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 if weigh:
                     add_log_ratios(keep, leads, scratch, h, i, dt, until, sway, modes)
                 where = (i, whole, i == 0 and done == 0.0)
-                record(keep, setup.inverse, scratch, h, trust, where, until, near_walls, exit == INSIDE)
+                record(keep, setup.inverse, scratch, h, counted, where, until, near_walls, exit == INSIDE)
                 if i < keep.led_by.shape[0] and near_walls and exit == INSIDE:
                     owed, last = until / whole, i
                 work += (q(x, p) if varying_rate else setup.rate) * dt * share

@@ -62,7 +62,8 @@ def recorder(kind: Kind) -> Any:
     """Kernels that add what a step applied, and the part of it that its lead takes, to means over steps of the grid.
 
     Over a step the guide is the mean of both ends, to second order, where walls push: its second half is added when the
-    next step has found out (`owed`). Of a steady point nothing is taken (`guidance.near_walls`).
+    next step has found out (`owed`). Of a point among bodies that move a
+    share `counted` of its law is taken, and of a steady one that share of what walls push.
     """
     m, gaining, gated, steady = kind.m, kind.gaining, is_gated(kind), is_steady(kind)
 
@@ -79,25 +80,25 @@ def recorder(kind: Kind) -> Any:
                     carried[j, 0] += inverse[j, k] * column[k, 0]
 
     @part
-    def taken(scratch, h, trust, without):  # type: ignore[no-untyped-def]
+    def taken(scratch, h, counted, without):  # type: ignore[no-untyped-def]
         """Write the part of the lead that changes fast to `column`, perhaps without what walls push."""
         pushed, a = scratch.pushed, scratch.a
         for j in range(m):
-            pushing = trust * pushed[j] if steady else pushed[j]
-            scratch.column[j, 0] = pushing + trust * (a[h, j] - pushed[j]) if gated else a[h, j]
+            pushing = counted * pushed[j] if steady else pushed[j]
+            scratch.column[j, 0] = pushing + counted * (a[h, j] - pushed[j]) if gated else a[h, j]
             if without:
                 scratch.column[j, 0] -= pushing
 
     @part
-    def settle(led_by, inverse, scratch, h, trust, owed, last):  # type: ignore[no-untyped-def]
+    def settle(led_by, inverse, scratch, h, counted, owed, last):  # type: ignore[no-untyped-def]
         """Add what is owed to the last step."""
-        taken(scratch, h, trust, False)
+        taken(scratch, h, counted, False)
         to_controls(scratch, inverse)
         for j in range(m):
             led_by[last, j] += 0.5 * owed * scratch.carried[j, 0]
 
     @part
-    def record(keep, inverse, scratch, h, trust, where, until, near_walls, inside):  # type: ignore[no-untyped-def]
+    def record(keep, inverse, scratch, h, counted, where, until, near_walls, inside):  # type: ignore[no-untyped-def]
         """Add a step of `until` seconds, and what it is led by without walls if it is a path's first one."""
         (i, whole, first), y, carried = where, scratch.y, scratch.carried
         if i < keep.applied.shape[0]:
@@ -108,7 +109,7 @@ def recorder(kind: Kind) -> Any:
                 keep.applied[i, j] += carried[j, 0] / whole
         if i < keep.led_by.shape[0]:
             for start in range(2 if first else 1):
-                taken(scratch, h, trust, start == 1 and near_walls)
+                taken(scratch, h, counted, start == 1 and near_walls)
                 to_controls(scratch, inverse)
                 for j in range(m):
                     if start == 1:
