@@ -77,7 +77,7 @@ class PathIntegral:
         self.replay = Replay(self.kernels, self.setup)
         traffic = self.setup.traffic if isinstance(self.setup, MovingSetup) else None
         self.leading = Leading(problem, space, sampling, self.setup.arena, traffic)
-        self._tables = Tables(self.leading, self.guidance)
+        self.tables = Tables(self.leading, self.guidance)
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
     def foresee(self, traffic: Traffic, homology: TimedHomology) -> None:
@@ -134,7 +134,7 @@ class PathIntegral:
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
-        leads = self._tables.of(batch, self.setup, self.homology)
+        leads = self.tables.of(batch, self.setup, self.homology)
         first, H = leads.first, len(batch.proposals)
         S = int(first[-1])
         paths, log_weight = empty_paths(S, H, self.problem.dynamics.m), np.empty(S)

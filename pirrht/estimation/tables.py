@@ -12,6 +12,7 @@ from pirrht.guidance.leads import Batch
 from pirrht.guidance.tracking import Guidance
 from pirrht.guidance.walls import AMONG, AVERAGED, Scales, squeezed, trust, window
 from pirrht.guidance.ways import NODES
+from pirrht.rollouts.nearby import NO_NEARBY, Nearby
 from pirrht.rollouts.records import FINER, LAW, Leads, MovingSetup, Setup
 from pirrht.rollouts.ways import no_ways
 from pirrht.topology.in_time import TimedHomology
@@ -19,6 +20,8 @@ from pirrht.topology.marks import NO_MARKS, Marks
 
 MOMENTS = np.arange(1, 9) / 8.0  # of the window at which one looks where a guide is
 LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
+DEVIATIONS, FASTER = 6.0, 1.5  # of noise, and of the longest step of a guide, that steps hardly ever exceed
+REACHES = 3.0  # within which walls are asked for that push
 SMALL = 0.01  # among bodies that move no step is split over which noise carries a point by so many radii of the robot
 
 
@@ -70,7 +73,7 @@ class Tables:
             marks=NO_MARKS if homology is None else Marks.of(homology, x, times + batch.time),
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
         )
-        leads = leads._replace(counted=self._counted(batch, leads, scales))
+        leads = leads._replace(counted=self._counted(batch, leads, scales), nearby=self._nearby(batch, leads, setup))
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(leads, h)
         busy = np.any(leads.control != 0.0, axis=2)
@@ -97,6 +100,21 @@ class Tables:
         places = np.stack([np.interp(times, guide.times, column) for column in guide.states.T], axis=1)
         room = [self.leading.nearest(x, batch.time + t) for x, t in zip(places, times, strict=True)]
         return leads.trust * squeezed(scales.noise, np.array(room), times)
+
+    def _nearby(self, batch: Batch, leads: Leads, setup: Setup | MovingSetup) -> Nearby:
+        """The bodies that steps may meet: noise and the fastest guide carry paths no farther, or walls push there."""
+        if not isinstance(setup, MovingSetup):
+            return NO_NEARBY
+        traffic, field, d, spread = setup.traffic, setup.arena.field, self.problem.dynamics, 0.0
+        if d.noisy_position:
+            B = d.B_c(batch.state)[: 2 - (d.n - d.rows)]
+            spread = DEVIATIONS * float(np.sqrt(np.sum(B**2) * np.diff(leads.times).max()))
+        guides = [one.lead.guide for one in batch.proposals if isinstance(one.lead, Follow)]
+        ways = [np.diff(guide.states[: guide.length + 1, :2], axis=0) for guide in guides]
+        way = max((float(np.hypot(*steps.T).max()) for steps in ways), default=0.0)
+        reach = max(spread + FASTER * way, REACHES * leads.reach, traffic.robot)
+        frame = field.left, field.low, field.right, field.high
+        return Nearby.of(traffic, frame, leads.times + batch.time, reach)
 
     def _least(self, scales: Scales) -> float:
         """No step near walls is shorter than this [s]."""

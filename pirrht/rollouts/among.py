@@ -1,10 +1,9 @@
 """What bodies that move do to a step of a sampled path: how near they are, how they end it, what its survival weighs.
 
-Of many bodies few are near. Those within some distance are listed, and the list serves for as long as what moves and
-the path together cannot have used that distance up. A listed body is looked at where it is when a step begins; till
-its motion next changes it keeps its velocity, and seen from a flat wall at constant speed a noisy path is a Brownian
-bridge again: it misses that with probability 1 - exp(-2 c d / variance), c and d being the clearances from where the
-wall is when the step begins and when it ends.
+Of many bodies few are near: those are listed (`nearby`). A listed body is looked at where it is when a step begins;
+till its motion next changes it keeps its velocity, and seen from a flat wall at constant speed a noisy path is a
+Brownian bridge again: it misses that with probability 1 - exp(-2 c d / variance), c and d being the clearances from
+where the wall is when the step begins and when it ends.
 """
 
 from __future__ import annotations
@@ -34,19 +33,17 @@ SKIN = 1.0  # bodies are listed so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met
 CLOSE = 0.1  # of the robot's radius: sweeps advance at least by so much
 BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
-NEAR = 17  # numbers of a listed body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
+NEAR = 17  # numbers of a body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
 # pose [m], [rad] and its rates, from when and until when these are right [s], cosine and sine of a yaw, and whether the
 # wall is known: otherwise the clearance is only at least so much
 D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, WALL_KNOWN = range(NEAR)
 
 
 @inlined
-def list_around(traffic, x, y, t, within, held, listed, near):  # type: ignore[no-untyped-def]
-    """List bodies as `listing` does; nothing is known yet of how they are."""
-    count = listing(traffic, x, y, t, within, held, listed)
-    for k in range(count):
-        near[k, UNTIL] = -math.inf
-    return count
+def look_anew(near):  # type: ignore[no-untyped-def]
+    """Another path begins: nothing is known of any body (J, NEAR)."""
+    for j in range(near.shape[0]):
+        near[j, UNTIL] = -math.inf
 
 
 @kernel
@@ -58,40 +55,40 @@ def look_around(traffic, listed, count, x, y, t, within, near):  # type: ignore[
     least, until = traffic.reach, math.inf
     for k in range(count):
         j = listed[k]
-        _see(traffic, j, k, t, near)
-        near[k, D] = outside_of(traffic, j, near[k, OX], near[k, OY], x, y)
-        near[k, WALL_KNOWN] = 0.0
-        if near[k, D] < within:
-            _know(traffic, j, k, x, y, near)
-            least, until = min(least, near[k, D]), min(until, near[k, UNTIL])
+        _see(traffic, j, t, near)
+        near[j, D] = outside_of(traffic, j, near[j, OX], near[j, OY], x, y)
+        near[j, WALL_KNOWN] = 0.0
+        if near[j, D] < within:
+            _know(traffic, j, x, y, near)
+            least, until = min(least, near[j, D]), min(until, near[j, UNTIL])
     return least, until
 
 
 @inlined
-def _see(traffic, j, k, t, near):  # type: ignore[no-untyped-def]
-    """Write where body j, the k-th on the list, is at t [s]; on from where it was, while it keeps its velocity."""
-    past = t - near[k, SINCE]
-    if past >= 0.0 and t < near[k, UNTIL]:
-        near[k, OX] += past * near[k, VX]
-        near[k, OY] += past * near[k, VY]
-        near[k, YAW] += past * near[k, TURN]
+def _see(traffic, j, t, near):  # type: ignore[no-untyped-def]
+    """Write where body j is at t [s]; on from where it was, while it keeps its velocity."""
+    past = t - near[j, SINCE]
+    if past >= 0.0 and t < near[j, UNTIL]:
+        near[j, OX] += past * near[j, VX]
+        near[j, OY] += past * near[j, VY]
+        near[j, YAW] += past * near[j, TURN]
     else:
         ox, oy, yaw, vx, vy, turn, ends = piece_of(traffic, j, t)
-        near[k, OX], near[k, OY], near[k, YAW] = ox, oy, yaw
-        near[k, VX], near[k, VY], near[k, TURN], near[k, UNTIL] = vx, vy, turn, ends
-        near[k, FACED] = math.inf
-    near[k, SINCE] = t
+        near[j, OX], near[j, OY], near[j, YAW] = ox, oy, yaw
+        near[j, VX], near[j, VY], near[j, TURN], near[j, UNTIL] = vx, vy, turn, ends
+        near[j, FACED] = math.inf
+    near[j, SINCE] = t
 
 
 @inlined
-def _know(traffic, j, k, x, y, near):  # type: ignore[no-untyped-def]
-    """Complete what is known of body j, the k-th on the list, as seen from (x, y) [m]."""
-    ox, oy, yaw = near[k, OX], near[k, OY], near[k, YAW]
-    if near[k, FACED] != yaw:
-        near[k, COS], near[k, SIN], near[k, FACED] = math.cos(yaw), math.sin(yaw), yaw
-    d, nx, ny, ex, ey = wall_facing(traffic, j, ox, oy, near[k, COS], near[k, SIN], x, y)
-    near[k, D], near[k, NX], near[k, NY], near[k, WALL_KNOWN] = d, nx, ny, 1.0
-    near[k, WX], near[k, WY] = near[k, VX] - near[k, TURN] * (y - ey - oy), near[k, VY] + near[k, TURN] * (x - ex - ox)
+def _know(traffic, j, x, y, near):  # type: ignore[no-untyped-def]
+    """Complete what is known of body j as seen from (x, y) [m]."""
+    ox, oy, yaw = near[j, OX], near[j, OY], near[j, YAW]
+    if near[j, FACED] != yaw:
+        near[j, COS], near[j, SIN], near[j, FACED] = math.cos(yaw), math.sin(yaw), yaw
+    d, nx, ny, ex, ey = wall_facing(traffic, j, ox, oy, near[j, COS], near[j, SIN], x, y)
+    near[j, D], near[j, NX], near[j, NY], near[j, WALL_KNOWN] = d, nx, ny, 1.0
+    near[j, WX], near[j, WY] = near[j, VX] - near[j, TURN] * (y - ey - oy), near[j, VY] + near[j, TURN] * (x - ex - ox)
 
 
 @inlined
@@ -106,16 +103,17 @@ def _with_wall(c, nx, ny, d, mx, my, e, ex, ey, widest):  # type: ignore[no-unty
 
 
 @inlined
-def with_moving(walls, near, count, widest):  # type: ignore[no-untyped-def]
+def with_moving(walls, near, listed, count, widest):  # type: ignore[no-untyped-def]
     """The two nearest walls, as `two_walls` gives them, of two that stand and those that move; none nearer than widest.
 
     In single precision, which suffices for a guide.
     """
     c, nx, ny, d, mx, my = walls
     for k in range(count):
-        if near[k, WALL_KNOWN] == 1.0:
+        j = listed[k]
+        if near[j, WALL_KNOWN] == 1.0:
             c, nx, ny, d, mx, my = _with_wall(
-                c, nx, ny, d, mx, my, near[k, D], near[k, NX], near[k, NY], np.float64(widest)
+                c, nx, ny, d, mx, my, near[j, D], near[j, NX], near[j, NY], np.float64(widest)
             )
     return c, nx, ny, d, mx, my
 
@@ -151,22 +149,23 @@ def walls_along(traffic, x, y, t, within, held, listed, count, near):  # type: i
 
 
 @inlined
-def _towards(near, k, cov):  # type: ignore[no-untyped-def]
-    """Variance of a step towards the k-th listed body."""
+def _towards(near, j, cov):  # type: ignore[no-untyped-def]
+    """Variance of a step towards body j."""
     if cov[1] == 0.0 and cov[0] == cov[2]:
         return cov[0]
-    nx, ny = near[k, NX], near[k, NY]
+    nx, ny = near[j, NX], near[j, NY]
     return max(cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny, LEAST)
 
 
 @kernel
-def facing_among(near, count, cov):  # type: ignore[no-untyped-def]
+def facing_among(near, listed, count, cov):  # type: ignore[no-untyped-def]
     """Least clearance [m] from bodies over the share of noise that each faces, where noise acts along a line."""
     size, nearest = cov[0] + cov[2], math.inf
     for k in range(count):
-        if near[k, WALL_KNOWN] == 1.0:
-            share = _towards(near, k, cov) / size
-            nearest = min(nearest, near[k, D] / math.sqrt(max(share, SIDEWAYS)))
+        j = listed[k]
+        if near[j, WALL_KNOWN] == 1.0:
+            share = _towards(near, j, cov) / size
+            nearest = min(nearest, near[j, D] / math.sqrt(max(share, SIDEWAYS)))
     return nearest
 
 
@@ -175,38 +174,39 @@ def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, 
     """Which listed body a noisy step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] meets, and when.
 
     Args: as of `bridge_exit`; `near` is what `look_around` says at the beginning of the step.
-    Returns: next state of the random sequence, share of the step until then or NEVER, place of the body on the list,
-        and the logarithm of the probability that none is met, where that is weighed [nats].
+    Returns: next state of the random sequence, share of the step until then or NEVER, number of the body, and
+        the logarithm of the probability that none is met, where that is weighed [nats].
     """
     reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
     length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y))
-    alive, worst, which, from_, to, spread = 1.0, 2.0, 0, 0.0, 0.0, 0.0
+    alive, worst, which, from_, to, spread = 1.0, 2.0, np.int64(0), 0.0, 0.0, 0.0
     for k in range(count):
-        j, c = listed[k], near[k, D]
+        j = listed[k]
+        c = near[j, D]
         d = c - length - of_body(traffic, j, FASTEST) * dt
         if d > 0.0 and 2.0 * c * d >= reach:
             continue
-        px, py = near[k, OX] + dt * near[k, VX], near[k, OY] + dt * near[k, VY]
-        way = math.sqrt((mx - x - px + near[k, OX]) ** 2 + (my - y - py + near[k, OY]) ** 2)
-        way += abs(near[k, TURN]) * dt * disc_of(traffic, j)
+        px, py = near[j, OX] + dt * near[j, VX], near[j, OY] + dt * near[j, VY]
+        way = math.sqrt((mx - x - px + near[j, OX]) ** 2 + (my - y - py + near[j, OY]) ** 2)
+        way += abs(near[j, TURN]) * dt * disc_of(traffic, j)
         d = outside_of(traffic, j, px, py, mx, my)
         if c > 0.0 and d > 0.0 and 2.0 * c * d >= reach and c + d > way:
             continue
-        if near[k, WALL_KNOWN] == 0.0:
-            _know(traffic, j, k, x, y, near)
-            c = near[k, D]
-        cos, sin = near[k, COS], near[k, SIN]
-        if near[k, TURN] != 0.0:
-            yaw = near[k, YAW] + dt * near[k, TURN]
+        if near[j, WALL_KNOWN] == 0.0:
+            _know(traffic, j, x, y, near)
+            c = near[j, D]
+        cos, sin = near[j, COS], near[j, SIN]
+        if near[j, TURN] != 0.0:
+            yaw = near[j, YAW] + dt * near[j, TURN]
             cos, sin = math.cos(yaw), math.sin(yaw)
         d = clearance_facing(traffic, j, px, py, cos, sin, mx, my)
         if c > 0.0 and d > 0.0 and c + d <= way:
-            d = _behind_body(traffic, j, near, k, x, y, mx, my, dt, c, d, way)
-        variance = _towards(near, k, cov)
+            d = _behind_body(traffic, j, near, x, y, mx, my, dt, c, d, way)
+        variance = _towards(near, j, cov)
         survives = _survival(c, d, variance) if c > 0.0 else 0.0
         alive *= survives
         if survives < worst:
-            worst, which, from_, to, spread = survives, k, c, d, variance
+            worst, which, from_, to, spread = survives, j, c, d, variance
     if alive >= 1.0:
         return state, NEVER, which, 0.0
     if weighed and alive > 0.0:
@@ -219,14 +219,14 @@ def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, 
 
 
 @kernel
-def _behind_body(traffic, j, near, k, x, y, mx, my, dt, c, d, way):  # type: ignore[no-untyped-def]
+def _behind_body(traffic, j, near, x, y, mx, my, dt, c, d, way):  # type: ignore[no-untyped-def]
     """Clearance d of a step's end; negative if its chord meets the body, as if the step had ended inside of it."""
     share = c / way
     while share < 1.0 - d / way:
         then = share * dt
         e = clearance_of_body(
-            traffic, j, near[k, OX] + then * near[k, VX], near[k, OY] + then * near[k, VY],
-            near[k, YAW] + then * near[k, TURN], x + share * (mx - x), y + share * (my - y),
+            traffic, j, near[j, OX] + then * near[j, VX], near[j, OY] + then * near[j, VY],
+            near[j, YAW] + then * near[j, TURN], x + share * (mx - x), y + share * (my - y),
         )  # fmt: skip
         if e <= 0.0:
             return c * (1.0 - 1.0 / share)
@@ -235,16 +235,16 @@ def _behind_body(traffic, j, near, k, x, y, mx, my, dt, c, d, way):  # type: ign
 
 
 @kernel
-def at_moving_wall(near, k, dx, dy, fx, fy, dt, share, deviation, state):  # type: ignore[no-untyped-def]
-    """Displacement by noise of an isotropic bridge when it first meets the k-th listed body.
+def at_moving_wall(near, j, dx, dy, fx, fy, dt, share, deviation, state):  # type: ignore[no-untyped-def]
+    """Displacement by noise of an isotropic bridge when it first meets body j.
 
     Towards the wall it is the distance to where that is then, across it the bridge is drawn.
-    Args, after k: (dx, dy) [m] at the end of the step, drift (fx, fy) [m/s], step [s], share of it until then, standard
+    Args, after j: (dx, dy) [m] at the end of the step, drift (fx, fy) [m/s], step [s], share of it until then, standard
         deviation of the whole step [m], and state of the random sequence.
     Returns: next state of the sequence, displacement in x and y [m].
     """
-    nx, ny = -near[k, NX], -near[k, NY]
-    gap = max(near[k, D], 0.0) + share * dt * ((near[k, WX] - fx) * nx + (near[k, WY] - fy) * ny)
+    nx, ny = -near[j, NX], -near[j, NY]
+    gap = max(near[j, D], 0.0) + share * dt * ((near[j, WX] - fx) * nx + (near[j, WY] - fy) * ny)
     state, z, _ = normals(state)
     along = share * (dy * nx - dx * ny) + deviation * math.sqrt(share * (1.0 - share)) * z
     return state, gap * nx - along * ny, gap * ny + along * nx

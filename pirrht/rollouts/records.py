@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.traffic import Traffic
+from pirrht.rollouts.nearby import NO_NEARBY, Nearby
 from pirrht.rollouts.ways import Ways
 from pirrht.topology.cuts import Cuts
 from pirrht.topology.marks import NO_MARKS, Marks
@@ -83,6 +84,7 @@ class Leads(NamedTuple):
     # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
     marks: Marks = NO_MARKS  # about which paths are told apart where bodies move
+    nearby: Nearby = NO_NEARBY  # which of these may be near
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
     counted: float = 1.0  # share of it that counts as it is at the start in the control now
 

@@ -23,6 +23,7 @@ from benchmarks.timing import interleaved, row
 
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.tables import Tables
 from pirrht.geometry.traffic import Traffic
 from pirrht.guidance.leads import Batch
 from pirrht.rollouts.records import MovingSetup
@@ -70,8 +71,8 @@ def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """Median time [s] and steps per second of a plan's rollouts, and of the first guide's, with bodies and without."""
     batch, among = plan_batch(scenario)
     assert isinstance(among.setup, MovingSetup)
-    alone = copy(among)
-    alone.setup = among.setup._replace(traffic=Traffic.of(replace(scenario.loaded.scene, movers=())))
+    alone, nothing = copy(among), Traffic.of(replace(scenario.loaded.scene, movers=()))
+    alone.setup, alone.tables = among.setup._replace(traffic=nothing), Tables(among.leading, among.guidance)
     one = replace(batch, proposals=batch.proposals[:1]).counting([1000])
     work: dict[str, Callable[[int], Any]] = {
         "none": lambda k: alone.rollout(batch, k),

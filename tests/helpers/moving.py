@@ -43,6 +43,17 @@ def hall(
     )
 
 
+def busy() -> Scene:
+    """Bodies that turn, and one that starts over elsewhere after 0.9 s."""
+    way = [(0.0, 1.5, 1.5, 0.3), (0.4, 2.0, 1.2, 1.0), (1.1, 2.5, 2.4, -1.0)]
+    lap = [(0.0, 4.0, 1.0, 0.0), (0.5, 4.6, 1.6, 2.0), (0.9, 4.2, 2.9, 4.0)]
+    bodies = [
+        moved("once", way, block("ell", 0.2, 0.0, (0.1, 0.4), yaw=0.3), disc("end", -0.3, 0.1, 0.2)),
+        moved("around", lap, block("bar", 0.0, 0.0, (0.5, 0.05)), repeat=True),
+    ]
+    return hall("busy", bodies)
+
+
 def crossing() -> Scene:
     """One disc crosses the straight way."""
     rows = [(0.0, 3.25, 1.09, 0.0), (4.5, 3.25, 3.79, 0.0)]

@@ -6,12 +6,10 @@ import math
 from functools import cache
 from typing import Any
 
-import numpy as np
-
 from pirrht.compiled.jit import part
 from pirrht.compiled.streams import normals
 from pirrht.geometry.traffic import traffic_clearance
-from pirrht.rollouts.among import SKIN, at_moving_wall, list_around, look_around, met_on_bridge, met_on_way
+from pirrht.rollouts.among import at_moving_wall, look_around, met_on_bridge, met_on_way
 from pirrht.rollouts.first_exit import (
     COLLISION,
     FAR,
@@ -25,8 +23,7 @@ from pirrht.rollouts.first_exit import (
     rim_along,
 )
 from pirrht.rollouts.general.kind import Kind
-from pirrht.rollouts.general.noise import SOON
-from pirrht.rollouts.listed import surely
+from pirrht.rollouts.nearby import list_around, list_everybody
 from pirrht.rollouts.sweep import sweep_exit, sweep_onward
 
 
@@ -36,18 +33,16 @@ def bodies_for(kind: Kind) -> Any:
     noisy_position, along_line = kind.noisy_position, kind.along_line
 
     @part
-    def bodies_of(setup, scratch, dt, now, cov, turn, close):  # type: ignore[no-untyped-def]
-        x, moved, held, traffic, spread = scratch.x, scratch.moved, scratch.held, setup.traffic, 0.0
-        if noisy_position:
-            spread = math.sqrt(0.5 * FAR * (cov[0] + cov[2] if along_line else max(cov[0], cov[2])))
-        way = math.sqrt((moved[0] - x[0]) ** 2 + (moved[1] - x[1]) ** 2) + traffic.speed * dt
+    def bodies_of(setup, leads, scratch, now, cov, turn, i, close):  # type: ignore[no-untyped-def]
+        x, moved, held, listed, traffic = scratch.x, scratch.moved, scratch.held, scratch.listed, setup.traffic
+        way = math.sqrt((moved[0] - x[0]) ** 2 + (moved[1] - x[1]) ** 2)
         if not noisy_position:
             way *= 1.0 + abs(turn)
-        if surely(held, traffic.speed, x[0], x[1], now) < way + spread or now + dt > held[4] + SOON:
-            more = np.inf if now + dt > held[4] + SOON and not noisy_position else way + spread + SKIN
-            close = list_around(traffic, x[0], x[1], now, more, held, scratch.listed, scratch.near)
-            if noisy_position:
-                look_around(traffic, scratch.listed, close, x[0], x[1], now, spread, scratch.near)
+            return list_around(leads.nearby, traffic.J, i, x[0], x[1], way, close, held, listed)
+        spread = math.sqrt(0.5 * FAR * (cov[0] + cov[2] if along_line else max(cov[0], cov[2])))
+        if way + spread > leads.nearby.reach:
+            close = list_everybody(traffic.J, held, listed)
+            look_around(traffic, listed, close, x[0], x[1], now, spread, scratch.near)
         return close
 
     return bodies_of
@@ -147,11 +142,11 @@ def exits(kind: Kind) -> Any:
         return state, exit, share, until, missed, after
 
     @part
-    def judge(setup, leads, scratch, arena, dt, now, way, before, room, close, state):  # type: ignore[no-untyped-def]
+    def judge(setup, leads, scratch, arena, dt, now, i, way, before, room, close, state):  # type: ignore[no-untyped-def]
         (arrived, ahead, turn, (xx, xy, yy)), x, moved = way, scratch.x, scratch.moved
         exit, share, until, missed = INSIDE, 1.0, 0.0 if arrived else dt, 0.0
         if moving and (setup.bridge or not noisy_position):
-            close = bodies_of(setup, scratch, dt, now, (xx * dt, xy * dt, yy * dt), turn, close)
+            close = bodies_of(setup, leads, scratch, now, (xx * dt, xy * dt, yy * dt), turn, i, close)
         if not setup.bridge:
             exit, share = at_end(setup, scratch, arena, dt, now)
             before = distances(arena, moved[0], moved[1])

@@ -11,13 +11,13 @@ import numpy as np
 from pirrht.compiled.float32 import ONE, ZERO
 from pirrht.compiled.jit import part
 from pirrht.compiled.streams import fill_normals, normals
-from pirrht.rollouts.among import SKIN, facing_among, list_around, look_around, with_moving
+from pirrht.rollouts.among import facing_among, look_around, with_moving
 from pirrht.rollouts.first_exit import RIM, facing, fitting, two_walls, wall_slope
 from pirrht.rollouts.general.kind import Kind, is_car, takes_law
 from pirrht.rollouts.general.law import columns_of
 from pirrht.rollouts.general.rows import rows_of
 from pirrht.rollouts.general.scratch import ABREAST
-from pirrht.rollouts.listed import surely
+from pirrht.rollouts.nearby import list_around, next_jump
 
 SOON = 1e-6  # a step is no shorter than this where motions change [s]
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
@@ -29,13 +29,12 @@ def length_for(kind: Kind) -> Any:
     noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
 
     @part
-    def length_of(setup, leads, scratch, arena, rates, before, left, now, close):  # type: ignore[no-untyped-def]
+    def length_of(setup, leads, scratch, arena, rates, before, left, now, i, close):  # type: ignore[no-untyped-def]
         (xx, xy, yy), x, dt = rates, scratch.x, left
         if moving and noisy_position:  # as far as noise carries a path that is not to be split, or walls push
             traffic, held, listed, near = setup.traffic, scratch.held, scratch.listed, scratch.near
             within = max(3.0 * math.sqrt(max(xx, yy) * left), 3.0 * leads.reach)
-            if surely(held, traffic.speed, x[0], x[1], now) < within:
-                close = list_around(traffic, x[0], x[1], now, within + SKIN, held, listed, near)
+            close = list_around(leads.nearby, traffic.J, i, x[0], x[1], within, close, held, listed)
             gone, until_change = traffic.reach, np.inf
             if close > 0:
                 gone, until_change = look_around(traffic, listed, close, x[0], x[1], now, within, near)
@@ -46,14 +45,14 @@ def length_for(kind: Kind) -> Any:
                 gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
             if moving:
                 if along_line and scale * gone * gone < left:
-                    gone = facing_among(near, close, (xx, xy, yy))
+                    gone = facing_among(near, listed, close, (xx, xy, yy))
                 gap = min(gap, gone)
             narrow = max(min(min(gap, before[1]), max(before[2], RIM * arena.radius)), 0.0)
             dt = fitting(narrow, left, leads.least, scale)
             if moving:
                 dt = min(dt, max(until_change - now, SOON))
         if moving and noisy_position:
-            dt = min(dt, max(held[4] - now, SOON))
+            dt = min(dt, max(next_jump(leads.nearby, now, held) - now, SOON))
         return dt, close
 
     return length_of
@@ -75,7 +74,7 @@ def walls_for(kind: Kind) -> Any:
         shift = np.float32(leads.beyond)
         walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
         if moving and close > 0:
-            walls = with_moving(walls, scratch.near, close, widest)
+            walls = with_moving(walls, scratch.near, scratch.listed, close, widest)
             _, wx, wy, _, vx, vy = walls
         sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, leads.reach)
         for j in range(m):

@@ -38,6 +38,7 @@ from pirrht.compiled.jit import borrowing, part
 from pirrht.compiled.linear import solve
 from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
+from pirrht.rollouts.among import look_anew
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.general.aims import aims
 from pirrht.rollouts.general.exits import exits
@@ -46,7 +47,7 @@ from pirrht.rollouts.general.motion import covariance_of, motion
 from pirrht.rollouts.general.noise import NO_WALLS, length_for, noise_for, walls_for
 from pirrht.rollouts.general.ratios import log_ratios, recorder
 from pirrht.rollouts.general.scratch import scratch_for
-from pirrht.rollouts.listed import forget
+from pirrht.rollouts.nearby import begin_list
 from pirrht.topology.cuts import key_of_step
 from pirrht.topology.marks import key_among, open_sides
 
@@ -85,7 +86,8 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
         copy_row(origin.x, x)
         copy_row(origin.x, scratch.moved)
         if moving:
-            forget(scratch.held)
+            begin_list(scratch.held)
+            look_anew(scratch.near)
             open_sides(leads.marks, arena.goal, x[0], x[1], scratch.side, scratch.spot)
         for j in range(n if keep.states.shape[0] > 0 else 0):
             keep.states[0, j] = x[j]
@@ -140,7 +142,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 rates = look(setup, scratch, rates, drifted)
                 if moving:
                     now = origin.time + times[i] + done
-                dt, close = length_of(setup, leads, scratch, arena, rates, before, left, now, close)
+                dt, close = length_of(setup, leads, scratch, arena, rates, before, left, now, i, close)
                 left -= dt
                 if near_walls:
                     cov = (rates[0] * dt, rates[1] * dt, rates[2] * dt)
@@ -155,7 +157,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(setup.cuts, x[0], x[1], moved[0], moved[1])
                 state, exit, share, until, missed, before, room, close = judge(
-                    setup, leads, scratch, arena, dt, now, way, before, room, close, state
+                    setup, leads, scratch, arena, dt, now, i, way, before, room, close, state
                 )
                 lasting += missed
                 if moving:

@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.rollouts.among import NEAR
 from pirrht.rollouts.general.kind import Kind
-from pirrht.rollouts.listed import held_of
+from pirrht.rollouts.nearby import HELD
 from pirrht.topology.marks import SPOT
 
 ABREAST = 8  # steps whose noise is drawn at once
@@ -42,8 +42,8 @@ class Scratch(NamedTuple):
     off: Array  # (2 m,) independent normals that another reference would have had to draw for it [sqrt(s)]
     beside: Array  # (n,) how far the state is from the law's
     fresh: Array  # normals of the next steps
-    held: Array  # what `listed` holds
-    listed: NDArray[np.int64]  # (J,) bodies within reach
+    held: NDArray[np.int64]  # (HELD,) of what bodies are listed
+    listed: NDArray[np.int64]  # (J,) those within reach
     near: Array  # (J, NEAR) where they are
     side: Array  # (marks,) on which side of the ray of each marker that moves the path is
     spot: Array  # (SPOT,) where it was seen there
@@ -68,7 +68,7 @@ def scratch_for(kind: Kind) -> Any:
             np.empty((m, 1)), np.empty((m, 1)),
             np.zeros((H, 2 * m)), np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n),
             np.zeros(ABREAST * 2 * (m + 1)),
-            held_of(bodies), np.empty(bodies, np.int64), np.empty((bodies, NEAR)),
+            np.empty(HELD, np.int64), np.empty(bodies, np.int64), np.empty((bodies, NEAR)),
             np.empty(leads.marks.weight.shape[0]), np.empty(SPOT),
         )  # fmt: skip
 

@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from discs import block, disc
-from moving import hall, moved
+from discs import disc
+from moving import busy, hall, moved
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.crowd import Crowd
-from pirrht.geometry.scene import Scene
 from pirrht.geometry.traffic import Traffic
 from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.any_guides import AnyGuidance
@@ -29,18 +28,6 @@ from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.unicycle import Unicycle
-
-
-def busy() -> Scene:
-    """Bodies that turn, and one that starts over elsewhere."""
-    way = [(0.0, 1.5, 1.5, 0.3), (0.4, 2.0, 1.2, 1.0), (1.1, 2.5, 2.4, -1.0)]
-    lap = [(0.0, 4.0, 1.0, 0.0), (0.5, 4.6, 1.6, 2.0), (0.9, 4.2, 2.9, 4.0)]
-    bodies = [
-        moved("once", way, block("ell", 0.2, 0.0, (0.1, 0.4), yaw=0.3), disc("end", -0.3, 0.1, 0.2)),
-        moved("around", lap, block("bar", 0.0, 0.0, (0.5, 0.05)), repeat=True),
-    ]
-    return hall("busy", bodies)
-
 
 RESTART = 0.9  # when one of them is suddenly elsewhere [s]
 
