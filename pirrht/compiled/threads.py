@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
 from functools import cache
 from itertools import count
 from threading import Barrier, Thread
+from time import sleep
 from typing import TypeVar
 
 A = TypeVar("A")
 B = TypeVar("B")
+SOON = 1e-3  # who has to wait for what others have begun asks again after this time [s]
 
 
 def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:
@@ -23,36 +26,37 @@ def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:
     if threads == 1 or len(given) < 2:
         return [work(item) for item in given]
     found: dict[int, B] = {}
-    turn = count()  # a step of it is atomic
+    inside: list[None] = []  # one of each thread that may be at work
+    turn, total = count(), len(given)  # a step of the first is atomic
 
     def pull() -> None:
-        while (i := next(turn)) < len(given):
-            found[i] = work(given[i])
-
-    helpers = [_pool(threads - 1, os.getpid()).submit(pull) for _ in range(min(threads, len(given)) - 1)]
-    begun: list[Future[None]] = []
-    try:
-        pull()
-    finally:
-        begun = _ended(helpers)
-    for helper in begun:
-        helper.result()
-    return [found[i] for i in range(len(given))]
-
-
-def _ended(helpers: Sequence[Future[None]]) -> list[Future[None]]:
-    """Call off what has not begun and wait for the rest, whatever interrupts meanwhile: it writes to arrays of ours."""
-    interruption: BaseException | None = None
-    while True:
+        inside.append(None)
         try:
-            begun = [helper for helper in helpers if not helper.cancel()]
-            wait(begun)
-            break
-        except BaseException as error:
-            interruption = interruption or error
-    if interruption is not None:
-        raise interruption
-    return begun
+            while (i := next(turn)) < len(given):
+                found[i] = work(given[i])
+        finally:
+            inside.pop()
+
+    try:
+        helpers = [_pool(threads - 1, os.getpid()).submit(pull) for _ in range(min(threads, total) - 1)]
+        pull()
+        for helper in [helper for helper in helpers if not helper.cancel()]:
+            helper.result()
+    except BaseException:
+        _leave(given, inside)
+        raise
+    return [found[i] for i in range(total)]
+
+
+def _leave(given: list[A], inside: Sequence[None]) -> None:
+    """Call off what has not begun and wait for the rest, whatever interrupts meanwhile: it writes to arrays of ours.
+
+    Threads are asked whether they are inside, not those who sent them: a signal may strike while they are sent.
+    """
+    while given or inside:
+        with suppress(BaseException):
+            given.clear()
+            sleep(SOON)
 
 
 @cache
