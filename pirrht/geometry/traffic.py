@@ -159,6 +159,15 @@ def piece_of(traffic, j, t):  # type: ignore[no-untyped-def]
     return x + past * vx, y + past * vy, yaw + past * turn, vx, vy, turn, until
 
 
+@inlined
+def restart_of(traffic, j, t):  # type: ignore[no-untyped-def]
+    """When body j is suddenly elsewhere, next after t [s]; infinity if it never is."""
+    if of_body(traffic, j, JUMPING) == 0.0:
+        return math.inf
+    lead, period = of_body(traffic, j, LEAD), of_body(traffic, j, PERIOD)
+    return max(math.floor((t + lead) / period) + 1.0, 1.0) * period - lead
+
+
 @kernel
 def pose_of(traffic, j, t):  # type: ignore[no-untyped-def]
     """Where body j is at t [s]: x, y [m] and yaw [rad]."""

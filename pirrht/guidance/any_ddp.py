@@ -16,6 +16,7 @@ import numpy as np
 
 from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import kernel
+from pirrht.geometry.listed import held_of
 from pirrht.guidance.backward_pass import backward_of
 from pirrht.guidance.course import COURSE
 from pirrht.guidance.ddp import HALVINGS, class_of
@@ -24,7 +25,6 @@ from pirrht.guidance.priced_among import touches
 from pirrht.guidance.step_map import step_of
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.general.kind import Kind
-from pirrht.rollouts.listed import held_of
 from pirrht.rollouts.sweep import sweep_exit, turn_of
 from pirrht.topology.marks import key_of_path
 

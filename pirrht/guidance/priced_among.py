@@ -9,10 +9,10 @@ import math
 
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.field import border, with_slope
+from pirrht.geometry.listed import listing
 from pirrht.geometry.traffic import outside_of, piece_of, wall_of_body
 from pirrht.guidance.ddp import _barrier
 from pirrht.rollouts.among import met_on_way
-from pirrht.rollouts.listed import listing
 
 
 @inlined

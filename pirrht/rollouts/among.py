@@ -14,6 +14,7 @@ import numpy as np
 
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import normals, uniform
+from pirrht.geometry.listed import listing, surely
 from pirrht.geometry.moving_walls import WALL, moving_walls, walls_of_some
 from pirrht.geometry.traffic import (
     FASTEST,
@@ -27,7 +28,6 @@ from pirrht.geometry.traffic import (
     wall_facing,
 )
 from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_crossing
-from pirrht.rollouts.listed import listing, surely
 
 SKIN = 1.0  # bodies are listed so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met

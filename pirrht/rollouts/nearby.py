@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.traffic import JUMPING, LEAD, PERIOD, Traffic, disc_of, of_body, piece_of
+from pirrht.geometry.traffic import PERIOD, Traffic, disc_of, of_body, piece_of, restart_of
 
 STRETCH = 0.2  # stretches last at least so long [s]
 MOST = 1 << 16  # cells of all stretches, which grow where there would be more
@@ -84,12 +84,10 @@ def _jumps(traffic, begin, end):  # type: ignore[no-untyped-def]
     """When bodies are suddenly elsewhere after one time and before another [s], ascending, and infinity."""
     found = [math.inf]
     for j in range(traffic.J):
-        if of_body(traffic, j, JUMPING) > 0.0:
-            lead, period = of_body(traffic, j, LEAD), of_body(traffic, j, PERIOD)
-            lap = max(math.floor((begin + lead) / period) + 1.0, 1.0)
-            while lap * period - lead < end:
-                found.append(lap * period - lead)
-                lap += 1.0
+        t = restart_of(traffic, j, begin)
+        while t < end:
+            found.append(t)
+            t += of_body(traffic, j, PERIOD)
     return np.sort(np.array(found))
 
 

@@ -7,15 +7,7 @@ import math
 import numpy as np
 
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.traffic import (
-    FASTEST,
-    JUMPING,
-    LEAD,
-    PERIOD,
-    of_body,
-    outside_of,
-    piece_of,
-)
+from pirrht.geometry.traffic import FASTEST, of_body, outside_of, piece_of, restart_of
 
 ROUNDING = 1e-9  # of clearances that are known from before [m]
 HELD = 5  # numbers of a list: distance within which all are on it, where and when that was known, until when it serves
@@ -64,12 +56,8 @@ def listing(traffic, x, y, t, within, held, listed):  # type: ignore[no-untyped-
     """
     count, until = 0, math.inf
     for j in range(traffic.J):
-        at, ends = HELD + SEEN * j, math.inf
-        if of_body(traffic, j, JUMPING) > 0.0:
-            lead, period = of_body(traffic, j, LEAD), of_body(traffic, j, PERIOD)
-            laps = max(math.floor((t + lead) / period) + 1.0, 1.0)
-            ends = laps * period - lead
-            until = min(until, ends)
+        at, ends = HELD + SEEN * j, restart_of(traffic, j, t)
+        until = min(until, ends)
         if held[at + 3] <= t < held[at + 4] and far_from(traffic, j, held, x, y, t, within):
             continue
         ox, oy, _, _, _, _, _ = piece_of(traffic, j, t)
