@@ -8,7 +8,7 @@ layer at walls is that noise uses up follows from how far noise carries the posi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import Any
 
@@ -38,6 +38,7 @@ from pirrht.topology.marks import NO_MARKS, Marks
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
 PUSHED = ((1.0, 60),)  # from a reference that is pushed aside
+HURRIES = (1.25, 1.5)  # of the speed of a reference are those of other beginnings, where bodies move
 RIVAL = 3.0  # lambda by which another valley of a class may be dearer and still be sampled
 APART = 3.0  # nats from which on samples around a guide hardly come to another one
 HOLD = 10.0  # time spent as far off a reference without controls as walls are wide costs so many times its q
@@ -145,8 +146,9 @@ class AnyGuidance:
             time: now, on the clock of what moves [s].
             pressed: whether time is short, so that a reference is improved no further; None: it never is.
 
-        If the improvement leaves the class or touches something, samples follow the reference itself, with feedback;
-        but where noise has carried the robot into a wall's zone the last guide is the way out of it.
+        If the improvement leaves the class or touches something, samples follow the reference itself, with feedback,
+        or what has begun in more of a hurry; but where noise has carried the robot into a wall's zone the last guide is
+        the way out of it.
         """
         guide = None if last is None else self.onward(x, times, key, last, elapsed, time)
         if guide is not None and (guide.valid or not self._clearance(x, time) > 0.0):
@@ -157,6 +159,12 @@ class AnyGuidance:
         guide = self._from(clock, x, times, key, self._begun(x, trajectory, times), in_time(stages, pressed))
         if guide is None or guide.valid:
             return guide
+        for start in self._hurried(x, trajectory, times):
+            if pressed is not None and pressed():
+                break
+            guide = self._from(clock, x, times, key, start, PUSHED)
+            if guide is not None and guide.valid:
+                return guide
         return self._from(clock, x, times, key, self._begun(x, trajectory, times), NONE)
 
     def onward(
@@ -185,7 +193,7 @@ class AnyGuidance:
         found = [self.improve(x, times, key, trajectory, time=time, pressed=pressed)]
         clock = self._clock(x, times, time)
         pushed = self.starts.pushed(x, trajectory, times) if self.tasks[1.0].curved else ()
-        for start in chain(pushed, (self._begun(x, one, times) for one in also)):
+        for start in chain(pushed, (self._begun(x, one, times) for one in also), self._hurried(x, trajectory, times)):
             if pressed is not None and pressed():
                 break
             found.append(self._from(clock, x, times, key, start, PUSHED))
@@ -209,6 +217,15 @@ class AnyGuidance:
         """A guide's beginning from x (n,): along a reference, or tracking one that knows positions alone."""
         begun = self.starts.along if trajectory.slack is None else self.starts.tracked
         return begun(x, trajectory, times)
+
+    def _hurried(self, x: Array, trajectory: Trajectory, times: Array) -> Iterator[tuple[Course, int]]:
+        """The same where bodies move, faster than the reference.
+
+        Without noise it is best to slip past what closes at the last moment. Much noise leaves nothing of that, and
+        from there no improvement leads back to passing in good time.
+        """
+        if isinstance(self.setup, MovingSetup):
+            yield from (self._begun(x, trajectory.faster(times_as_fast), times) for times_as_fast in HURRIES)
 
     def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
         """What paths from x (n,) meet, and ends of their steps (T+1,) [s] on the clock of what moves."""

@@ -86,7 +86,7 @@ def test_sign_flips_enumerate_few_pairs_and_draw_for_many():
     d = np.array([1.0, 2.0, -0.5, 3.0])
     sums = [abs(sum(s * x for s, x in zip(signs, d, strict=True))) for signs in product((-1, 1), repeat=4)]
     assert sign_flips(d) == np.mean([s >= abs(d.sum()) - 1e-12 for s in sums])
-    assert sign_flips([]) == sign_flips([0.0, 0.0]) == 1.0
+    assert sign_flips([]) == sign_flips([0.0, 0.0]) == sign_flips([0.4]) == 1.0
     rng = np.random.default_rng(4)
     assert sign_flips(rng.normal(1.0, 1.0, 100)) == pytest.approx(1 / 10_001)
 
