@@ -12,7 +12,7 @@ from pirrht.guidance.leads import Batch
 from pirrht.guidance.tracking import Guidance
 from pirrht.guidance.walls import AMONG, AVERAGED, Scales, squeezed, trust, window
 from pirrht.guidance.ways import NODES
-from pirrht.rollouts.nearby import NO_NEARBY, Nearby
+from pirrht.rollouts.nearby import NO_NEARBY, REACHES, Nearby
 from pirrht.rollouts.records import FINER, LAW, Leads, MovingSetup, Setup
 from pirrht.rollouts.ways import no_ways
 from pirrht.topology.in_time import TimedHomology
@@ -21,7 +21,6 @@ from pirrht.topology.marks import NO_MARKS, Marks
 MOMENTS = np.arange(1, 9) / 8.0  # of the window at which one looks where a guide is
 LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
 DEVIATIONS, FASTER = 6.0, 1.5  # of noise, and of the longest step of a guide, that steps hardly ever exceed
-REACHES = 3.0  # within which walls are asked for that push
 SMALL = 0.01  # among bodies that move no step is split over which noise carries a point by so many radii of the robot
 
 

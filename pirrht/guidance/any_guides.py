@@ -153,19 +153,32 @@ class AnyGuidance:
         guide = None if last is None else self.onward(x, times, key, last, elapsed, time)
         if guide is not None and (guide.valid or not self._clearance(x, time) > 0.0):
             return guide
-        clock = self._clock(x, times, time)
+        return self._anew(self._clock(x, times, time), x, times, key, trajectory, pressed)[0]
+
+    def _anew(
+        self,
+        clock: tuple[Setup | MovingSetup, Array],
+        x: Array,
+        times: Array,
+        key: int,
+        trajectory: Trajectory,
+        pressed: Callable[[], bool] | None,
+    ) -> tuple[AnyGuide | None, list[AnyGuide | None]]:
+        """A guide from a reference, and those in a hurry that were made meanwhile."""
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of a room.
         stages = COLD[1:] if self.problem.dynamics.noisy_position else COLD
         guide = self._from(clock, x, times, key, self._begun(x, trajectory, times), in_time(stages, pressed))
+        hurried: list[AnyGuide | None] = []
         if guide is None or guide.valid:
-            return guide
+            return guide, hurried
         for start in self._hurried(x, trajectory, times):
             if pressed is not None and pressed():
                 break
             guide = self._from(clock, x, times, key, start, PUSHED)
+            hurried.append(guide)
             if guide is not None and guide.valid:
-                return guide
-        return self._from(clock, x, times, key, self._begun(x, trajectory, times), NONE)
+                return guide, hurried
+        return self._from(clock, x, times, key, self._begun(x, trajectory, times), NONE), hurried
 
     def onward(
         self, x: Array, times: Array, key: int, last: AnyGuide, elapsed: float, time: float = 0.0
@@ -190,14 +203,15 @@ class AnyGuidance:
             also: other references of the class.
             pressed: whether time is short, so that no more ways to begin are looked at; None: it never is.
         """
-        found = [self.improve(x, times, key, trajectory, time=time, pressed=pressed)]
         clock = self._clock(x, times, time)
+        own, hurried = self._anew(clock, x, times, key, trajectory, pressed)
+        found, rest = [own, *hurried], self._hurried(x, trajectory, times, len(hurried))
         pushed = self.starts.pushed(x, trajectory, times) if self.tasks[1.0].curved else ()
-        for start in chain(pushed, (self._begun(x, one, times) for one in also), self._hurried(x, trajectory, times)):
+        for start in chain(pushed, (self._begun(x, one, times) for one in also), rest):
             if pressed is not None and pressed():
                 break
             found.append(self._from(clock, x, times, key, start, PUSHED))
-        own, valid = found[0], [one for one in found if one is not None and one.valid]
+        valid = [one for one in found if one is not None and one.valid]
         best = min(valid, key=lambda one: one.priced, default=own)
         # Prices are no nearer to what a class is worth than lambda.
         if own is not None and own.valid and best is not None:
@@ -218,14 +232,14 @@ class AnyGuidance:
         begun = self.starts.along if trajectory.slack is None else self.starts.tracked
         return begun(x, trajectory, times)
 
-    def _hurried(self, x: Array, trajectory: Trajectory, times: Array) -> Iterator[tuple[Course, int]]:
-        """The same where bodies move, faster than the reference.
+    def _hurried(self, x: Array, trajectory: Trajectory, times: Array, made: int = 0) -> Iterator[tuple[Course, int]]:
+        """The same where bodies move, faster than the reference; not the first that are made.
 
         Without noise it is best to slip past what closes at the last moment. Much noise leaves nothing of that, and
         from there no improvement leads back to passing in good time.
         """
         if isinstance(self.setup, MovingSetup):
-            yield from (self._begun(x, trajectory.faster(times_as_fast), times) for times_as_fast in HURRIES)
+            yield from (self._begun(x, trajectory.faster(times_as_fast), times) for times_as_fast in HURRIES[made:])
 
     def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
         """What paths from x (n,) meet, and ends of their steps (T+1,) [s] on the clock of what moves."""

@@ -17,6 +17,7 @@ from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.traffic import PERIOD, Traffic, disc_of, of_body, piece_of, restart_of
 
+REACHES = 3.0  # of walls that push (`Leads.reach`), within which bodies are asked for
 STRETCH = 0.2  # stretches last at least so long [s]
 MOST = 1 << 16  # cells of all stretches, which grow where there would be more
 PITCH = 1.0  # side of a cell over the reach
@@ -37,9 +38,7 @@ class Nearby(NamedTuple):
     stretch: IntArray  # (T,) number of the stretch that each step is in
     first: NDArray[np.int32]  # (cells + 1,) where in `body` those of a cell of a stretch begin, (stretch, x, y) in turn
     body: NDArray[np.int32]  # their numbers, ascending in each cell
-    jumps: (
-        Array  # (k + 1,) when bodies are suddenly elsewhere, ascending, on the clock of what moves; last infinity [s]
-    )
+    jumps: Array  # (k + 1,) when bodies are suddenly elsewhere, ascending, on their clock, and infinity [s]
 
     @classmethod
     def of(cls, traffic: Traffic, frame: Sequence[float], times: Array, reach: float) -> Nearby:

@@ -17,7 +17,7 @@ from pirrht.rollouts.general.kind import Kind, is_car, takes_law
 from pirrht.rollouts.general.law import columns_of
 from pirrht.rollouts.general.rows import rows_of
 from pirrht.rollouts.general.scratch import ABREAST
-from pirrht.rollouts.nearby import list_around, next_jump
+from pirrht.rollouts.nearby import REACHES, list_around, next_jump
 
 SOON = 1e-6  # a step is no shorter than this where motions change [s]
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
@@ -33,7 +33,7 @@ def length_for(kind: Kind) -> Any:
         (xx, xy, yy), x, dt = rates, scratch.x, left
         if moving and noisy_position:  # as far as noise carries a path that is not to be split, or walls push
             traffic, held, listed, near = setup.traffic, scratch.held, scratch.listed, scratch.near
-            within = max(3.0 * math.sqrt(max(xx, yy) * left), 3.0 * leads.reach)
+            within = max(3.0 * math.sqrt(max(xx, yy) * left), REACHES * leads.reach)
             close = list_around(leads.nearby, traffic.J, i, x[0], x[1], within, close, held, listed)
             gone, until_change = traffic.reach, np.inf
             if close > 0:
