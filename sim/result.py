@@ -139,6 +139,7 @@ def estimate_json(
         "control_stderr": [None if e is None else e.control_error.tolist() for e in estimates],
         "ess": [None if e is None else e.ess for e in estimates],
         "doubtful": [None if e is None else e.doubtful for e in estimates],
+        "tail": [None if e is None or np.isnan(e.tail) else e.tail for e in estimates],
         "samples": [None if e is None else sum(part.size for part in e.parts) for e in estimates],
         "class_weights": [None if e is None else e.class_weights for e in estimates],
         "class_ess": [None if e is None else e.class_ess for e in estimates],

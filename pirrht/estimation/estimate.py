@@ -15,6 +15,7 @@ from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.sums import centred, grouped, scatter
+from pirrht.estimation.tails import heavy, tail_shape
 from pirrht.guidance.near_walls import NearWalls
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -122,6 +123,20 @@ class Estimate:
     def doubtful(self) -> bool:
         """Whether it rests on so few effective samples that its errors say little."""
         return self.ess < FEW
+
+    @property
+    def tail(self) -> float:
+        """Shape k of the tail of the weights (`tails.tail_shape`); nan where too few have any."""
+        return tail_shape(self._log_weight())
+
+    @property
+    def heavy_tailed(self) -> bool:
+        """Whether weights that were not drawn may outweigh all that were, so that its errors are too small."""
+        log_weight = self._log_weight()
+        return heavy(tail_shape(log_weight), len(log_weight))
+
+    def _log_weight(self) -> Array:
+        return np.concatenate([part.log_weight for part in self.parts])
 
 
 def log_weights(

@@ -52,7 +52,7 @@ def estimate(arguments: argparse.Namespace) -> int:
         say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; {touching(scenario, x) or remedy}")
     if truth is not None:
         unforeseen(scenario)
-    for line in tables.doubts(estimates, [r.id for r in references], scenario.settings.target_error):
+    for line in tables.doubts(estimates, references, scenario.problem.temperature, scenario.settings.target_error):
         say(line)
     if scenario.settings.weights == "biased":
         say("--weights biased leaves the likelihood ratio out: v and shares are no estimates, however many samples")

@@ -22,6 +22,7 @@ from sim.text import LEAST, counted, say, table
 FEW_CLASSES = 4
 LONE = 1.5  # effective samples of a class of which no more than one has any weight
 WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
+NEAR = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
 
 def scene_table(rows: Sequence[tuple[str, str, float, int, str]], room: int | None = None) -> str:
@@ -85,22 +86,31 @@ def estimate_table(
     return table(header, rows, room)
 
 
-def doubts(estimates: Sequence[Estimate | None], ids: Sequence[str], target: float | None) -> list[str]:
-    """What standard errors do not tell: that few samples have any weight, or are of a class, and targets missed."""
+def doubts(
+    estimates: Sequence[Estimate | None], references: Sequence[Reference], temperature: float, target: float | None
+) -> list[str]:
+    """What standard errors do not tell: few samples that weigh, heavy tails, classes not sampled, targets missed."""
     known = [e for e in estimates if e is not None]
+    of = f"of {len(known)} repeats"
     lines = []
     poor = sum(e.doubtful for e in known)
     if poor:
         lines.append(
-            f"effective sample size (ESS) below {FEW:g} in {poor} of {len(known)} repeats; standard errors say "
-            "nothing there, try more --samples"
+            f"effective sample size (ESS) below {FEW:g} in {poor} {of}; standard errors say nothing there, try more "
+            "--samples"
         )
-    for name in ids:
-        thin = sum(e.class_ess.get(name, 0.0) < LONE for e in known)
-        if thin and max(e.class_weights.get(name, 0.0) for e in known) >= WORTH:
+    heavy = sum(e.heavy_tailed and not e.doubtful for e in known)
+    if heavy:
+        lines.append(
+            f"weights of a heavy tail in {heavy} {of}: a path that was not drawn may outweigh all that were, and "
+            "standard errors are too small; try more --samples"
+        )
+    for reference in references:
+        thin = sum(e.class_ess.get(reference.id, 0.0) < LONE for e in known)
+        if thin and _matters(reference, known, thin, temperature):
             lines.append(
-                f"class {title(name)}: hardly a sample in {thin} of {len(known)} repeats; standard errors do not know "
-                "what it is worth, try more --samples"
+                f"class {title(reference.id)}: hardly a sample in {thin} {of}; standard errors do not know what it is "
+                "worth, try more --samples"
             )
     if target is not None:
         missed = sum(float(e.control_error.max()) > target for e in known)
@@ -110,6 +120,13 @@ def doubts(estimates: Sequence[Estimate | None], ids: Sequence[str], target: flo
             f"at most {max(drawn, default=0)} samples drawn"
         )
     return lines
+
+
+def _matters(reference: Reference, known: Sequence[Estimate], thin: int, temperature: float) -> bool:
+    """Whether a class that few samples are of has weight in some repeat, or is too cheap to have none in most."""
+    cheap = reference.cost < min(e.value for e in known) + NEAR * temperature
+    weight = max(e.class_weights.get(reference.id, 0.0) for e in known)
+    return weight >= WORTH or (cheap and 2 * thin > len(known))
 
 
 def _vector(values: Array) -> str:

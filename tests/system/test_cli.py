@@ -32,7 +32,7 @@ RUN = {
     *("class_switches", "class_reversals", "fallbacks", "step_ms", "deadline_misses"),
 }
 ESTIMATE = {"control", "value", "ess", "class_weights", "proposal_weights", "classes", "obstacles",
-            "value_stderr", "control_stderr"}  # fmt: skip
+            "value_stderr", "control_stderr", "tail"}  # fmt: skip
 
 
 @pytest.fixture
