@@ -38,11 +38,12 @@ _WALKER = Mover(
     ),
     motion=Motion(rows=np.array([[0.0, 2.0, 0.5, 0.0], [3.0, 2.0, 1.6, 0.0]])),
 )  # fmt: skip
+BUSY_ROOM = replace(ROOM, movers=(_WALKER,))
 
 
 def small_of(scenario: Scenario) -> Scenario:
     """The same robot and settings in a small room, where a body moves if some do in the scene."""
-    room = replace(ROOM, movers=(_WALKER,)) if scenario.moving else ROOM
+    room = BUSY_ROOM if scenario.moving else ROOM
     s = scenario.settings
     few = replace(s, vertices=VERTICES, samples=min(s.samples, SAMPLES), tree=None, target_error=None, budget=None)
     return replace(scenario, settings=few, problem=replace(scenario.problem, scene=room), space=FreeSpace.of(room))

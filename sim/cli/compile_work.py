@@ -13,42 +13,53 @@ from pirrht.problem import Problem
 from pirrht.rollouts.point.block import is_point
 from sim.systems import System
 
-# How long it takes where nothing else runs [s]: motions of a system's own, and its guides and samples.
+# How long it takes where nothing else runs [s]: motions of a system's own, and its guides and samples; among bodies
+# that move any system's ways in space and time, and guides and samples.
 MOTIONS, GUIDES = 10, 40
+WAYS, AMONG = 40, 65
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Work:
-    """What the kernels of one system are: a point's are those that every command needs."""
+    """What the kernels of one system are: a point's, where nothing moves, are those that every command needs."""
 
     called: str  # the robot's public name
     key: str | None  # of all numeric functions that kernels close over; None: they cannot be kept
     point: bool
     moves: bool  # whether its references are motions of its own
+    among: bool  # whether bodies move in the scene
 
     @classmethod
     def of(cls, system: System, problem: Problem) -> Work:
         """That of a system in a problem."""
-        point = is_point(problem.dynamics)
+        among = bool(problem.scene.movers)
+        point = is_point(problem.dynamics) and not among
         return cls(
-            called=system.called,
+            called=f"{system.called} among bodies that move" if among else system.called,
             key=_key(system, problem),
             point=point,
-            moves=not point and system.steering is not None,
+            moves=among or (not point and system.steering is not None),
+            among=among,
         )
 
     def seconds(self, sampling: bool) -> int:
         """What is left to do, beside what a point needs [s]."""
-        plans = MOTIONS * (self.moves and not self._noted("plan"))
-        return plans + GUIDES * (sampling and not self.point and not self._noted("sample"))
+        motions, guides = (WAYS, AMONG) if self.among else (MOTIONS, GUIDES)
+        plans = motions * (self.moves and not self.noted("plan"))
+        return plans + guides * (sampling and not self.point and not self.noted("sample"))
 
     def done(self, *what: str) -> None:
         """Note that kernels for "plan" or "sample" have been compiled."""
         for one in what if self.key is not None else ():
-            jit.note(f"{one}-{self.key}")
+            jit.note(self._note(one))
 
-    def _noted(self, what: str) -> bool:
-        return self.key is not None and jit.noted(f"{what}-{self.key}")
+    def noted(self, what: str) -> bool:
+        """Whether kernels for "plan" or "sample" are noted to be there."""
+        return self.key is not None and jit.noted(self._note(what))
+
+    def _note(self, what: str) -> str:
+        """The name of a note: among bodies that move the ways of all systems are the same."""
+        return f"{what}-{'among' if self.among and what == 'plan' else self.key}"
 
 
 def _key(system: System, problem: Problem) -> str | None:
@@ -63,6 +74,8 @@ def _key(system: System, problem: Problem) -> str | None:
             return None
         names += [name_of(plain) if name_of(plain).startswith("pirrht.") else "", name]
     names.append(str(d.stratonovich))
+    if problem.scene.movers:
+        names.append("among")
     return hashlib.sha256("\n".join(names).encode()).hexdigest()[:24]
 
 

@@ -1,7 +1,8 @@
 """Compiling on the second core: after installation the sampler's kernels are built while the planner's are.
 
-`python -m sim.cli.warm DYNAMICS [--sampling]` builds what shortens paths of one kind of dynamics, or what drives need
-beside that, and leaves it in the cache on disk: each half takes as long as what the process that plans has left to do.
+`python -m sim.cli.warm DYNAMICS [--sampling|--among]` builds what shortens paths of one kind of dynamics, or what
+drives need beside that where nothing or something moves, and leaves it in the cache on disk: that takes about as long
+as what the process that plans has left to do.
 It ends with its standard input, so that it does not outlive whoever started it, however that one ends.
 """
 
@@ -45,8 +46,10 @@ class Notice(event.Listener):  # type: ignore[misc]
         if self.told:
             return
         self.told = True
-        left = PLANNING * (not jit.cached(PLANNER))
-        left += SAMPLING * (self.sampling and not any(map(jit.cached, (POINT, OTHERS))))
+        left = 0
+        if self.work is None or not self.work.among:
+            left += PLANNING * (not jit.cached(PLANNER))
+            left += SAMPLING * (self.sampling and not any(map(jit.cached, (POINT, OTHERS))))
         own = 0 if self.work is None else self.work.seconds(self.sampling)
         kept = jit.kept() and (self.work is None or self.work.key is not None)
         whose = f", most of them for {self.work.called}" if self.work is not None and own > left else ""
@@ -115,12 +118,16 @@ def start(loaded: Loaded, *, sampling: bool = True) -> subprocess.Popen[bytes] |
     dynamics_name = loaded.dynamics_name
     if dynamics_name not in BUILT_IN or not jit.kept():
         return None
-    if loaded.scene.movers and not sampling:  # paths in space and time are shortened by other kernels
-        return None
-    if jit.cached((sampler if sampling else shortening)(dynamics_name)):
-        return None
+    if loaded.scene.movers:  # paths in space and time are shortened by other kernels, which take little
+        work, words = notice().work, ["--among"]
+        if not sampling or work is None or work.noted("sample"):
+            return None
+    else:
+        words = ["--sampling"] if sampling else []
+        if jit.cached((sampler if sampling else shortening)(dynamics_name)):
+            return None
     notice().tell()
-    command = [sys.executable, "-m", "sim.cli.warm", dynamics_name, *(["--sampling"] if sampling else [])]
+    command = [sys.executable, "-m", "sim.cli.warm", dynamics_name, *words]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
@@ -175,6 +182,18 @@ def compile_rest(dynamics_name: str, *, sampling: bool) -> None:
     list(episode.run(plant, controller, x, np.random.default_rng(0), max_time=3 * settings.period))
 
 
+def compile_among(dynamics_name: str) -> None:
+    """Compile what guides and samples of one kind of dynamics need where bodies move."""
+    from pirrht.estimation.sampler import PathIntegral
+    from pirrht.estimation.sampling import Sampling
+    from pirrht.freespace import FreeSpace
+    from sim.rehearsal import BUSY_ROOM
+
+    system = named(dynamics_name)
+    problem = system.problem(BUSY_ROOM, system.settings)
+    PathIntegral(problem, FreeSpace.of(BUSY_ROOM), Sampling(samples=20)).warm_up()
+
+
 def _end_with_input() -> None:
     while os.read(0, 4096):
         pass
@@ -184,4 +203,7 @@ def _end_with_input() -> None:
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who holds the other end of the pipe decides
     threading.Thread(target=_end_with_input, daemon=True).start()
-    compile_rest(sys.argv[1], sampling="--sampling" in sys.argv)
+    if "--among" in sys.argv:
+        compile_among(sys.argv[1])
+    else:
+        compile_rest(sys.argv[1], sampling="--sampling" in sys.argv)

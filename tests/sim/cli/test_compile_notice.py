@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from pirrht.compiled import jit
+from pirrht.geometry.scene import Scene
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.cli import warm
-from sim.cli.compile_work import GUIDES, MOTIONS, Work
-from sim.rehearsal import ROOM
+from sim.cli.compile_work import AMONG, GUIDES, MOTIONS, WAYS, Work
+from sim.rehearsal import BUSY_ROOM, ROOM
 from sim.scenario import prepare
 from sim.systems import System, named
 
@@ -34,8 +35,8 @@ def windy(speed: float) -> System:
     )
 
 
-def work_of(system: System) -> Work:
-    return Work.of(system, system.problem(ROOM, system.settings))
+def work_of(system: System, room: Scene = ROOM) -> Work:
+    return Work.of(system, system.problem(room, system.settings))
 
 
 @pytest.fixture
@@ -74,6 +75,18 @@ def test_what_has_been_done_is_told_no_more(folder, capsys):
     work.done("sample")
     assert seconds(capsys, work)[1] == warm.LITTLE
     assert seconds(capsys, work_of(named("double_integrator")))[1] == MOTIONS + GUIDES
+
+
+def test_among_bodies_that_move_all_is_new_to_whoever_knows_what_stands(folder, capsys):
+    puck, rover = (work_of(named(name), BUSY_ROOM) for name in ("single_integrator", "rover"))
+    work_of(named("single_integrator")).done("plan", "sample")
+    assert seconds(capsys, puck) == ("once", WAYS + AMONG, ", most of them for puck among bodies that move")
+    assert seconds(capsys, puck, sampling=False)[1] == WAYS
+    puck.done("plan")
+    assert seconds(capsys, rover)[1] == AMONG  # ways in space and time are the same for both
+    puck.done("sample")
+    assert seconds(capsys, puck)[1] == warm.LITTLE
+    assert seconds(capsys, rover)[1] == AMONG
 
 
 def test_an_edited_system_is_told_as_long_as_a_new_one(folder, capsys):
@@ -118,10 +131,28 @@ def test_the_process_on_the_other_core_compiles_what_commands_look_for(name, sam
     assert jit.cached((warm.sampler if sampling else warm.shortening)(name))
 
 
+def test_among_bodies_that_move_guides_are_compiled_elsewhere_until_they_are_known(folder, monkeypatch):
+    begun = []
+    monkeypatch.setattr(warm.subprocess, "Popen", lambda command, **_: begun.append(command[3:]))
+    monkeypatch.setattr(warm.jit, "kept", lambda: True)
+    scenario = prepare("crossing", known=warm.notice().known)
+    warm.start(scenario.loaded)
+    assert begun == [["single_integrator", "--among"]]
+    warm.notice().done("sample")
+    assert warm.start(scenario.loaded) is None
+    assert len(begun) == 1
+
+
+def test_the_process_on_the_other_core_compiles_what_samples_among_bodies_that_move():
+    warm.compile_among("single_integrator")
+    assert all(map(jit.cached, ("listed", "backward_pass", warm.OTHERS)))
+
+
 @pytest.mark.parametrize("scene", ["slit", "clutter", "crossing"])
 def test_once_its_kernels_are_there_no_command_starts_to_compile(scene, monkeypatch):
     loaded = prepare(scene).loaded
     monkeypatch.setattr(jit, "cached", lambda module: module in {warm.shortening(loaded.dynamics_name), *ALL})
+    monkeypatch.setattr(jit, "noted", lambda name: True)
     assert warm.start(loaded) is None
     assert warm.start(loaded, sampling=False) is None
 
