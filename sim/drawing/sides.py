@@ -14,6 +14,7 @@ BACK = 0.1  # over which a body's direction is taken [s]
 STILL = 0.05  # m/s; of what is slower there is no before and behind
 SIDES = "before", "behind", "left of", "right of"  # the last two seen along the path, of a body that hardly moves then
 FEW = 4  # bodies of which every one is told
+NAMED = 8  # bodies that all bear their names in a picture; those of more would hide it
 
 
 def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,11 @@ from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors, title
-from sim.drawing.sides import passing
-from sim.figures import moments
+from sim.drawing.sides import NAMED, passing
+from sim.figures import moments, style
 from sim.scenario import Scenario
 
+TREE = "#9aa3ab"  # no colour of a class
 ENDINGS = (".png", ".pdf", ".svg")
 
 
@@ -31,14 +32,15 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     scene = scenario.loaded.scene
     size = scene.upper - scene.lower
     figure, axes = plt.subplots(figsize=(8.0, 6.2 * float(size[1] / size[0]) + 0.8), layout="constrained")
-    draw_scene(axes, scenario)
+    sides = {reference.id: _sides(reference, tree) for reference in references}
+    draw_scene(axes, scenario, {side.split(": ")[0] for told in sides.values() for side in told})
     number_obstacles(axes, scenario)
     draw_tree(axes, tree)
     colors = ClassColors()
     colors.meet(reference.id for reference in references)
     for reference in reversed(references):
         line = reference.trajectory.points
-        axes.plot(*line[:, :2].T, color=_rgb(colors[reference.id]), lw=2.2, label=_label(reference, tree))
+        axes.plot(*line[:, :2].T, color=_rgb(colors[reference.id]), lw=2.2, label=_label(reference, sides))
     step = moments.draw(axes, scenario, references, colors) if scene.movers else 0.0
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(
@@ -50,12 +52,14 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     _save(plt, figure, path, "--png")
 
 
-def _label(reference: Reference, tree: HomologyTree) -> str:
+def _sides(reference: Reference, tree: HomologyTree) -> list[str]:
+    """On which side of bodies that move a class passes."""
+    return passing(reference, tree.homology) if isinstance(tree.homology, TimedHomology) else []
+
+
+def _label(reference: Reference, sides: Mapping[str, Sequence[str]]) -> str:
     """A class and its cost, and below them on which side of bodies that move it passes."""
-    told = f"{title(reference.id)}: {reference.cost:.2f}"
-    if not isinstance(tree.homology, TimedHomology):
-        return told
-    return "\n".join([told, *(f"  {side}" for side in passing(reference, tree.homology))])
+    return "\n".join([f"{title(reference.id)}: {reference.cost:.2f}", *(f"  {side}" for side in sides[reference.id])])
 
 
 def draw_convergence(
@@ -88,13 +92,23 @@ def draw_convergence(
     _save(plt, figure, path, "--convergence")
 
 
-def draw_scene(axes: Any, scenario: Scenario) -> None:
-    """Workspace, obstacles seen from above, start and heading, goal, and what moves at 0 s, by name."""
+def draw_scene(axes: Any, scenario: Scenario, spoken: Collection[str] = ()) -> None:
+    """Workspace, obstacles seen from above, start and heading, goal, and what moves at 0 s, by name.
+
+    Args:
+        spoken: bodies that bear their names even where many move.
+    """
+    from matplotlib.patheffects import withStroke
+
     scene = scenario.loaded.scene
     ground.draw(axes, scene)
+    halo = [withStroke(linewidth=1.8, foreground="white")]
     for mover in scene.movers:
-        x, y, _ = mover.motion.pose(0.0)
-        axes.text(x, y, mover.name, fontsize=7, ha="center", va="center", color="white", zorder=6)
+        if len(scene.movers) <= NAMED or mover.name in spoken:
+            x, y, _ = mover.motion.pose(0.0)
+            axes.text(
+                x, y, mover.name, fontsize=7, ha="center", va="center", color=style.INK, path_effects=halo, zorder=9
+            )
     if scenario.problem.dynamics.angles:
         heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
         axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})
@@ -110,7 +124,7 @@ def draw_tree(axes: Any, tree: HomologyTree) -> None:
     """The best edge of every vertex, as its own curve."""
     from matplotlib.collections import LineCollection
 
-    axes.add_collection(LineCollection(tree_lines(tree), colors="#55aacc", lw=0.35, alpha=0.5, zorder=1))
+    axes.add_collection(LineCollection(tree_lines(tree), colors=TREE, lw=0.35, alpha=0.5, zorder=1))
 
 
 def tree_lines(tree: HomologyTree) -> list[Array]:

@@ -20,7 +20,7 @@ from sim.scenario import Scenario
 
 STEPS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # between moments [s]
 MOST = 8  # moments, where steps allow
-NUMBERED = 4  # references, the cheapest, whose moments are told
+APART = 0.022  # from each other that numbers are at least, over the width of the map
 
 
 def draw(axes: Any, scenario: Scenario, references: Sequence[Reference], colors: ClassColors) -> float:
@@ -37,8 +37,10 @@ def draw(axes: Any, scenario: Scenario, references: Sequence[Reference], colors:
     moments = np.arange(step, last + 0.5 * step, step)
     for mover in scenario.loaded.scene.movers:
         _outline(axes, mover, moments)
-    for rank, (reference, way) in enumerate(zip(references, ways, strict=True)):
-        _dots(axes, way, moments, style.rgb(colors[reference.id]), numbered=rank < NUMBERED)
+    told: list[Array] = []
+    apart = APART * float(np.ptp(axes.get_xlim()))
+    for reference, way in zip(references, ways, strict=True):
+        _dots(axes, way, moments, style.rgb(colors[reference.id]), told, apart)
     return step
 
 
@@ -53,13 +55,19 @@ def _outline(axes: Any, mover: Mover, moments: Array) -> None:
             axes.add_patch(Polygon(ring, closed=True, fill=False, ec=MOVER, lw=0.9, alpha=alpha, zorder=2.9))
 
 
-def _dots(axes: Any, way: Array, moments: Array, color: Any, *, numbered: bool) -> None:
-    """Dots on a path (k, 3) at those moments that it is still under way, with the number of seconds beside."""
-    for time, x, y in _places(way, moments):
-        axes.plot([x], [y], "o", ms=4.0, mfc="white", mec=color, mew=1.2, zorder=7)
-        if numbered:
+def _dots(axes: Any, way: Array, moments: Array, color: Any, told: list[Array], apart: float) -> None:
+    """Dots on a path (k, 3) at those moments that it is still under way, with the number of seconds beside.
+
+    Args:
+        told: places (2,) that have a number, to which its own are added.
+        apart: from those that another must be, for both to be read [m].
+    """
+    for time, *place in _places(way, moments):
+        axes.plot(*place, "o", ms=4.0, mfc="white", mec=color, mew=1.2, zorder=7)
+        if all(np.hypot(*(place - other)) >= apart for other in told):
+            told.append(np.array(place))
             axes.annotate(
-                f"{time:g}", (x, y), xytext=(3, 4), textcoords="offset points", fontsize=6.5, color=style.INK, zorder=8
+                f"{time:g}", place, xytext=(3, 4), textcoords="offset points", fontsize=6.5, color=style.INK, zorder=8
             )
 
 

@@ -17,6 +17,7 @@ from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.files import replaced
 from sim.drawing.colors import DRIVEN, MOVER, ClassColors, Color, mix
+from sim.drawing.sides import NAMED
 from sim.drawing.strokes import at_most
 from sim.drawing.tubes import foreseen
 from sim.drive.episode import Frame
@@ -30,6 +31,7 @@ RATE = 30  # pictures per second
 HOLD = 1.0  # how long the last picture stays [s]
 ELEVATION = 68.0  # of the eye [degrees]
 REFERENCE_POINTS, PATH_POINTS = 32, 300
+CLOCK = 0.04  # where it stands below the workspace's upper edge, over its height
 GROUND: Color = (206, 209, 207)  # into which what is foreseen fades
 FORESEEN = mix(MOVER, (0, 0, 0), 0.4)
 
@@ -66,11 +68,12 @@ class Film:
         across = max(float(extent[1]), float(extent[0]) * high / wide)
         center = np.array([*(lower + (0.5, 0.46) * extent), 0.0])  # what is near takes more room
         self._thick = max(1.0, across / 6.0)  # of lines
-        self._corner = np.array([lower[0], lower[1] + extent[1], 0.0])
+        self._corner = np.array([lower[0] + 0.01 * extent[0], lower[1] + (1.0 - CLOCK) * extent[1], 0.0])
         self._eye.look_at(center, distance=1.32 * across, elevation=ELEVATION)
+        self._scene = loaded.scene
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
         self._stance, self._colors = stance_of(loaded.model, loaded.states), ClassColors()
-        movers = loaded.scene.movers
+        movers = self._scene.movers
         self._movers, self._mocap = movers, Mocap(loaded.model, movers) if movers else None
         self._states: list[Array] = []
         self._times: list[Array] = []
@@ -135,6 +138,7 @@ class Film:
             self._mocap.place(self._data, float(times[now]))
         mujoco.mj_forward(self._model, self._data)
         self._eye.pose(self._data)
+        self._eye.ground(self._scene.lower, self._scene.upper)
         begun = [began for began, _ in self._plans]
         plan = self._plans[int(np.searchsorted(begun, time + 1e-9, side="right")) - 1][1]
         self._references(plan)
@@ -150,10 +154,10 @@ class Film:
             self._eye.line(_raised(points, 0.02), self._colors[name], radius * self._thick)
 
     def _bodies(self, plan: Plan, time: float) -> None:
-        """Names of the bodies that move, what time it is, and outlines of where the plan takes them to be soon."""
+        """What time it is, names of few bodies that move, and outlines of where the plan takes them to be soon."""
         if self._movers:
             self._eye.label(self._corner, f"{time:.1f} s")
-        for mover in self._movers:
+        for mover in self._movers if len(self._movers) <= NAMED else ():
             top = max(float(solid.position[2]) for solid in mover.solids)
             self._eye.label(np.array([*mover.motion.pose(time)[:2], top]), mover.name.replace("_", " "))
         if time < self._times[-1][-1]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from sim.drawing.colors import Color
-from sim.mjcf.dressed import dress, has_sky
+from sim.mjcf.dressed import FLOOR, dress, has_floor, has_sky
 
 Picture = NDArray[np.uint8]  # (height, width, 3)
 
@@ -23,6 +23,7 @@ BACKENDS = ("egl", "osmesa")
 CHOSEN = os.environ.get("MUJOCO_GL")  # by the user; MuJoCo's bindings have heeded it when they were imported
 SKY: Color = (204, 216, 228)  # behind what has no sky
 MOST = 6000  # shapes in a picture
+DEEP, SUNK = 0.02, 0.002  # half of a floor's thickness, and how far below 0 it begins, so that marks are seen on it [m]
 SLICES, STACKS = 28, 8  # corners of round shapes
 
 
@@ -40,7 +41,7 @@ class Offscreen:
         self._model.vis.quality.numslices, self._model.vis.quality.numstacks = SLICES, STACKS
         self._model.mat_reflectance[:] = 0.0
         dress(self._model)
-        self._sky = has_sky(self._model)
+        self._sky, self._floor = has_sky(self._model), has_floor(self._model)
         self._gl = _context(width, height, option)
         self._gl.make_current()
         self._renderer = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_150)
@@ -59,6 +60,16 @@ class Offscreen:
         """Take the places of all bodies from data; what was added before is gone."""
         everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self._model, data, self._options, None, self._camera, everything, self._scene)
+
+    def ground(self, lower: Array, upper: Array) -> None:
+        """Lay a floor between two corners (2,) [m] where the model has none."""
+        if self._floor or self._scene.ngeom == MOST:
+            return
+        shape, half = self._scene.geoms[self._scene.ngeom], (upper - lower) / 2
+        center, size = np.array([*(lower + half), -DEEP]), np.array([*half, DEEP - SUNK])
+        rgba = np.array(FLOOR, np.float32)
+        mujoco.mjv_initGeom(shape, mujoco.mjtGeom.mjGEOM_BOX, size, center, np.eye(3).ravel(), rgba)
+        self._scene.ngeom += 1
 
     def line(self, points: Array, color: Color, radius: float) -> None:
         """Add a polyline (k, 3)."""
@@ -90,7 +101,7 @@ class Offscreen:
         depth = None if self._sky else np.empty(pixels.shape[:2], np.float32)
         mujoco.mjr_readPixels(pixels, depth, self._frame, self._renderer)
         if depth is not None:
-            pixels[depth >= 1.0] = SKY
+            pixels[(depth >= 1.0) & ~pixels.any(axis=2)] = SKY  # what is transparent has no depth
         return pixels[::-1]
 
     def close(self) -> None:

@@ -9,9 +9,11 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
+from sim.mjcf.numbers import MOTION
 
 SITES = {"start": (0.20, 0.45, 0.75, 0.8), "goal": (0.25, 0.65, 0.35, 0.7)}
 FLOOR, WALL = (0.83, 0.845, 0.86, 1.0), (0.27, 0.33, 0.42, 1.0)
+MOVING = (0.50, 0.36, 0.62, 1.0)
 PLAIN = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of what has none
 DARK = (0.1, 0.4, 0.5)  # its light at the eye: ambient, diffuse, specular; alone it leaves walls black
 LIGHT = (0.42, 0.42, 0.0)
@@ -23,6 +25,7 @@ def dress(model: mujoco.MjModel) -> None:
     bare = (model.geom_matid < 0) & _plain(model.geom_rgba)
     flat = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     model.geom_rgba[bare & flat], model.geom_rgba[bare & ~flat] = FLOOR, WALL
+    model.geom_rgba[bare & ~flat & np.isin(model.body_rootid[model.geom_bodyid], _moving(model))] = MOVING
     head = model.vis.headlight
     told = [float(part[0]) for part in (head.ambient, head.diffuse, head.specular)]
     if model.nlight == 0 and np.allclose(told, DARK):
@@ -32,6 +35,19 @@ def dress(model: mujoco.MjModel) -> None:
 def has_sky(model: mujoco.MjModel) -> bool:
     """Whether there is something behind everything."""
     return bool(np.any(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
+
+
+def _moving(model: mujoco.MjModel) -> list[int]:
+    """Bodies that have a motion."""
+    names = (model.numeric(i).name for i in range(model.nnumeric))
+    told = [name.removeprefix(MOTION) for name in names if name.startswith(MOTION)]
+    return [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in told]
+
+
+def has_floor(model: mujoco.MjModel) -> bool:
+    """Whether there is a floor to be seen, other than the infinite one that a robot on wheels brings along."""
+    flat = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_rgba[:, 3] > 0.0)
+    return bool(np.any(flat & np.any(model.geom_size[:, :2] > 0.0, axis=1)))
 
 
 def _sites(model: mujoco.MjModel) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, mix
+from sim.drawing.sides import NAMED
 from sim.drawing.strokes import lift, packed
 from sim.recording import geoms
 from sim.recording.bodies import ROOT
@@ -97,7 +98,7 @@ def mover_path(name: str) -> str:
 
 def all_named(subject: Subject) -> bool:
     """Whether so few bodies move that all bear their names; more would hide the scene, and tell theirs when hovered."""
-    return len(subject.space.scene.movers) <= FEW
+    return len(subject.space.scene.movers) <= NAMED
 
 
 def label_path(name: str) -> str:
