@@ -9,14 +9,24 @@ from __future__ import annotations
 
 import math
 
+from pirrht.compiled.addresses import load_int64
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
 from pirrht.geometry.field import clearance
-from pirrht.geometry.traffic import clearance_of_body, disc_of, inexact, piece_of
+from pirrht.geometry.spans import BOX, MOMENT, comes_by, keeps_off
+from pirrht.geometry.traffic import (
+    LEAD,
+    PARTS,
+    PERIOD,
+    clearance_of_body,
+    disc_of,
+    inexact,
+    of_body,
+    piece_of,
+)
 
 STRIDE = 5e-3  # of a march on where nothing is certain [m]
 CLOSE = 1e-5  # where distances are closed forms a march may come so close before it is uncertain [m]
-MOMENT = 1e-9  # least time that a march advances from one row to the next [s]
 
 
 @kernel
@@ -53,6 +63,39 @@ def certify_leg(traffic, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def list_passed(traffic, frame, begin, end, listed):  # type: ignore[no-untyped-def]
+    """Write to `listed` (J,) which bodies may touch what is in a frame (x, y, X, Y) [m] at times [s]; their number."""
+    count = 0
+    for j in range(traffic.J):
+        boxes, many, own, period = _boxes_of(traffic, j, begin)
+        if comes_by(boxes, many, own, period, end - begin, frame, disc_of(traffic, j) + LEAST_STEP):
+            listed[count] = j
+            count += 1
+    return count
+
+
+@kernel
+def certify_some(traffic, listed, count, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
+    """What `certify_leg` says where no body but the first so many of `listed` comes near."""
+    verdict = FREE
+    for k in range(count):
+        one = certify_past(traffic, listed[k], ax, ay, s, bx, by, t)
+        if one == BLOCKED:
+            return BLOCKED
+        if one == UNSURE:
+            verdict = UNSURE
+    return verdict
+
+
+@inlined
+def _boxes_of(traffic, j, t):  # type: ignore[no-untyped-def]
+    """Address and number of the boxes of body j, its own clock's time at t, and when that starts over [s]."""
+    first, last = load_int64(traffic.parts, PARTS * j + 4), load_int64(traffic.parts, PARTS * j + 5)
+    own, period = t + of_body(traffic, j, LEAD), of_body(traffic, j, PERIOD)
+    return traffic.boxes + 8 * BOX * first, last - first, own, period
+
+
+@kernel
 def note_unsure(traffic, ax, ay, s, bx, by, t, out):  # type: ignore[no-untyped-def]
     """Write which bodies the way from (ax, ay) [m] at s [s] to (bx, by) at t does not surely pass to `out` (J,)."""
     for j in range(traffic.J):
@@ -64,6 +107,9 @@ def certify_past(traffic, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-d
     """The same for body j alone."""
     per = 1.0 / (t - s) if t > s else 0.0
     ux, uy, now, verdict = (bx - ax) * per, (by - ay) * per, s, FREE
+    boxes, count, own, period = _boxes_of(traffic, j, s)
+    if keeps_off(boxes, count, own, period, ax, ay, ux, uy, t - s, disc_of(traffic, j) + LEAST_STEP):
+        return FREE
     while True:
         ox, oy, yaw, vx, vy, turn, until = piece_of(traffic, j, now)
         x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + MOMENT), t)

@@ -20,14 +20,15 @@ from pirrht.geometry.crowd import jumps, reach_of, speed_bound
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.shapes import offset_of, outside
+from pirrht.geometry.spans import BOX, boxes_of
 
 REACH = 8.0  # no clearance above so many robot radii is told ...
 LEAST = 1.0  # ... and one of so many meters, if that is more [m]
 BODY = 5  # numbers of a body: how much later than now its rows' clock is [s], when it starts over [s] (0: never),
 # whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
 LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
-MOTIONS = 3  # of the arrays change with the motions: of bodies, parts and rows, the first
-PARTS = 4  # of a body: where its rows begin and end, and its solids
+MOTIONS = 4  # of the arrays change with the motions: of bodies, parts, rows and boxes, the first
+PARTS = 6  # of a body: where its rows begin and end, its solids, and its boxes
 ROW = 7  # numbers of a row: t [s], x, y [m], yaw [rad], and the rates of these until the next [1/s]
 SOLID = 15  # numbers of a solid: MuJoCo's sizes, place in the body's frame, and axes there as columns, row by row
 TABLE = 4  # of a solid: form or -1, where its lattice begins in the table, and how many points that has along x and y
@@ -40,6 +41,7 @@ class Flow(NamedTuple):
     body: int  # address of float64 (J, BODY)
     parts: int  # address of int64 (J, PARTS)
     rows: int  # address of float64 (k, ROW), of all bodies
+    boxes: int  # address of float64 (l, BOX), of all bodies: where each is within spans of time (`spans`)
     solid: int  # address of float64 (K, SOLID)
     form: int  # address of int64 (K, TABLE)
     corner: int  # address of float64 (K, 2): where the lattice of a solid without a closed form begins [m]
@@ -92,20 +94,22 @@ class Traffic(Flow):
         return self._holding((later, *self.arrays[1:]), (self.pitch, self.height, self.robot, self.speed, self.reach))
 
 
-def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array]:
+def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array, Array]:
     """The first MOTIONS of the arrays, of bodies about a robot of a radius [m]."""
     body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
-    row = solid = 0
+    boxes = [boxes_of(mover.motion.rows, repeat=mover.motion.repeat) for mover in movers]
+    row = solid = box = 0
     for j, mover in enumerate(movers):
         motion, far = mover.motion, reach_of(mover)
         body[j] = (
             motion.lead, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + radius,
             speed_bound(motion, far),
         )  # fmt: skip
-        parts[j] = row, row + len(motion.rows), solid, solid + len(mover.solids)
-        row, solid = row + len(motion.rows), solid + len(mover.solids)
+        many = len(motion.rows), len(mover.solids), len(boxes[j])
+        parts[j] = row, row + many[0], solid, solid + many[1], box, box + many[2]
+        row, solid, box = row + many[0], solid + many[1], box + many[2]
         rows.append(_with_rates(motion.rows))
-    return body, parts, np.vstack([np.zeros((0, ROW)), *rows])
+    return body, parts, np.vstack([np.zeros((0, ROW)), *rows]), np.vstack([np.zeros((0, BOX)), *boxes])
 
 
 def _fastest(body: Array) -> float:

@@ -15,7 +15,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.certify import BLOCKED, FREE, UNSURE
 from pirrht.geometry.field import Field
-from pirrht.geometry.sweeps import certify_leg, certify_way, note_unsure
+from pirrht.geometry.sweeps import certify_leg, certify_some, certify_way, list_passed, note_unsure
 from pirrht.geometry.traffic import Traffic
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
@@ -114,15 +114,27 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 def free_leg(around, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """FREE, BLOCKED or UNSURE for the way from (ax, ay) [m] at s [s] to (bx, by) at t, by what stands and moves."""
     standing = certify_way(around.field, ax, ay, bx, by)
-    if standing == BLOCKED:
-        return BLOCKED
-    moving = certify_leg(around.traffic, ax, ay, s, bx, by, t)
-    return min(standing, moving) if moving != BLOCKED else BLOCKED
+    return standing if standing == BLOCKED else min(standing, certify_leg(around.traffic, ax, ay, s, bx, by, t))
+
+
+@inlined
+def _extent(record):  # type: ignore[no-untyped-def]
+    """The frame (x, y, X, Y) [m] of all ways that there are, and from when to when they go [s]."""
+    path = record.path
+    x, y, begin, far_x, far_y, end = math.inf, math.inf, math.inf, -math.inf, -math.inf, -math.inf
+    for i in range(path.shape[0]):
+        if record.cost[i] < np.inf:
+            x, far_x = min(x, path[i, 0], path[i, 3]), max(far_x, path[i, 0], path[i, 3])
+            y, far_y = min(y, path[i, 1], path[i, 4]), max(far_y, path[i, 1], path[i, 4])
+            begin, end = min(begin, path[i, 2]), max(end, path[i, 5])
+    return (x, y, far_x, far_y), begin, end
 
 
 @kernel
 def _judge(record, into_goal, around, status, enters):  # type: ignore[no-untyped-def]
     unsure, path = 0, record.path
+    (frame, begin, end), listed = _extent(record), np.empty(around.traffic.J, np.int64)
+    count = list_passed(around.traffic, frame, begin, end, listed) if begin <= end else 0
     for i in range(status.shape[0]):
         if not record.cost[i] < np.inf:
             status[i], enters[i] = BLOCKED, False
@@ -137,7 +149,9 @@ def _judge(record, into_goal, around, status, enters):  # type: ignore[no-untype
             bx, by, t = ax + share * (bx - ax), ay + share * (by - ay), s + share * (t - s)
             path[i, 3], path[i, 4], path[i, 5] = bx, by, t
             record.cost[i] *= share
-        status[i] = free_leg(around, ax, ay, s, bx, by, t)
+        status[i] = certify_way(around.field, ax, ay, bx, by)
+        if status[i] != BLOCKED:
+            status[i] = min(status[i], certify_some(around.traffic, listed, count, ax, ay, s, bx, by, t))
         unsure += status[i] == UNSURE
     return unsure
 

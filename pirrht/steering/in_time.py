@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Mover
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
@@ -216,9 +218,7 @@ class InTime(Steering):
 
     def horizon(self, scene: Scene) -> float:
         """Until when draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
-        motions = [mover.motion for mover in scene.movers]
-        last = max((float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), default=0.0)
-        return max(last, 0.0) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
+        return _last(scene.movers) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
         """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then."""
@@ -231,6 +231,13 @@ class InTime(Steering):
         if self.drives:
             return found
         return replace(found, controls=np.zeros((len(found.durations), self.m)), slack=self.slack)
+
+
+@lru_cache(maxsize=4)  # asked for by every draw
+def _last(movers: tuple[Mover, ...]) -> float:
+    """When the last of motions ends, or their first lap [s]."""
+    motions = [mover.motion for mover in movers]
+    return max(0.0, *(float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), 0.0)
 
 
 def homology_of(problem: Problem, space: FreeSpace) -> Homology | TimedHomology:

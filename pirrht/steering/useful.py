@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.jit import jitable, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
@@ -64,12 +65,44 @@ class Useful(NamedTuple):
 
     def cost(self, x: float, y: float, t: float) -> float:
         """Of a way over a place at a time, at least [cost]."""
-        since = t - self.begin
-        return self.q * since + 0.5 * self.r * self.away(x, y) ** 2 / max(since, 1e-9) + self.meter * self.ahead(x, y)
+        return float(_cost(self, x, y, t))  # type: ignore[no-untyped-call]
 
     def __call__(self, x: float, y: float, t: float) -> bool:
         """Whether it is little enough."""
-        return t > self.begin and self.cost(x, y, t) <= self.most
+        return bool(_is_of_use(self, x, y, t))  # type: ignore[no-untyped-call]
+
+
+@jitable
+def _cost(useful, x, y, t):  # type: ignore[no-untyped-def]
+    """What `Useful.cost` says."""
+    since = t - useful.begin
+    away = (x - useful.start[0]) ** 2 + (y - useful.start[1]) ** 2
+    ahead = math.hypot(useful.goal[0] - x, useful.goal[1] - y)
+    return useful.q * since + 0.5 * useful.r * away / max(since, 1e-9) + useful.meter * ahead
+
+
+@jitable
+def _is_of_use(useful, x, y, t):  # type: ignore[no-untyped-def]
+    """Whether a place at a time costs little enough."""
+    return t > useful.begin and _cost(useful, x, y, t) <= useful.most
+
+
+@kernel
+def _first_of_use(useful, numbers, frame, radius, chances, out):  # type: ignore[no-untyped-def]
+    """Write the first place and time (3,) of use that `chances` (k, 3) lead to; whether there is one.
+
+    They are uniform in a frame (x, y, X, Y) [m] off a goal of a radius [m], and in the time that is left.
+    """
+    x, y, far_x, far_y = frame
+    for i in range(chances.shape[0]):
+        px, py = x + (far_x - x) * chances[i, 0], y + (far_y - y) * chances[i, 1]
+        soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / numbers[2]
+        t = useful.begin + soonest + chances[i, 2] * max(useful.most / useful.q - soonest, 0.0)
+        inside = x < px < far_x and y < py < far_y
+        if inside and _is_of_use(useful, px, py, t) and math.hypot(useful.goal[0] - px, useful.goal[1] - py) > radius:
+            out[0], out[1], out[2] = px, py, t
+            return True
+    return False
 
 
 def drawn(numbers: tuple[float, ...], space: FreeSpace, origin: Array, rng: np.random.Generator) -> Array | None:
@@ -81,17 +114,16 @@ def drawn(numbers: tuple[float, ...], space: FreeSpace, origin: Array, rng: np.r
     (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
     beside, chance = J > 0 and rng.random() < BESIDE, rng.random()
     useful = Useful.of(numbers, scene, origin, 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3))
-    for a, b, c in rng.random((TRIES, 3)).tolist():
-        if beside:
-            j, t = int(rng.integers(J)), useful.begin + c * useful.latest(0.0)
-            x, y, _ = scene.movers[j].motion.pose_at(t)
-            angle = 2.0 * math.pi * a
-            away = space.traffic.radius[j] + b**2 * NEAR * scene.robot_radius
-            x, y = x + away * math.cos(angle), y + away * math.sin(angle)
-        else:
-            x, y = left + (right - left) * a, low + (high - low) * b
-            soonest = useful.away(x, y) / numbers[2]
-            t = useful.begin + soonest + c * useful.latest(soonest)
+    chances = rng.random((TRIES, 3))
+    if not beside:
+        found, frame = np.empty(3), (left, low, right, high)
+        return found if _first_of_use(useful, numbers, frame, scene.goal.radius, chances, found) else None
+    for a, b, c in chances.tolist():
+        j, t = int(rng.integers(J)), useful.begin + c * useful.latest(0.0)
+        x, y, _ = scene.movers[j].motion.pose_at(t)
+        angle = 2.0 * math.pi * a
+        away = space.traffic.radius[j] + b**2 * NEAR * scene.robot_radius
+        x, y = x + away * math.cos(angle), y + away * math.sin(angle)
         inside = left < x < right and low < y < high
         if inside and useful(x, y, t) and useful.ahead(x, y) > scene.goal.radius:
             return np.array([x, y, t])

@@ -14,12 +14,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.addresses import load_float64
+from pirrht.compiled.addresses import load_float64, load_int64
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.geometry.arcs import turns_of_chord
+from pirrht.geometry.spans import BOX, span_at
 from pirrht.topology.cuts import straight_turns
 from pirrht.topology.homology import Homology, hash_weights
-from pirrht.topology.moving import MovingHomology, lane_of, next_place, place_at, turns_of_step
+from pirrht.topology.moving import (
+    LONG,
+    MovingHomology,
+    crossings_of_step,
+    lane_of,
+    place_at,
+    turns_of_step,
+)
 
 BESIDE = 1e-9  # a marker must be farther than this from a triangle to lie outside of it [m^2]
 
@@ -92,17 +99,12 @@ def base_turns(tracks, j, gx, gy, speed, x, y, t):  # type: ignore[no-untyped-de
     return turns_of_step(tracks, j, x, y, t, gx, gy, t + math.hypot(gx - x, gy - y) / speed)
 
 
-@inlined
-def _waits(tracks, j, gx, gy, begin, end):  # type: ignore[no-untyped-def]
-    """Turn about marker j of waiting at the goal from one time to another [s]; the negative of it to an earlier one."""
-    if begin <= end:
-        return turns_of_step(tracks, j, gx, gy, begin, gx, gy, end)
-    return -turns_of_step(tracks, j, gx, gy, end, gx, gy, begin)
-
-
 @kernel
 def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyped-def]
     """What a straight edge in space and time adds about moving marker j to the class of its head, a whole number.
+
+    Seen from the marker the edge, the base of its head and the base of its tail backwards are closed: that winds as
+    often as it crosses one ray.
 
     Args:
         tracks: of the markers (`Tracks`).
@@ -116,48 +118,52 @@ def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyp
     (ax, ay, s), (bx, by, t) = a, b
     arrives = s + math.hypot(gx - ax, gy - ay) / speed
     late = t if to_goal else t + math.hypot(gx - bx, gy - by) / speed
-    if beside(tracks, j, ax, ay, bx, by, gx, gy, s, max(arrives, late)):
+    until = max(arrives, late)
+    if beside(tracks, j, ax, ay, bx, by, gx, gy, s, until):
         return 0
-    total = turns_of_step(tracks, j, ax, ay, s, bx, by, t) - base_turns(tracks, j, gx, gy, speed, ax, ay, s)
-    total -= _waits(tracks, j, gx, gy, arrives, late)
-    if to_goal:
-        mx, my = place_at(tracks, j, t)
-        total += turns_of_chord(bx - mx, by - my, gx - mx, gy - my)
-    else:
-        total += base_turns(tracks, j, gx, gy, speed, bx, by, t)
-    return math.floor(total + 0.5)
+    mx, my = place_at(tracks, j, s)
+    fx, fy = ax - mx, ay - my
+    one, x, y = crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy)
+    two, x, y = crossings_of_step(tracks, j, bx, by, t, gx, gy, late, x, y)
+    three, _, _ = crossings_of_step(tracks, j, gx, gy, late, gx, gy, until, x, y)
+    back, x, y = crossings_of_step(tracks, j, ax, ay, s, gx, gy, arrives, fx, fy)
+    again, _, _ = crossings_of_step(tracks, j, gx, gy, arrives, gx, gy, until, x, y)
+    return one + two + three - back - again
 
 
 @kernel
 def beside(tracks, j, ax, ay, bx, by, gx, gy, s, t):  # type: ignore[no-untyped-def]
-    """Whether moving marker j is on the far side of one side of the triangle a, b, g [m] all the time from s to t [s].
+    """Whether moving marker j is surely beyond one side of the triangle a, b, g [m] all the time from s to t [s].
 
     What moves inside the triangle meanwhile and comes back has then turned about it by nothing.
     """
-    begin, end, period = lane_of(tracks, j)
-    k, last = begin, end
-    if period == 0.0:
-        k = next_place(tracks, begin, end, s)
-        last = k
-        while last < end and load_float64(tracks.time, last) < t:
-            last += 1
-    px, py = place_at(tracks, j, s)
-    qx, qy = place_at(tracks, j, t)
-    for side in range(3):
-        ux, uy, vx, vy, wx, wy = ax, ay, bx, by, gx, gy
-        if side == 1:
-            ux, uy, vx, vy, wx, wy = bx, by, gx, gy, ax, ay
-        elif side == 2:
-            ux, uy, vx, vy, wx, wy = gx, gy, ax, ay, bx, by
-        nx, ny = uy - vy, vx - ux
-        inner = nx * (wx - ux) + ny * (wy - uy)
-        if inner > 0.0:
-            nx, ny = -nx, -ny
-        far = min(nx * (px - ux) + ny * (py - uy), nx * (qx - ux) + ny * (qy - uy))
-        i = k
-        while far > BESIDE and i < last:
-            far = min(far, nx * (load_float64(tracks.x, i) - ux) + ny * (load_float64(tracks.y, i) - uy))
-            i += 1
-        if far > BESIDE:
-            return True
+    first = _far_side(ax, ay, bx, by, gx, gy)
+    second, third = _far_side(bx, by, gx, gy, ax, ay), _far_side(gx, gy, ax, ay, bx, by)
+    begin, _, period = lane_of(tracks, j)
+    box, last = load_int64(tracks.first_box, j), load_int64(tracks.first_box, j + 1)
+    now, one, two, three = s, True, True, True
+    while one or two or three:
+        i, left = span_at(now - load_float64(tracks.time, begin), period, last - box, LONG)
+        at = tracks.boxes + 8 * BOX * (box + i)
+        one, two, three = one and _beyond(first, at), two and _beyond(second, at), three and _beyond(third, at)
+        now += left
+        if now > t:
+            return one or two or three
     return False
+
+
+@inlined
+def _far_side(ux, uy, vx, vy, wx, wy):  # type: ignore[no-untyped-def]
+    """The line through u and v [m] as numbers a, b, c: a x + b y - c [m^2] is positive where w [m] is not."""
+    nx, ny = uy - vy, vx - ux
+    if nx * (wx - ux) + ny * (wy - uy) > 0.0:
+        nx, ny = -nx, -ny
+    return nx, ny, nx * ux + ny * uy
+
+
+@inlined
+def _beyond(line, box):  # type: ignore[no-untyped-def]
+    """Whether all of a box, at its address, is where a line's number (`_far_side`) is positive beyond rounding."""
+    a, b, c = line
+    x, y = load_float64(box, 0 if a > 0.0 else 2), load_float64(box, 1 if b > 0.0 else 3)
+    return a * x + b * y - c > BESIDE

@@ -25,11 +25,13 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, World
+from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.topology.homology import integers
 from pirrht.topology.obstacles import components
 
 PLANE = 1e3  # half the side of the plane in which a body is looked at on its own [m]
 ASIDE = np.array([1.7e-3, -2.9e-3])  # markers from the middle of what they mark [robot radii]
+LONG = 2.0  # span of time of the boxes that markers are in [s]
 OFF = 0.25  # a marker's way may be replaced by its chord if that is off by so many robot radii
 
 
@@ -45,6 +47,8 @@ class Lanes(NamedTuple):
     x: int  # address of float64 (k,) [m]
     y: int  # address of float64 (k,) [m]
     period: int  # address of float64 (J,): after which a marker's track starts over [s]; 0 where it does not
+    boxes: int  # address of float64 (l, BOX): where each is within LONG seconds of its clock, that begins with it
+    first_box: int  # address of int64 (J + 1,): where the boxes of each begin
 
 
 class Tracks(Lanes):
@@ -57,7 +61,12 @@ class Tracks(Lanes):
         """Those of ways (k, 3) of times [s] and places [m], which start over after periods [s] that are not 0."""
         every = np.vstack([np.zeros((0, 3)), *ways])
         columns = (np.ascontiguousarray(column) for column in every.T)
-        arrays = np.cumsum([0, *map(len, ways)]).astype(np.int64), *columns, np.array(periods, dtype=float)
+        begun = [way - [way[0, 0], 0.0, 0.0] for way in ways]
+        boxes = [boxes_of(way, repeat=again > 0.0, span=LONG) for way, again in zip(begun, periods, strict=True)]
+        firsts = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (ways, boxes))
+        first, first_box = firsts
+        every_box = np.ascontiguousarray(np.vstack([np.zeros((0, BOX)), *boxes]))
+        arrays = first, *columns, np.array(periods, dtype=float), every_box, first_box
         tracks = cls(len(ways), *(array.ctypes.data for array in arrays))
         tracks.arrays = arrays
         return tracks
@@ -153,9 +162,7 @@ def lane_of(tracks, j):  # type: ignore[no-untyped-def]
 def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """Turn [turns] about marker j of a step that goes straight from (ax, ay) [m] at s to (bx, by) at t >= s [s]."""
     begin, end, period = lane_of(tracks, j)
-    shift = 0.0
-    if period > 0.0 and s > load_float64(tracks.time, begin):
-        shift = math.floor((s - load_float64(tracks.time, begin)) / period) * period
+    shift = shift_of(tracks, begin, period, s)
     k = next_place(tracks, begin, end, s - shift)
     mx, my = _place(tracks, begin, end, k, s - shift)
     fx, fy = ax - mx, ay - my
@@ -176,6 +183,54 @@ def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-d
             gx, gy = px - load_float64(tracks.x, begin), py - load_float64(tracks.y, begin)
             total += turns_of_chord(fx, fy, gx, gy)  # nothing but where the body jumps
             fx, fy = gx, gy
+
+
+@kernel
+def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy):  # type: ignore[no-untyped-def]
+    """How often a straight step, seen from marker j, crosses the ray to the left, counter-clockwise less clockwise.
+
+    It goes from (ax, ay) [m] at s to (bx, by) at t >= s [s], and is seen at (fx, fy) [m] first. Returns that, and where
+    it is seen at last (x, y) [m]: a whole number only of steps that are closed.
+    """
+    begin, end, period = lane_of(tracks, j)
+    shift = shift_of(tracks, begin, period, s)
+    k, count = next_place(tracks, begin, end, s - shift), 0
+    pace = 1.0 / (t - s) if t > s else 0.0
+    while True:
+        knot = load_float64(tracks.time, k) + shift if k < end else math.inf
+        if knot >= t:
+            mx, my = _place(tracks, begin, end, k, t - shift)
+            px, py = bx - mx, by - my
+            return count + _crossing(fx, fy, px, py), px, py
+        share = (knot - s) * pace
+        x, y = ax + share * (bx - ax), ay + share * (by - ay)
+        px, py = x - load_float64(tracks.x, k), y - load_float64(tracks.y, k)
+        count += _crossing(fx, fy, px, py)
+        fx, fy, k = px, py, k + 1
+        if k == end and period > 0.0:  # the body jumps
+            k, shift = begin + 1, shift + period
+            px, py = x - load_float64(tracks.x, begin), y - load_float64(tracks.y, begin)
+            count += _crossing(fx, fy, px, py)
+            fx, fy = px, py
+
+
+@inlined
+def _crossing(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """1 if the way from a to b [m] crosses the ray from the origin to the left counter-clockwise, -1 if clockwise."""
+    if (ay >= 0.0) == (by >= 0.0):
+        return 0
+    turned = ax * by - ay * bx
+    if ay >= 0.0:
+        return 1 if turned > 0.0 else 0
+    return -1 if turned < 0.0 else 0
+
+
+@inlined
+def shift_of(tracks, begin, period, t):  # type: ignore[no-untyped-def]
+    """How much later than its first lap the one is that a track, whose places begin there, is on at t [s]."""
+    if period == 0.0 or not t > load_float64(tracks.time, begin):
+        return 0.0
+    return math.floor((t - load_float64(tracks.time, begin)) / period) * period
 
 
 @inlined
