@@ -65,15 +65,15 @@ class Useful(NamedTuple):
 
     def cost(self, x: float, y: float, t: float) -> float:
         """Of a way over a place at a time, at least [cost]."""
-        return float(_cost(self, x, y, t))  # type: ignore[no-untyped-call]
+        return _cost(self, x, y, t)
 
     def __call__(self, x: float, y: float, t: float) -> bool:
         """Whether it is little enough."""
-        return bool(_is_of_use(self, x, y, t))  # type: ignore[no-untyped-call]
+        return _is_of_use(self, x, y, t)
 
 
 @jitable
-def _cost(useful, x, y, t):  # type: ignore[no-untyped-def]
+def _cost(useful: Useful, x: float, y: float, t: float) -> float:
     """What `Useful.cost` says."""
     since = t - useful.begin
     away = (x - useful.start[0]) ** 2 + (y - useful.start[1]) ** 2
@@ -82,7 +82,7 @@ def _cost(useful, x, y, t):  # type: ignore[no-untyped-def]
 
 
 @jitable
-def _is_of_use(useful, x, y, t):  # type: ignore[no-untyped-def]
+def _is_of_use(useful: Useful, x: float, y: float, t: float) -> bool:
     """Whether a place at a time costs little enough."""
     return t > useful.begin and _cost(useful, x, y, t) <= useful.most
 
