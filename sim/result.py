@@ -9,9 +9,12 @@ import numpy as np
 
 from pirrht.estimation.estimate import Estimate
 from pirrht.freespace import FreeSpace
+from pirrht.topology.homology import Homology
+from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
+from sim.drawing.sides import passing
 from sim.drive.truth import Truth
 from sim.scenario import Scenario
 
@@ -25,8 +28,10 @@ def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
     ]
 
 
-def classes_json(references: Sequence[Reference], ids: Sequence[str] | None = None) -> list[dict[str, Any]]:
-    """The classes, cheapest first."""
+def classes_json(
+    references: Sequence[Reference], ids: Sequence[str] | None = None, homology: Homology | TimedHomology | None = None
+) -> list[dict[str, Any]]:
+    """The classes, cheapest first; with a homology in time also how each passes the bodies that move."""
     return [
         {
             "id": name,
@@ -34,6 +39,7 @@ def classes_json(references: Sequence[Reference], ids: Sequence[str] | None = No
             "signature": r.signature.tolist(),
             "cost": r.cost,
             "length": r.length,
+            **({"bodies": passing(r, homology)} if isinstance(homology, TimedHomology) else {}),
         }
         for r, name in zip(references, ids or [r.id for r in references], strict=True)
     ]
@@ -81,7 +87,7 @@ def plan_json(
         "fcl_calls": scenario.space.collision.calls,
         "obstacles": obstacles_json(scenario.space),
         "movers": list(scenario.space.moving.names),
-        "classes": classes_json(references),
+        "classes": classes_json(references, homology=scenario.homology),
         "passages": passages,
         **watched,
     }

@@ -201,11 +201,19 @@ class Scenario:
         Raises:
             OptionError: bodies are to be foretold, and the law knows how they move.
         """
-        if self.moving and self.settings.predict != "known":
-            raise OptionError(f"--predict {self.settings.predict}: the optimal law knows how bodies move; leave it out")
+        self.refuse_foretold()
         self._refuse_unsolved(None)
         truth = truth or Desirability.of(self.problem, self.space, progress=progress)
         return Optimal(truth, self.sampling)
+
+    def refuse_foretold(self) -> None:
+        """Refuse bodies whose motions are to be foretold, for the optimal law, which knows them.
+
+        Raises:
+            OptionError: they are.
+        """
+        if self.moving and self.settings.predict != "known":
+            raise OptionError(f"--predict {self.settings.predict}: the optimal law knows how bodies move; leave it out")
 
     def _refuse_unsolved(self, dt: float | None) -> None:
         """Refuse by its public name a robot that no grid serves.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 
 import numpy as np
 
@@ -56,7 +56,13 @@ class Loop:
         self.goal = (*scene.goal.center.tolist(), scene.goal.radius)
 
     def start(self, time: float) -> None:
-        """Set the clock [s]."""
+        """Set the clock [s].
+
+        Raises:
+            OptionError: that is no time of a drive.
+        """
+        if not 0.0 <= time < inf:
+            raise OptionError(f"the time is {time:g} s; a drive's clock begins at 0, or at a later number of seconds")
         self._begun, self.steps = time, 0  # steps since then; while one is made and judged it counts
 
     @property

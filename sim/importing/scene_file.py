@@ -88,11 +88,12 @@ def import_world(
             do not fit, or the target cannot be written. The target is then as it was.
     """
     source, target = Path(source), Path(target)
-    why = why_unreadable(source)
+    moves, why = motion or source.suffix.lower() in dynabarn.SUFFIXES, why_unreadable(source)
     if why is not None:
-        raise SceneError(f"{source}: it {why}, so it cannot be read; give an SDF world file or the YAML file of a map")
+        what = "the JSON file of a set of motions" if moves else "an SDF world file or the YAML file of a map"
+        raise SceneError(f"{source}: it {why}, so it cannot be read; give {what}")
     check_target(source, target)
-    if motion or source.suffix.lower() in dynabarn.SUFFIXES:
+    if moves:
         if unknown is not None:
             raise OptionError("--unknown is for maps, and this is a file of motions; leave it out")
         return dynabarn.import_motions(source, target, number=number, start=start, goal=goal, workspace=workspace)

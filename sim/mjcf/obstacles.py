@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.scene import Kind, Obstacle
 from sim.mjcf.coordinates import GROUND
-from sim.mjcf.numbers import refuse_far
+from sim.mjcf.numbers import MOTION, refuse_far
 
 Mask = NDArray[np.bool_]
 
@@ -103,9 +103,12 @@ def _refuse_moving(model: mujoco.MjModel, robot: Mask, path: Path) -> None:
     for body in np.flatnonzero(model.body_jntnum > 0):
         if int(body) not in own:
             joint = model.joint(model.body_jntadr[body])
+            kind = mujoco.mjtJoint(int(joint.type[0])).name.removeprefix("mjJNT_").lower()
+            which = f'joint "{joint.name}"' if joint.name else f"a {kind} joint"
+            name = model.body(body).name
             raise SceneError(
-                f'{path}: body "{model.body(body).name}" moves by joint "{joint.name}"; '
-                "obstacles must be static: remove its joints"
+                f'{path}: body "{name}" moves by {which}; obstacles stand, or move by rows: remove its joints, and if '
+                f'it is to move write <body mocap="true" ...> and a numeric "{MOTION}{name or "NAME"}"'
             )
     if model.nflex:
         raise SceneError(f'{path}: flex "{model.flex(0).name}" deforms; obstacles must be static: remove it')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from sim.cli.tables import class_table
+from sim.result import classes_json
 from sim.scenario import prepare
 
 
@@ -14,9 +15,12 @@ def test_classes_among_bodies_are_told_by_how_they_pass_each():
     told = {line.split()[0]: line for line in lines[2:]}
     assert "crosser: before" in told["0"]
     assert "crosser: behind" in told["1"]
+    known = {row["id"]: row["bodies"] for row in classes_json(references, homology=scenario.homology)}
+    assert known == {"0": ["crosser: before"], "1": ["crosser: behind"]}
 
 
 def test_where_nothing_moves_classes_are_told_by_h():
     scenario = prepare("slit", given={"vertices": 100})
     references = scenario.references(scenario.grown_tree())
     assert class_table(references, None, scenario.homology) == class_table(references)
+    assert "bodies" not in classes_json(references, homology=scenario.homology)[0]

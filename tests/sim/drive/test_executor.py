@@ -18,6 +18,7 @@ from pirrht.systems.unicycle import Unicycle
 from sim.drive.executor import Analytic, Executor, commanded_rate
 from sim.drive.room import Room
 from sim.mjcf import Loaded, load
+from sim.scenario import prepare
 
 QUIET = 1e-12  # a noise level that is as good as none
 STEP = 0.002
@@ -291,3 +292,10 @@ def test_collision_counts_before_the_goal(tmp_path):
     goal = (1.0, 0.0, 0.495)  # reached at 0.505, and the wall at 0.5
     assert drive_right(tmp_path, 0.495, goal, world=WALL, speed=10.0).outcome is Outcome.COLLISION
     assert drive_right(tmp_path, 0.495, goal, speed=10.0).outcome is Outcome.GOAL
+
+
+@pytest.mark.parametrize("time", [-1.0, np.nan, np.inf])
+def test_a_clock_begins_at_no_impossible_time(time):
+    plant = prepare("crossing").plant()
+    with pytest.raises(OptionError, match="a drive's clock begins at 0"):
+        plant.reset(np.array([1.0, 2.5]), time=time)

@@ -234,6 +234,8 @@ def test_the_command_line_imports_a_world(tmp_path, capsys):
     assert len(load(target).scene.movers) == 2
     assert main(["import", "--motion", str(source), "--world", "1", "-o", str(target)]) == 2
     assert "no world 1" in capsys.readouterr().err
+    assert main(["import", "--motion", str(tmp_path / "none.json"), "-o", str(target)]) == 2
+    assert "give the JSON file of a set of motions" in capsys.readouterr().err
 
 
 @pytest.mark.slow

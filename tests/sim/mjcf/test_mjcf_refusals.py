@@ -55,7 +55,11 @@ BAD_SCENES = {
         mjcf(SITES + '<geom type="hfield" hfield="hills"/>', head=FIELD),
         "geom number 0",
     ),
-    "joint": (mjcf(SITES + JOINT), 'body "swing"'),
+    "joint": (mjcf(SITES + JOINT), 'body "swing" moves by joint "hinge"'),
+    "joint without a name": (
+        mjcf(SITES + JOINT.replace('joint name="hinge"', "freejoint")),
+        'body "swing" moves by a free joint; obstacles stand, or move by rows',
+    ),
     "unknown default": (
         mjcf(SITES, head='<custom><numeric name="pirrht_nois" data="1"/></custom>'),
         '"pirrht_nois"',
