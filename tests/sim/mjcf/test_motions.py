@@ -86,7 +86,7 @@ def test_a_built_in_scene_has_the_geometry_of_its_definition(name):
     for mover in scene.movers:
         [solid] = mover.solids
         np.testing.assert_allclose(solid.position, [0, 0, 0.2])
-        size = [0.08, 0.4, 0.2] if name == "closing_door" else [0.3, 0.2, 0.0]
+        size = [0.08, 0.4, 0.198] if name == "closing_door" else [0.3, 0.2, 0.0]
         np.testing.assert_allclose(solid.size, size)
     np.testing.assert_allclose([*scene.goal.center, scene.goal.radius], goal)
     np.testing.assert_allclose([*scene.start[:2], *scene.lower, *scene.upper], [1, 2.5, 0, 0, 6, 5])
