@@ -52,14 +52,7 @@ def certify_way(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @kernel
 def certify_leg(traffic, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """FREE, BLOCKED or UNSURE for the straight way from (ax, ay) [m] at s [s] to (bx, by) at t, by all of `Traffic`."""
-    verdict = FREE
-    for j in range(traffic.J):
-        one = certify_past(traffic, j, ax, ay, s, bx, by, t)
-        if one == BLOCKED:
-            return BLOCKED
-        if one == UNSURE:
-            verdict = UNSURE
-    return verdict
+    return certify_some(traffic, None, traffic.J, ax, ay, s, bx, by, t)
 
 
 @kernel
@@ -76,10 +69,10 @@ def list_passed(traffic, frame, begin, end, listed):  # type: ignore[no-untyped-
 
 @kernel
 def certify_some(traffic, listed, count, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
-    """What `certify_leg` says where no body but the first so many of `listed` comes near."""
+    """The same by the first so many bodies of a list, or of all where there is none."""
     verdict = FREE
     for k in range(count):
-        one = certify_past(traffic, listed[k], ax, ay, s, bx, by, t)
+        one = certify_past(traffic, k if listed is None else listed[k], ax, ay, s, bx, by, t)
         if one == BLOCKED:
             return BLOCKED
         if one == UNSURE:
