@@ -17,7 +17,8 @@ from pirrht.geometry.bodies import clearance_from
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
 from pirrht.topology.cuts import straight_turns
 from pirrht.topology.homology import Homology
-from pirrht.topology.moving import MovingHomology, turns_of_step
+from pirrht.topology.moving import MovingHomology
+from pirrht.topology.tracks import turns_of_step
 
 
 def classes_of(

@@ -14,6 +14,7 @@ motion        bodies that move and how; crowd: how far they are as FCL says, and
 bodies        distances in the frames of bodies, in closed form or from tables; traffic: the same as kernels ask
 moving_walls  the walls of bodies that are near; listed: which are, along one path
 sweeps        what surely passes bodies that move: straight ways in space and time
+spans         where bodies are within spans of time, as boxes, which rule far ones out
 arcs          curves of arcs and straight pieces, and the angle of a chord, absmin of section IV-A
 arena         field and goal together: what a path asks about the world
 

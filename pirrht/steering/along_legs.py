@@ -21,7 +21,7 @@ from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.cuts import Cuts, crossed
 from pirrht.topology.in_time import TimedHomology, whole_turns, write_straight
-from pirrht.topology.moving import Tracks
+from pirrht.topology.tracks import Tracks
 
 
 class TimedSurroundings(NamedTuple):

@@ -4,6 +4,7 @@ obstacles     what can be wound around: components of the obstacles inflated by 
 homology      representative points zeta_l, H-signatures, and the integers that classes are
 cuts          the ray behind each marker, and which of them a segment crosses
 turns         whole turns of curves as (marker, turn) pairs, and their sums along edges
+tracks        where markers of bodies that move are, and how far steps in space and time turn about them
 moving        turns about bodies that move, of paths in space and time, and the classes that follow
 in_time       classes among markers that stand and markers that move, edge by edge
 driven        the path driven so far, which goes before every class

@@ -19,9 +19,9 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.spans import BOX, span_at
 from pirrht.topology.cuts import straight_turns
 from pirrht.topology.homology import Homology, hash_weights
-from pirrht.topology.moving import (
+from pirrht.topology.moving import MovingHomology
+from pirrht.topology.tracks import (
     LONG,
-    MovingHomology,
     crossings_of_step,
     lane_of,
     place_at,

@@ -15,7 +15,7 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel, part
 from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.moving import place_at
+from pirrht.topology.tracks import place_at
 
 PER_PIECE = 0.02  # the base is looked at so often [s]
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.moving import MovingHomology, places_at
+from pirrht.topology.moving import MovingHomology
+from pirrht.topology.tracks import places_at
 from pirrht.tree.reference import Reference
 
 MOMENTS = 60  # of a path that are looked at

@@ -1,0 +1,189 @@
+"""Where markers of bodies that move are, and how far steps in space and time turn about them, as kernels ask.
+
+A turn is the angle of the way as a marker sees it, summed up piece by piece; of steps that are closed it is whole, and
+as often as they cross one ray.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.addresses import load_float64, load_int64
+from pirrht.compiled.jit import inlined, kernel
+from pirrht.geometry.arcs import turns_of_chord
+from pirrht.geometry.spans import BOX, boxes_of
+
+LONG = 2.0  # span of time of the boxes that markers are in [s]
+
+
+class Lanes(NamedTuple):
+    """Where J markers are, as numbers and addresses that kernels can take cheaply.
+
+    They are at places at times, move straight in between, and stand still before the first and after the last.
+    """
+
+    J: int  # number of markers
+    first: int  # address of int64 (J + 1,): where the places of each begin
+    time: int  # address of float64 (k,) [s]
+    x: int  # address of float64 (k,) [m]
+    y: int  # address of float64 (k,) [m]
+    period: int  # address of float64 (J,): after which a marker's track starts over [s]; 0 where it does not
+    boxes: int  # address of float64 (l, BOX): where each is within LONG seconds of its clock, that begins with it
+    first_box: int  # address of int64 (J + 1,): where the boxes of each begin
+
+
+class Tracks(Lanes):
+    """The same together with the arrays that the addresses point to."""
+
+    arrays: tuple[Array | IntArray, ...]
+
+    @classmethod
+    def of(cls, ways: Sequence[Array], periods: Sequence[float]) -> Tracks:
+        """Those of ways (k, 3) of times [s] and places [m], which start over after periods [s] that are not 0."""
+        every = np.vstack([np.zeros((0, 3)), *ways])
+        columns = (np.ascontiguousarray(column) for column in every.T)
+        begun = [way - [way[0, 0], 0.0, 0.0] for way in ways]
+        boxes = [boxes_of(way, repeat=again > 0.0, span=LONG) for way, again in zip(begun, periods, strict=True)]
+        firsts = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (ways, boxes))
+        first, first_box = firsts
+        every_box = np.ascontiguousarray(np.vstack([np.zeros((0, BOX)), *boxes]))
+        arrays = first, *columns, np.array(periods, dtype=float), every_box, first_box
+        tracks = cls(len(ways), *(array.ctypes.data for array in arrays))
+        tracks.arrays = arrays
+        return tracks
+
+
+@inlined
+def lane_of(tracks, j):  # type: ignore[no-untyped-def]
+    """Where the places of marker j begin and end, and after which it starts over [s] (0: never)."""
+    return load_int64(tracks.first, j), load_int64(tracks.first, j + 1), load_float64(tracks.period, j)
+
+
+@kernel
+def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
+    """Turn [turns] about marker j of a step that goes straight from (ax, ay) [m] at s to (bx, by) at t >= s [s]."""
+    begin, end, period = lane_of(tracks, j)
+    shift = shift_of(tracks, begin, period, s)
+    k = next_place(tracks, begin, end, s - shift)
+    mx, my = _place(tracks, begin, end, k, s - shift)
+    fx, fy = ax - mx, ay - my
+    total, now = 0.0, s
+    while True:
+        knot = load_float64(tracks.time, k) + shift if k < end else math.inf
+        until = min(knot, t)
+        share = (until - s) / (t - s) if t > s else 1.0
+        px, py = ax + share * (bx - ax), ay + share * (by - ay)
+        mx, my = _place(tracks, begin, end, k, until - shift)
+        total += turns_of_chord(fx, fy, px - mx, py - my)
+        fx, fy, now = px - mx, py - my, until
+        if now >= t:
+            return total
+        k += 1
+        if k == end and period > 0.0:
+            k, shift = begin + 1, shift + period
+            gx, gy = px - load_float64(tracks.x, begin), py - load_float64(tracks.y, begin)
+            total += turns_of_chord(fx, fy, gx, gy)  # nothing but where the body jumps
+            fx, fy = gx, gy
+
+
+@kernel
+def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy):  # type: ignore[no-untyped-def]
+    """How often a straight step, seen from marker j, crosses the ray to the left, counter-clockwise less clockwise.
+
+    It goes from (ax, ay) [m] at s to (bx, by) at t >= s [s], and is seen at (fx, fy) [m] first. Returns that, and where
+    it is seen at last (x, y) [m]: a whole number only of steps that are closed.
+    """
+    begin, end, period = lane_of(tracks, j)
+    shift = shift_of(tracks, begin, period, s)
+    k, count = next_place(tracks, begin, end, s - shift), 0
+    pace = 1.0 / (t - s) if t > s else 0.0
+    while True:
+        knot = load_float64(tracks.time, k) + shift if k < end else math.inf
+        if knot >= t:
+            mx, my = _place(tracks, begin, end, k, t - shift)
+            px, py = bx - mx, by - my
+            return count + _crossing(fx, fy, px, py), px, py
+        share = (knot - s) * pace
+        x, y = ax + share * (bx - ax), ay + share * (by - ay)
+        px, py = x - load_float64(tracks.x, k), y - load_float64(tracks.y, k)
+        count += _crossing(fx, fy, px, py)
+        fx, fy, k = px, py, k + 1
+        if k == end and period > 0.0:  # the body jumps
+            k, shift = begin + 1, shift + period
+            px, py = x - load_float64(tracks.x, begin), y - load_float64(tracks.y, begin)
+            count += _crossing(fx, fy, px, py)
+            fx, fy = px, py
+
+
+@inlined
+def _crossing(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """1 if the way from a to b [m] crosses the ray from the origin to the left counter-clockwise, -1 if clockwise."""
+    if (ay >= 0.0) == (by >= 0.0):
+        return 0
+    turned = ax * by - ay * bx
+    if ay >= 0.0:
+        return 1 if turned > 0.0 else 0
+    return -1 if turned < 0.0 else 0
+
+
+@inlined
+def shift_of(tracks, begin, period, t):  # type: ignore[no-untyped-def]
+    """How much later than its first lap the one is that a track, whose places begin there, is on at t [s]."""
+    if period == 0.0 or not t > load_float64(tracks.time, begin):
+        return 0.0
+    return math.floor((t - load_float64(tracks.time, begin)) / period) * period
+
+
+@inlined
+def next_place(tracks, begin, end, t):  # type: ignore[no-untyped-def]
+    """The first of the places from begin to end that comes after t [s] of its own clock; `end` if none does."""
+    while begin < end:
+        middle = (begin + end) // 2
+        if load_float64(tracks.time, middle) <= t:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@inlined
+def _place(tracks, begin, end, k, t):  # type: ignore[no-untyped-def]
+    """Where a marker is at t [s] of its own clock, if place k is the next of those from begin to end."""
+    if k == begin:
+        return load_float64(tracks.x, begin), load_float64(tracks.y, begin)
+    if k >= end:
+        return load_float64(tracks.x, end - 1), load_float64(tracks.y, end - 1)
+    share = (t - load_float64(tracks.time, k - 1)) / (load_float64(tracks.time, k) - load_float64(tracks.time, k - 1))
+    x = load_float64(tracks.x, k - 1) + share * (load_float64(tracks.x, k) - load_float64(tracks.x, k - 1))
+    return x, load_float64(tracks.y, k - 1) + share * (load_float64(tracks.y, k) - load_float64(tracks.y, k - 1))
+
+
+@kernel
+def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
+    """Where marker j is at t [s], (x, y) [m]; the earlier place where it jumps at that moment."""
+    begin, end, period = lane_of(tracks, j)
+    if period > 0.0 and t > load_float64(tracks.time, begin):
+        t -= max(math.ceil((t - load_float64(tracks.time, begin)) / period) - 1.0, 0.0) * period
+    return _place(tracks, begin, end, next_place(tracks, begin, end, t), t)
+
+
+@kernel
+def places_at(tracks, times, out):  # type: ignore[no-untyped-def]
+    """Write where all markers are at times (T,) [s] to `out` (J, T, 2) [m]."""
+    for j in range(out.shape[0]):
+        for i in range(times.shape[0]):
+            out[j, i, 0], out[j, i, 1] = place_at(tracks, j, times[i])
+
+
+@kernel
+def add_turns(tracks, path, out):  # type: ignore[no-untyped-def]
+    """Add H of a path (k, 3) [m, m, s] to `out` (J,) [turns]."""
+    for j in range(out.shape[0]):
+        for k in range(path.shape[0] - 1):
+            a, b = path[k], path[k + 1]
+            out[j] += turns_of_step(tracks, j, a[0], a[1], a[2], b[0], b[1], b[2])
