@@ -27,7 +27,7 @@ UNSURE = 3.0  # by so many nats a shortfall may change before it is found anew
 HOPELESS = 16.0  # classes that promise so many nats less than another are worth only a few samples
 BEHIND = 0.5826  # deviations of a step; minus zeta(1/2) / sqrt(2 pi)
 SMALLEST = 0.2  # of the goal's disc is left of it at least
-STRAIGHT = 0.01  # bends of a way that are less are none [m]
+STRAIGHT = 1e-3  # bends of a way that are less are none: a way that cuts corners by more leads into them [m]
 
 
 class Leading:

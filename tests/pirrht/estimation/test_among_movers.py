@@ -30,6 +30,7 @@ from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.records import FINER
 from pirrht.steering.in_time import InTime
+from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.tree.homology_tree import HomologyTree
 
@@ -243,3 +244,32 @@ def test_no_step_is_split_over_which_noise_carries_a_point_by_a_hundredth_of_its
     integral = sampler(scene, b)
     least = held(integral, scene.start[:2], np.zeros(2), 1, T=3).leads.least
     assert least == pytest.approx(max(integral.sampling.dt / 300.0, (0.01 * scene.robot_radius / b) ** 2))
+
+
+def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves():
+    """Around two corners, b = 0.3, 1000 samples at 5 states, seed 8: 4 standard errors and 0.3 %, half as many effective.
+
+    What goes around corners follows the way that climbs what stands, with all of its bends.
+    """
+    scene = SCENES["closing_door"]()
+    shut = replace(scene, movers=(), obstacles=(*scene.obstacles, block("door", 3.1, 2.5, (0.08, 0.4))))
+    plans = []
+    for one in (scene, shut):
+        problem, space = Problem(dynamics=SingleIntegrator(b=0.3), scene=one, R=2.0 * np.eye(2)), FreeSpace.of(one)
+        steering = InTime() if one.movers else StraightLine.of(problem)
+        tree = HomologyTree(space, steering, limit=0.8, rng=np.random.default_rng(1))
+        tree.grow(400)
+        sampling = Sampling(samples=1000, threads=1)
+        plans.append((Controller(problem, space, tree, sampling, rng=np.random.default_rng(2)), bool(one.movers)))
+    rng = np.random.default_rng(8)
+    for x in rng.uniform([0.3, 0.3], [2.6, 3.0], (5, 2)):
+        found = []
+        for controller, moving in plans:
+            controller.begin(x, 2.0 if moving else 0.0)
+            found.append([controller.plan(x) for _ in range(2)][1].estimate)
+        among, alone = found
+        assert among is not None
+        assert alone is not None
+        error = math.hypot(among.value_error, alone.value_error)
+        assert abs(among.value - alone.value) < 4.0 * error + 3e-3 * alone.value, x
+        assert among.ess > 0.5 * alone.ess, x
