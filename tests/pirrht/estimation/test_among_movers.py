@@ -247,7 +247,7 @@ def test_no_step_is_split_over_which_noise_carries_a_point_by_a_hundredth_of_its
 
 
 def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves():
-    """Around two corners, b = 0.3, 1000 samples at 5 states, seed 8: 4 standard errors and 0.3 %, half as many effective.
+    """Around two corners, b = 0.3, 1000 samples, 5 states, seed 8: 4 standard errors and 0.3 %, half as many effective.
 
     What goes around corners follows the way that climbs what stands, with all of its bends.
     """
