@@ -23,6 +23,7 @@ BAD_INPUT, BY_SIGNAL = 2, 128  # exit statuses; a signal's number is added to th
 AGAIN = 0.1  # after which an interruption that some callback swallowed is delivered once more [s]
 WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
 _swallowed: list[int] = []  # signals that callbacks of this command have kept to themselves
+_told: list[str] = []  # lines of this command
 
 
 class Stopped(SystemExit):
@@ -48,7 +49,10 @@ def ended(command: Callable[[], int], *, process: bool = False) -> int:
             if process:
                 signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left cannot be done better by a traceback
     except (KeyboardInterrupt, Stopped) as stop:  # a second one, while the first was dealt with
-        status = stop.code if isinstance(stop, Stopped) else status  # type: ignore[assignment]
+        number = stop.number if isinstance(stop, Stopped) else signal.SIGINT
+        status = BY_SIGNAL + number
+        if not _told:
+            tell(WORDS[signal.Signals(number).name])
     return status
 
 
@@ -75,6 +79,7 @@ def tell(line: str) -> None:
     with suppress(OSError, ValueError, AttributeError):  # AttributeError: closed from the start
         sys.stderr.write(text)
         sys.stderr.flush()
+    _told.append(line)
 
 
 def _status(command: Callable[[], int]) -> int:
@@ -229,6 +234,7 @@ def _swallowed_again() -> Iterator[None]:
         start_new_thread(_deliver, (number,))
 
     _swallowed.clear()
+    _told.clear()
     sys.unraisablehook = hook
     try:
         yield

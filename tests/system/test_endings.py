@@ -111,6 +111,24 @@ def test_an_interruption_that_a_finalizer_swallows_is_delivered_again(capsys):
     assert capsys.readouterr().err == "pirrht: interrupted\n"
 
 
+def test_a_second_signal_while_the_first_is_told_leaves_one_line(capsys, monkeypatch):
+    """It strikes before the line is written: then that of the second is."""
+    write, struck = sys.stderr.write, []
+
+    def struck_once(text: str) -> int:
+        if not struck:
+            struck.append(True)
+            raise Stopped(signal.SIGTERM)
+        return write(text)
+
+    def stopped() -> int:
+        raise Stopped(signal.SIGTERM)
+
+    monkeypatch.setattr(sys.stderr, "write", struck_once)
+    assert ended(stopped) == 128 + signal.SIGTERM
+    assert capsys.readouterr().err == "pirrht: terminated\n"
+
+
 def test_what_goes_wrong_because_a_callback_swallowed_an_interruption_is_that_interruption(capsys):
     class Swallowing:
         def __del__(self) -> None:
