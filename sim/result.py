@@ -145,7 +145,7 @@ def estimate_json(
         "control_stderr": [None if e is None else e.control_error.tolist() for e in estimates],
         "ess": [None if e is None else e.ess for e in estimates],
         "doubtful": [None if e is None else e.doubtful for e in estimates],
-        "tail": [None if e is None or np.isnan(e.tail) else e.tail for e in estimates],
+        "tail": [None if e is None else _known(e.tail) for e in estimates],
         "samples": [None if e is None else sum(part.size for part in e.parts) for e in estimates],
         "class_weights": [None if e is None else e.class_weights for e in estimates],
         "class_ess": [None if e is None else e.class_ess for e in estimates],
@@ -153,6 +153,11 @@ def estimate_json(
         "classes": classes_json(references),
         "obstacles": obstacles_json(scenario.space),
     }
+
+
+def _known(value: float) -> float | None:
+    """A number, or null where there is none."""
+    return None if np.isnan(value) else value
 
 
 def _truth_json(truth: Truth, estimates: Sequence[Estimate | None]) -> dict[str, Any]:

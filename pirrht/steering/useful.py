@@ -51,10 +51,6 @@ class Useful(NamedTuple):
         (sx, sy, begin), (gx, gy) = origin.tolist(), scene.goal.center.tolist()
         return cls((sx, sy), begin, (gx, gy), q, r, meter, multiple * meter * math.hypot(gx - sx, gy - sy))
 
-    def away(self, x: float, y: float) -> float:
-        """How far a place is from the start [m]."""
-        return math.hypot(x - self.start[0], y - self.start[1])
-
     def ahead(self, x: float, y: float) -> float:
         """How far it is from the goal point [m]."""
         return math.hypot(self.goal[0] - x, self.goal[1] - y)
