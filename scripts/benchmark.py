@@ -66,6 +66,9 @@ def main() -> int:
     random.add_argument("--first-seed", type=int, default=0, help="of the scenes, which count up from it (0)")
     random.add_argument("--noises", type=float, nargs="+", metavar="b", help="levels (0.1 0.2 0.3; the robot's own)")
     random.add_argument("--at", type=float, nargs="+", action="append", metavar="X", help="a state of --scene; repeat")
+    random.add_argument(
+        "--near-goal", type=float, metavar="M", help="`calibration`: random states so near the goal's disc instead [m]"
+    )
     random.add_argument("--workers", type=int, default=1, help="processes; more than one plan on a single thread (1)")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()

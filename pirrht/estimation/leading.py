@@ -151,12 +151,18 @@ class Leading:
 
     def nearest(self, x: Array, time: float) -> float:
         """Distance of x (n,) from the nearest wall or the goal's disc at a time [s], [m]."""
-        arena = self.arena
-        near = float(np.hypot(*(x[:2] - np.array(arena.goal)))) - arena.radius
-        near = min(float(clearance(arena.field, x[0], x[1])), near)
-        if self.traffic is not None:
-            near = min(near, float(traffic_clearance(self.traffic, x[0], x[1], time)))
-        return near
+        return min(self.room(x, time), self.from_goal(x))
+
+    def room(self, x: Array, time: float) -> float:
+        """Distance of x (n,) from the nearest wall at a time [s], [m]."""
+        near = float(clearance(self.arena.field, x[0], x[1]))
+        if self.traffic is None:
+            return near
+        return min(near, float(traffic_clearance(self.traffic, x[0], x[1], time)))
+
+    def from_goal(self, x: Array) -> float:
+        """Distance of x (n,) from the goal's disc [m], negative inside."""
+        return float(np.hypot(*(x[:2] - np.array(self.arena.goal)))) - self.arena.radius
 
     def _set_back(self, x: Array) -> tuple[float, Arena]:
         """How far behind walls psi vanishes where exits are judged at the ends of steps [m], and an arena without them.

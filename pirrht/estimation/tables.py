@@ -6,11 +6,12 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.leading import Leading
+from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.following import Follow
 from pirrht.guidance.leads import Batch
 from pirrht.guidance.tracking import Guidance
-from pirrht.guidance.walls import AMONG, AVERAGED, Scales, squeezed, trust, window
+from pirrht.guidance.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
 from pirrht.guidance.ways import NODES
 from pirrht.rollouts.nearby import NO_NEARBY, REACHES, Nearby
 from pirrht.rollouts.records import FINER, LAW, Leads, MovingSetup, Setup
@@ -50,9 +51,9 @@ class Tables:
         x, times, m = batch.state, batch.times, self.problem.dynamics.m
         H, T = len(batch.proposals), len(times) - 1
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
-        longest, scales = self.sampling.window, self.leading.scales(x)
+        scales = self.leading.scales(x)
         bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
-        pointlike, shortest = self.leading.pointlike, AMONG if self._moving else AVERAGED
+        pointlike = self.leading.pointlike
         near = self.leading.nearest(x, batch.time) if pointlike else np.inf
         leads = Leads(
             control=np.zeros((H, T, m)),
@@ -65,7 +66,7 @@ class Tables:
             beyond=self.leading.beyond,
             least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
-            window=window(scales.noise, near, times, longest, shortest) if pointlike else 1,
+            window=self._window(batch, scales, near) if pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=self._laws(H, T),
             led=np.zeros(H, np.int64),
@@ -84,20 +85,34 @@ class Tables:
     def _moving(self) -> bool:
         return self.leading.traffic is not None
 
+    def _window(self, batch: Batch, scales: Scales, near: float) -> int:
+        """Leading steps over which the control of a point is averaged, `near` [m] to walls and goal.
+
+        A mean of all that paths apply is of those that are still under way, which stop short of the goal otherwise than
+        those that have arrived: it ends before these are many.
+        """
+        shortest = AMONG if self._moving else AVERAGED
+        most = window(scales.noise, near, batch.times, self.sampling.window, shortest)
+        if not self.leading.steady:
+            return most
+        times = batch.times[1 : most + 1]
+        goal = np.array(self.leading.arena.goal)
+        for _, guide in _guides(batch):
+            off = np.hypot(*(_places(guide, times) - goal).T) - self.leading.arena.radius
+            most = min(most, under_way(scales.noise, off, times))
+        return max(1, most, int(np.searchsorted(batch.times, shortest + 1e-9, side="right")) - 1)
+
     def _counted(self, batch: Batch, leads: Leads, scales: Scales) -> float:
         """Share of a law that counts in the control now as it is at the start.
 
         Of a steady point none, unless it comes so near walls meanwhile that the mean misses more than near ones take.
         """
-        if not self.leading.steady:
-            return leads.trust
-        guides = [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, Follow)]
-        if not guides:
-            return 0.0
+        guides = _guides(batch)
+        if not (self.leading.steady and guides):
+            return 0.0 if self.leading.steady else leads.trust
         _, guide = max(guides, key=lambda one: one[0])
         times = float(leads.times[leads.window]) * MOMENTS
-        places = np.stack([np.interp(times, guide.times, column) for column in guide.states.T], axis=1)
-        room = [self.leading.nearest(x, batch.time + t) for x, t in zip(places, times, strict=True)]
+        room = [self.leading.room(x, batch.time + t) for x, t in zip(_places(guide, times), times, strict=True)]
         return leads.trust * squeezed(scales.noise, np.array(room), times)
 
     def _nearby(self, batch: Batch, leads: Leads, setup: Setup | MovingSetup) -> Nearby:
@@ -108,8 +123,7 @@ class Tables:
         if d.noisy_position:
             B = d.B_c(batch.state)[: 2 - (d.n - d.rows)]
             spread = DEVIATIONS * float(np.sqrt(np.sum(B**2) * np.diff(leads.times).max()))
-        guides = [one.lead.guide for one in batch.proposals if isinstance(one.lead, Follow)]
-        ways = [np.diff(guide.states[: guide.length + 1, :2], axis=0) for guide in guides]
+        ways = [np.diff(guide.states[: guide.length + 1, :2], axis=0) for _, guide in _guides(batch)]
         way = max((float(np.hypot(*steps.T).max()) for steps in ways), default=0.0)
         reach = max(spread + FASTER * way, REACHES * leads.reach, traffic.robot)
         frame = field.left, field.low, field.right, field.high
@@ -132,6 +146,16 @@ class Tables:
         if isinstance(self.guidance, AnyGuidance):
             return np.zeros((H, T * FINER, self.guidance.law_width))
         return np.zeros((H, T, LAW))
+
+
+def _guides(batch: Batch) -> list[tuple[int, AnyGuide]]:
+    """The guides that samples follow, each after how many do."""
+    return [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, Follow)]
+
+
+def _places(guide: AnyGuide, times: Array) -> Array:
+    """Where a guide is at times (k,) [s] since the plan, (k, 2) [m]."""
+    return np.stack([np.interp(times, guide.times, column) for column in guide.states.T[:2]], axis=1)
 
 
 def _alike(one: Batch | None, other: Batch) -> bool:

@@ -28,6 +28,7 @@ AMONG = 0.01  # likewise where bodies move: a gap that closes is passed, or not,
 SHARE = 0.5  # of the time in which noise carries a path to the nearest of them
 SHARPER = 0.2  # of a rollout step's noise: nearer than that a wall pushes the robot no harder
 LOOSE, TIGHT = 1.2, 0.7  # room in deviations of noise since now, from where on walls ahead count, and all of them do
+ARRIVING = 2.5  # deviations of noise since now within which paths arrive
 CLOSING = 0.05  # the same where bodies move, since gaps that close leave a robot no room to be shy in
 
 
@@ -66,11 +67,21 @@ def trust(noise: float, near: float) -> float:
     return min(1.0, SHARE * near**2 / (noise * AMONG))
 
 
+def under_way(noise: float, off: Array, times: Array) -> int:
+    """Leading ones of some times (k,) [s] up to which hardly a path has arrived.
+
+    Args:
+        off: the goal's disc at these times, (k,) [m], on the way.
+    """
+    early = off < ARRIVING * np.sqrt(noise * times)
+    return int(np.argmax(early)) if early.any() else len(times)
+
+
 def squeezed(noise: float, room: Array, times: Array) -> float:
     """How surely walls count within some times [s] other than where one is now, from 0 to 1.
 
     Args:
-        room: to walls and goal at these times, (k,) [m], on the way.
+        room: to walls at these times, (k,) [m], on the way.
     """
     least = float(np.min(room / np.sqrt(noise * times)))
     return min(max((LOOSE - least) / (LOOSE - TIGHT), 0.0), 1.0)

@@ -25,13 +25,14 @@ import numpy as np
 from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER, summaries, text_of, truth_errors, truth_text
 from benchmarks.first_plan import first_plan
-from benchmarks.scenes import random_states, scenario_of
+from benchmarks.scenes import random_states, scenario_of, states_near_goal
 from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import OptionError
 from pirrht.exact.desirability import Desirability
+from pirrht.freespace import FreeSpace
 from sim.scenario import Scenario, prepare
 
 NOISES = (0.1, 0.2, 0.3)
@@ -50,10 +51,19 @@ class Job:
     noises: tuple[float, ...]
     threads: int | None
     check: bool  # whether truth is held against a finer grid
+    near_goal: float | None  # random states lie so near the goal's disc [m]
 
     def scenario(self) -> Scenario:
         """The scene under default settings."""
         return _scenario(self.file, self.seed, self.threads)
+
+    def places(self, space: FreeSpace) -> Array:
+        """Its states (k, 2) [m]."""
+        if self.at:
+            return np.array(self.at)
+        if self.near_goal is not None:
+            return states_near_goal(space, self.states, self.seed, self.near_goal)
+        return random_states(space, self.states, self.seed)
 
 
 def _scenario(file: str | None, seed: int, threads: int | None = None) -> Scenario:
@@ -88,6 +98,7 @@ def jobs(options: argparse.Namespace) -> list[Job]:
         "noises": tuple(options.noises or NOISES),
         "threads": 1 if options.workers > 1 else None,
         "at": tuple(map(tuple, options.at or ())),
+        "near_goal": options.near_goal,
     }
     if options.scene is not None:
         return [Job(seed=options.first_seed, file=str(options.scene), check=True, **shared)]
@@ -122,7 +133,7 @@ def looked_at(job: Job) -> Iterator[list[dict[str, Any]]]:
     """Records of a scene's states, noise by noise; the tree is grown once."""
     quiet = job.scenario()
     tree = quiet.grown_tree()
-    points = np.array(job.at) if job.at else random_states(quiet.space, job.states, job.seed)
+    points = job.places(quiet.space)
     for noise in job.noises:
         scenario = quiet.with_settings(noise=noise)
         truth = Desirability.of(scenario.problem, scenario.space)

@@ -23,7 +23,7 @@ from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
 from benchmarks.first_plan import first_plan
 from benchmarks.oblique_scene import oblique_scenario
-from benchmarks.scenes import random_states
+from benchmarks.scenes import random_states, states_near_goal
 from tqdm import tqdm
 
 from pirrht.arrays import Array
@@ -50,6 +50,7 @@ class Job:
     states: int
     plans: int
     threads: int | None
+    near_goal: float | None  # states lie so near the goal's disc [m]
 
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
@@ -77,7 +78,7 @@ def collect(options: argparse.Namespace) -> list[dict[str, Any]]:
         scenes = range(options.first_seed, options.first_seed + options.scenes)
     shared = {
         "seed": options.first_seed, "states": options.states or STATES, "plans": options.plans or PLANS,
-        "threads": 1 if options.workers > 1 else None,
+        "threads": 1 if options.workers > 1 else None, "near_goal": options.near_goal,
     }  # fmt: skip
     todo = [Job(scene=scene, noise=noise, **shared) for scene in scenes for noise in options.noises or NOISES]
     found: list[dict[str, Any]] = []
@@ -116,7 +117,10 @@ def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
     """Random places (2,) [m] and times [s] at which nothing is there."""
     last = max(float(mover.motion.rows[-1, 0]) for mover in scenario.loaded.scene.movers)
     rng, found = np.random.default_rng([job.seed, 55]), []
-    for x in random_states(scenario.space, 4 * job.states, job.seed):
+    count, near = 4 * job.states, job.near_goal
+    space = scenario.space
+    places = random_states(space, count, job.seed) if near is None else states_near_goal(space, count, job.seed, near)
+    for x in places:
         t = float(rng.uniform(0.0, last + AFTER))
         if scenario.space.crowd.clearance(x, t) > FREE:
             found.append((x, t))

@@ -157,6 +157,23 @@ def random_states(space: FreeSpace, count: int, seed: int) -> Array:
     return np.array(chosen).reshape(-1, 2)
 
 
+def states_near_goal(space: FreeSpace, count: int, seed: int, most: float) -> Array:
+    """Free positions (count, 2) [m], connected with the goal, up to `most` [m] outside of its disc, at any of these
+    distances alike.
+    """
+    rng, scene, reached = np.random.default_rng([seed, 57]), space.scene, _reached(space)
+    chosen: list[Array] = []
+    while len(chosen) < count:
+        angle, r = rng.uniform(-np.pi, np.pi), scene.goal.radius + rng.uniform(0.0, most)
+        x = scene.goal.center + r * np.array([np.cos(angle), np.sin(angle)])
+        if not np.all((x > scene.lower) & (x < scene.upper)):
+            continue
+        cell = tuple(np.rint((x - scene.lower) / space.field.spacing).astype(int))
+        if reached[cell] and space.clearance(x) > STRATA[0][0]:
+            chosen.append(x)
+    return np.array(chosen)
+
+
 def _reached(space: FreeSpace) -> BoolArray:
     """Which points of the field's grid are free and connected with the goal, (nx, ny)."""
     pieces, _ = label(space.field.arrays[0] > 0.0)

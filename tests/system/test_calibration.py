@@ -65,6 +65,15 @@ def test_states_are_free_and_a_third_each_is_near_and_far(spaces):
         assert np.all(beyond >= scenes.BESIDE)
 
 
+@pytest.mark.slow
+def test_states_near_the_goal_are_free_and_as_near_as_is_asked(spaces):
+    for seed, space in spaces.items():
+        states = scenes.states_near_goal(space, 30, seed, 0.5)
+        beyond = np.hypot(*(states - space.scene.goal.center).T) - space.scene.goal.radius
+        assert np.all((beyond > 0.0) & (beyond < 0.5))
+        assert np.all(np.array([space.clearance(x) for x in states]) > 0.0)
+
+
 def plan(v: float, u: tuple[float, float], error: float = 0.1) -> dict:
     return {"v": v, "v_error": error, "u": u, "u_error": (error, error), "ess": 10.0, "samples": 100, "ms": 1.0}
 
