@@ -17,7 +17,7 @@ from sim.mjcf import load
 SEEDS = (3, 13)
 OPTIONS = argparse.Namespace(
     part=None, scene=None, scenes=2, states=2, plans=3, first_seed=3, noises=[0.3], at=None, workers=1, png=None,
-    json=None,
+    json=None, near_goal=None,
 )  # fmt: skip
 
 
