@@ -19,6 +19,7 @@ from pirrht.geometry.sweeps import certify_leg, certify_some, certify_way, list_
 from pirrht.geometry.traffic import Traffic
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
+from pirrht.topology.bases import Bases, row_of, turns_between
 from pirrht.topology.cuts import Cuts, crossed
 from pirrht.topology.in_time import TimedHomology, whole_turns, write_straight
 from pirrht.topology.tracks import Tracks
@@ -37,6 +38,7 @@ class TimedSurroundings(NamedTuple):
     traffic: Traffic
     tracks: Tracks
     speed: float  # of bases [m/s]
+    bases: Bases  # that are kept
 
     @classmethod
     def of(cls, space: FreeSpace, homology: TimedHomology) -> TimedSurroundings:
@@ -46,6 +48,7 @@ class TimedSurroundings(NamedTuple):
         return cls(
             field=space.field, cuts=standing.cuts, markers=standing.markers, weights=homology.hash_weights,
             goal_x=x, goal_y=y, reach=reach, traffic=space.traffic, tracks=moving.tracks, speed=moving.speed,
+            bases=Bases.room(moving.J, 0),
         )  # fmt: skip
 
 
@@ -161,9 +164,16 @@ def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-
     path = record.path
     ax, ay, s, bx, by, t = path[i, 0], path[i, 1], path[i, 2], path[i, 3], path[i, 4], path[i, 5]
     count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
-    a, b, goal, standing = (ax, ay, s), (bx, by, t), (around.goal_x, around.goal_y), around.markers.shape[0]
+    goal, standing, kept = (around.goal_x, around.goal_y), around.markers.shape[0], around.bases.state.shape[0] > 0
+    one = two = 0
+    if kept and not to_goal:
+        one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
+        two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
     for j in range(around.tracks.J):
-        whole = whole_turns(around.tracks, j, goal, around.speed, a, b, to_goal)
+        if kept and not to_goal:
+            whole = turns_between(around.bases, around.tracks, j, one, two)
+        else:
+            whole = whole_turns(around.tracks, j, goal, around.speed, (ax, ay, s), (bx, by, t), to_goal)
         if whole != 0:
             marker[count], turn[count] = standing + j, whole
             count += 1

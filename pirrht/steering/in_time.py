@@ -27,6 +27,7 @@ from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import Trajectory
 from pirrht.steering.useful import drawn, offered
 from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.topology.bases import Bases
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 
@@ -167,6 +168,10 @@ class InTime(Steering):
     def surroundings(self, space: FreeSpace) -> TimedSurroundings:
         """What kernels know of a scene."""
         return TimedSurroundings.of(space, self.homology(space))
+
+    def remembering(self, around: TimedSurroundings) -> TimedSurroundings:
+        """The same, with room for the bases of a graph's vertices; for one thread at a time."""
+        return around._replace(bases=Bases.room(around.tracks.J))
 
     def vertex_of(self, x: Array) -> Array:
         """The place and the time, (..., 3) [m, m, s], of states that begin with them.

@@ -63,6 +63,10 @@ class Steering(ABC):
         """What the kernels of its motions know of an examined scene (`Surroundings`)."""
         return Surroundings.of(space)
 
+    def remembering(self, around: Any) -> Any:
+        """Such surroundings with room for what a growing graph would find again and again; for one thread at a time."""
+        return around
+
     def vertex_of(self, x: Array) -> Array:
         """What a vertex of the tree has of a state (..., n) of the system; here all of it."""
         return x

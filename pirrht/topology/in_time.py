@@ -22,7 +22,9 @@ from pirrht.topology.homology import Homology, hash_weights
 from pirrht.topology.moving import MovingHomology
 from pirrht.topology.tracks import (
     LONG,
+    crossing,
     crossings_of_step,
+    crossings_of_waiting,
     lane_of,
     place_at,
     turns_of_step,
@@ -116,19 +118,47 @@ def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyp
     """
     gx, gy = goal
     (ax, ay, s), (bx, by, t) = a, b
-    arrives = s + math.hypot(gx - ax, gy - ay) / speed
     late = t if to_goal else t + math.hypot(gx - bx, gy - by) / speed
-    until = max(arrives, late)
-    if beside(tracks, j, ax, ay, bx, by, gx, gy, s, until):
+    if beside(tracks, j, ax, ay, bx, by, gx, gy, s, max(s + math.hypot(gx - ax, gy - ay) / speed, late)):
         return 0
-    mx, my = place_at(tracks, j, s)
-    fx, fy = ax - mx, ay - my
-    one, x, y = crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy)
-    two, x, y = crossings_of_step(tracks, j, bx, by, t, gx, gy, late, x, y)
-    three, _, _ = crossings_of_step(tracks, j, gx, gy, late, gx, gy, until, x, y)
-    back, x, y = crossings_of_step(tracks, j, ax, ay, s, gx, gy, arrives, fx, fy)
-    again, _, _ = crossings_of_step(tracks, j, gx, gy, arrives, gx, gy, until, x, y)
-    return one + two + three - back - again
+    fx, fy = seen_from(tracks, j, ax, ay, s)
+    lx, ly = seen_from(tracks, j, bx, by, t)
+    base = crossings_of_base(tracks, j, goal, speed, ax, ay, s, fx, fy)
+    if to_goal:
+        head = crossings_at_goal(tracks, j, goal, t, lx, ly)
+    else:
+        head = crossings_of_base(tracks, j, goal, speed, bx, by, t, lx, ly)
+    return crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly) + head - base
+
+
+@inlined
+def seen_from(tracks, j, x, y, t):  # type: ignore[no-untyped-def]
+    """Where (x, y) [m] is seen from marker j at t [s], (x, y) [m]."""
+    mx, my = place_at(tracks, j, t)
+    return x - mx, y - my
+
+
+@kernel
+def crossings_of_base(tracks, j, goal, speed, x, y, t, fx, fy):  # type: ignore[no-untyped-def]
+    """How often the base from (x, y) [m] at t [s] crosses the ray of marker j, less who has always waited at its end.
+
+    Args:
+        goal, speed: goal point (2) [m] and speed of bases [m/s].
+        fx, fy: where it is seen first [m].
+    """
+    gx, gy = goal
+    arrives = t + math.hypot(gx - x, gy - y) / speed
+    lx, ly = seen_from(tracks, j, gx, gy, arrives)
+    way = crossings_of_step(tracks, j, x, y, t, gx, gy, arrives, fx, fy, lx, ly)
+    return way - crossings_of_waiting(tracks, j, gx, gy, arrives, lx, ly)
+
+
+@kernel
+def crossings_at_goal(tracks, j, goal, t, fx, fy):  # type: ignore[no-untyped-def]
+    """The same of who is at the goal point (2) [m] at t [s] at once, from where it is seen first (fx, fy) [m]."""
+    gx, gy = goal
+    lx, ly = seen_from(tracks, j, gx, gy, t)
+    return crossing(fx, fy, lx, ly) - crossings_of_waiting(tracks, j, gx, gy, t, lx, ly)
 
 
 @kernel

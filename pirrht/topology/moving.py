@@ -44,8 +44,11 @@ class MovingHomology:
         """Markers of bodies for a robot, a goal point (2,) [m] and the best unhindered speed [m/s]."""
         rows = [(m, point) for m in movers for point in markers_of(m, footprint)]
         ways = [_way(mover.motion, point, OFF * footprint.radius) for mover, point in rows]
-        tracks = Tracks.of(ways, [m.motion.rows[-1, 0] if m.motion.repeat else 0.0 for m, _ in rows])
-        return cls(names=tuple(m.name for m, _ in rows), tracks=tracks, goal=np.array(goal, dtype=float), speed=speed)
+        periods = [m.motion.rows[-1, 0] if m.motion.repeat else 0.0 for m, _ in rows]
+        point = np.array(goal, dtype=float)
+        return cls(
+            names=tuple(m.name for m, _ in rows), tracks=Tracks.of(ways, periods, point), goal=point, speed=speed
+        )
 
     @property
     def J(self) -> int:

@@ -33,6 +33,8 @@ class Lanes(NamedTuple):
     x: int  # address of float64 (k,) [m]
     y: int  # address of float64 (k,) [m]
     period: int  # address of float64 (J,): after which a marker's track starts over [s]; 0 where it does not
+    waited: int  # address of int64 (k,): how often who waits at the goal point until then has crossed the ray
+    lap: int  # address of int64 (J,): the same in a lap, the jump to its beginning included
     boxes: int  # address of float64 (l, BOX): where each is within LONG seconds of its clock, that begins with it
     first_box: int  # address of int64 (J + 1,): where the boxes of each begin
 
@@ -43,8 +45,12 @@ class Tracks(Lanes):
     arrays: tuple[Array | IntArray, ...]
 
     @classmethod
-    def of(cls, ways: Sequence[Array], periods: Sequence[float]) -> Tracks:
-        """Those of ways (k, 3) of times [s] and places [m], which start over after periods [s] that are not 0."""
+    def of(cls, ways: Sequence[Array], periods: Sequence[float], goal: Array) -> Tracks:
+        """Those of ways (k, 3) of times [s] and places [m], which start over after periods [s] that are not 0.
+
+        Args:
+            goal: point (2,) at which paths wait [m].
+        """
         every = np.vstack([np.zeros((0, 3)), *ways])
         columns = (np.ascontiguousarray(column) for column in every.T)
         begun = [way - [way[0, 0], 0.0, 0.0] for way in ways]
@@ -52,10 +58,22 @@ class Tracks(Lanes):
         firsts = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (ways, boxes))
         first, first_box = firsts
         every_box = np.ascontiguousarray(np.vstack([np.zeros((0, BOX)), *boxes]))
-        arrays = first, *columns, np.array(periods, dtype=float), every_box, first_box
+        crossed = [_crossed(goal - way[:, 1:]) for way in ways]
+        waited = np.concatenate([np.zeros(0, np.int64), *(each[:-1] for each in crossed)])
+        lap = np.array([each[-1] for each in crossed], dtype=np.int64)
+        arrays = first, *columns, np.array(periods, dtype=float), waited, lap, every_box, first_box
         tracks = cls(len(ways), *(array.ctypes.data for array in arrays))
         tracks.arrays = arrays
         return tracks
+
+
+def _crossed(seen: Array) -> IntArray:
+    """How often places (k, 2) that a marker sees [m] have crossed its ray until each, and back at the first: k + 1."""
+    then = np.roll(seen, -1, axis=0)
+    above, turned = seen[:, 1] >= 0.0, seen[:, 0] * then[:, 1] - seen[:, 1] * then[:, 0]
+    across = above != (then[:, 1] >= 0.0)
+    step = np.where(across & above & (turned > 0.0), 1, 0) - np.where(across & ~above & (turned < 0.0), 1, 0)
+    return np.concatenate([[0], np.cumsum(step)]).astype(np.int64)
 
 
 @inlined
@@ -92,36 +110,52 @@ def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-d
 
 
 @kernel
-def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy):  # type: ignore[no-untyped-def]
+def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly):  # type: ignore[no-untyped-def]
     """How often a straight step, seen from marker j, crosses the ray to the left, counter-clockwise less clockwise.
 
-    It goes from (ax, ay) [m] at s to (bx, by) at t >= s [s], and is seen at (fx, fy) [m] first. Returns that, and where
-    it is seen at last (x, y) [m]: a whole number only of steps that are closed.
+    It goes from (ax, ay) [m] at s to (bx, by) at t >= s [s], and is seen at (fx, fy) [m] first and at (lx, ly) last. It
+    is a whole number, which means something for steps that are closed together.
     """
     begin, end, period = lane_of(tracks, j)
     shift = shift_of(tracks, begin, period, s)
     k, count = next_place(tracks, begin, end, s - shift), 0
+    if period > 0.0:  # it may jump just now
+        mx, my = _place(tracks, begin, end, k, s - shift)
+        count += crossing(fx, fy, ax - mx, ay - my)
+        fx, fy = ax - mx, ay - my
     pace = 1.0 / (t - s) if t > s else 0.0
     while True:
         knot = load_float64(tracks.time, k) + shift if k < end else math.inf
         if knot >= t:
-            mx, my = _place(tracks, begin, end, k, t - shift)
-            px, py = bx - mx, by - my
-            return count + _crossing(fx, fy, px, py), px, py
+            return count + crossing(fx, fy, lx, ly)
         share = (knot - s) * pace
         x, y = ax + share * (bx - ax), ay + share * (by - ay)
         px, py = x - load_float64(tracks.x, k), y - load_float64(tracks.y, k)
-        count += _crossing(fx, fy, px, py)
+        count += crossing(fx, fy, px, py)
         fx, fy, k = px, py, k + 1
         if k == end and period > 0.0:  # the body jumps
             k, shift = begin + 1, shift + period
             px, py = x - load_float64(tracks.x, begin), y - load_float64(tracks.y, begin)
-            count += _crossing(fx, fy, px, py)
+            count += crossing(fx, fy, px, py)
             fx, fy = px, py
 
 
+@kernel
+def crossings_of_waiting(tracks, j, gx, gy, t, lx, ly):  # type: ignore[no-untyped-def]
+    """The same of waiting at the goal point (gx, gy) [m], from when the track begins until t [s]."""
+    begin, end, period = lane_of(tracks, j)
+    laps = 0
+    if period > 0.0 and t > load_float64(tracks.time, begin):
+        laps = max(math.ceil((t - load_float64(tracks.time, begin)) / period) - 1, 0)
+    k = next_place(tracks, begin, end, t - laps * period)
+    if k == begin:
+        return 0
+    px, py = gx - load_float64(tracks.x, k - 1), gy - load_float64(tracks.y, k - 1)
+    return laps * load_int64(tracks.lap, j) + load_int64(tracks.waited, k - 1) + crossing(px, py, lx, ly)
+
+
 @inlined
-def _crossing(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def crossing(ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """1 if the way from a to b [m] crosses the ray from the origin to the left counter-clockwise, -1 if clockwise."""
     if (ay >= 0.0) == (by >= 0.0):
         return 0

@@ -96,6 +96,7 @@ class HomologyTree:
         self.homology = self.around.homology
         self._compiled = steering.compiled
         self._grow_kernel = self._compiled and grow_with(*self._compiled[:2], steering.motion.kernels)
+        self._remembering = steering.remembering(self.around.checker.around)
         self.states = np.zeros((256, steering.n))
         self.in_goal = np.zeros(256, dtype=np.bool_)
         self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, self.homology.M)
@@ -179,8 +180,8 @@ class HomologyTree:
         """The draws from i on in compiled code: how many have been dealt with, and what comes next."""
         if self._compiled is None or self._grow_kernel is None:
             return i, ASK
-        around, numbers = self.around.checker.around, self._compiled.numbers
-        return self._grow_kernel(self._places, self._vertices, draws, i, around, numbers, self.rules)
+        numbers = self._compiled.numbers
+        return self._grow_kernel(self._places, self._vertices, draws, i, self._remembering, numbers, self.rules)
 
     def aim(self, x: Array) -> None:
         """From now on draw what is of use to a robot at x (n,), where that makes a difference (`Steering.draw`)."""

@@ -13,7 +13,9 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
+from pirrht.topology.bases import Bases, row_of, turns_between
 from pirrht.topology.in_time import TimedHomology, beside, whole_turns
+from pirrht.topology.tracks import Tracks, crossings_of_step, crossings_of_waiting, place_at
 
 STEERING = InTime()
 
@@ -90,6 +92,38 @@ def test_what_is_beside_a_triangle_all_the_time_is_not_turned_about():
                 assert round(moving.turns(np.array([a, b]))[j] + ends[0] - ends[1]) == 0
                 assert whole_turns(moving.tracks, j, goal, 1.0, tuple(a), tuple(b), False) == 0
     assert quick > 100
+
+
+def test_an_edge_between_kept_bases_turns_as_one_that_is_looked_at_alone():
+    """Also where rows are so few that states take each other's, and where states come again."""
+    space, rng = FreeSpace.of(busy(1)), np.random.default_rng(2)
+    moving, goal, turned = STEERING.homology(space).moving, (5.5, 2.5), 0
+    tracks, states = moving.tracks, np.vstack([random_path(rng)[:2] for _ in range(40)])
+    for bases in (Bases.room(moving.J, 7), Bases.room(moving.J)):
+        for _ in range(400):
+            a, b = sorted(states[rng.integers(len(states), size=2)].tolist(), key=lambda state: state[2])
+            if a == b:
+                continue
+            one = row_of(bases, tracks, goal, 1.0, *a, -1)
+            two = row_of(bases, tracks, goal, 1.0, *b, one)
+            for j in range(moving.J):
+                whole = whole_turns(tracks, j, goal, 1.0, tuple(a), tuple(b), False)
+                assert turns_between(bases, tracks, j, one, two) == whole
+                turned += whole != 0
+    assert turned > 100
+
+
+def test_crossings_of_waiting_are_those_of_steps_that_stay():
+    """From the beginning of a track through many laps, until any moment of them."""
+    goal, rng = np.array([5.5, 2.5]), np.random.default_rng(3)
+    lap = np.array([[0.0, 4.0, 2.0], [1.0, 6.0, 3.4], [2.0, 6.5, 1.0], [3.0, 3.5, 1.5], [4.0, 5.0, 3.5]])
+    for period in (0.0, 4.0):
+        tracks = Tracks.of([lap], [period], goal)
+        for t in [*rng.uniform(-1.0, 30.0, 50), 0.0, 1.0, 4.0, 8.0, 8.5]:
+            (fx, fy), (lx, ly) = (goal - place_at(tracks, 0, s) for s in (-1.0, t))
+            steps = crossings_of_step(tracks, 0, *goal, -1.0, *goal, max(t, -1.0), fx, fy, lx, ly)
+            assert crossings_of_waiting(tracks, 0, *goal, t, lx, ly) == steps, t
+        assert steps != 0
 
 
 def test_the_signature_of_a_base_is_that_of_no_whole_turn_and_classes_add_to_it():
