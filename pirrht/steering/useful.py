@@ -16,7 +16,7 @@ from pirrht.compiled.jit import jitable, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.geometry.traffic import traffic_clearance
+from pirrht.geometry.traffic import disc_of, piece_of, traffic_clearance
 
 SLOWER = 0.5  # excess of cost that half of the other draws stay below, as a share of the unhindered cost
 BESIDE = 0.3  # share of the others that lie beside a body ...
@@ -50,14 +50,6 @@ class Useful(NamedTuple):
         meter = q / pace + 0.5 * r * pace
         (sx, sy, begin), (gx, gy) = origin.tolist(), scene.goal.center.tolist()
         return cls((sx, sy), begin, (gx, gy), q, r, meter, multiple * meter * math.hypot(gx - sx, gy - sy))
-
-    def ahead(self, x: float, y: float) -> float:
-        """How far it is from the goal point [m]."""
-        return math.hypot(self.goal[0] - x, self.goal[1] - y)
-
-    def latest(self, soonest: float) -> float:
-        """How much later than a time after the start [s] anything can be of use [s]."""
-        return max(self.most / self.q - soonest, 0.0)
 
     def cost(self, x: float, y: float, t: float) -> float:
         """Of a way over a place at a time, at least [cost]."""
@@ -101,6 +93,23 @@ def _first_of_use(useful, numbers, frame, radius, chances, out):  # type: ignore
     return False
 
 
+@kernel
+def _first_beside(useful, traffic, frame, radius, chances, which, out):  # type: ignore[no-untyped-def]
+    """The same of places and times beside bodies `which` (k,), where these are then."""
+    x, y, far_x, far_y = frame
+    for i in range(chances.shape[0]):
+        t = useful.begin + chances[i, 2] * max(useful.most / useful.q, 0.0)
+        px, py, _, _, _, _, _ = piece_of(traffic, which[i], t)
+        angle = 2.0 * math.pi * chances[i, 0]
+        away = disc_of(traffic, which[i]) + chances[i, 1] ** 2 * NEAR * traffic.robot
+        px, py = px + away * math.cos(angle), py + away * math.sin(angle)
+        inside = x < px < far_x and y < py < far_y
+        if inside and _is_of_use(useful, px, py, t) and math.hypot(useful.goal[0] - px, useful.goal[1] - py) > radius:
+            out[0], out[1], out[2] = px, py, t
+            return True
+    return False
+
+
 def drawn(numbers: tuple[float, ...], space: FreeSpace, origin: Array, rng: np.random.Generator) -> Array | None:
     """A random place and time (3,) [m, m, s]; some lie beside a body that moves, where ways around it bend.
 
@@ -111,19 +120,11 @@ def drawn(numbers: tuple[float, ...], space: FreeSpace, origin: Array, rng: np.r
     beside, chance = J > 0 and rng.random() < BESIDE, rng.random()
     useful = Useful.of(numbers, scene, origin, 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3))
     chances = rng.random((TRIES, 3))
+    found, frame = np.empty(3), (left, low, right, high)
     if not beside:
-        found, frame = np.empty(3), (left, low, right, high)
         return found if _first_of_use(useful, numbers, frame, scene.goal.radius, chances, found) else None
-    for a, b, c in chances.tolist():
-        j, t = int(rng.integers(J)), useful.begin + c * useful.latest(0.0)
-        x, y, _ = scene.movers[j].motion.pose_at(t)
-        angle = 2.0 * math.pi * a
-        away = space.traffic.radius[j] + b**2 * NEAR * scene.robot_radius
-        x, y = x + away * math.cos(angle), y + away * math.sin(angle)
-        inside = left < x < right and low < y < high
-        if inside and useful(x, y, t) and useful.ahead(x, y) > scene.goal.radius:
-            return np.array([x, y, t])
-    return None
+    which = rng.integers(J, size=TRIES)
+    return found if _first_beside(useful, space.traffic, frame, scene.goal.radius, chances, which, found) else None
 
 
 def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, origin: Array) -> Array:
