@@ -213,7 +213,7 @@ class Scenario:
             OptionError: they are.
         """
         if self.moving and self.settings.predict != "known":
-            raise OptionError(f"--predict {self.settings.predict}: the optimal law knows how bodies move; leave it out")
+            raise OptionError(f"the optimal law knows how bodies move; leave out --predict {self.settings.predict}")
 
     def _refuse_unsolved(self, dt: float | None) -> None:
         """Refuse by its public name a robot that no grid serves.

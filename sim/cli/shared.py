@@ -81,7 +81,7 @@ def planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
 
 def wait(compiling: Any) -> None:
     """Until what is compiled elsewhere is there."""
-    if compiling is not None and compiling.wait() == 0:
+    if compiling is not None and warm.notice().wait(compiling) == 0:
         warm.notice().done("sample")
 
 

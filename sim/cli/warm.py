@@ -28,6 +28,7 @@ from sim.systems import BUILT_IN, System, named
 
 # Modules of kernels that take long, by which one knows whether they have been compiled.
 PLANNER, POINT, OTHERS = "extend", "block", "loops"
+LATE, SLACK, ASKED = 1.5, 5.0, 1.0  # times what was said, and so much more, is late; how often one looks [s]
 PLANNING, SAMPLING, LITTLE = 20, 15, 5  # how long they take where nothing else runs, and anything else [s]
 
 
@@ -40,6 +41,7 @@ class Notice(event.Listener):  # type: ignore[misc]
         self.work: Work | None = None  # of the system, once it is known
         self.seconds = 0.0  # that it spent compiling
         self._depth, self._began = 0, 0.0
+        self._told_at, self._late = 0.0, 0.0  # when it was said how long it takes, and when that is said again [s]
 
     def tell(self) -> None:
         """Say that kernels are being compiled; once per process."""
@@ -54,8 +56,30 @@ class Notice(event.Listener):  # type: ignore[misc]
         kept = jit.kept() and (self.work is None or self.work.key is not None)
         whose = f", most of them for {self.work.called}" if self.work is not None and own > left else ""
         often = "once" if kept else "every time"
-        tqdm.write(f"compiling kernels, {often}: about {left + own or LITTLE} s{whose}", sys.stderr)
+        seconds = left + own or LITTLE
+        self._told_at = time.perf_counter()
+        self._late = self._told_at + LATE * seconds + SLACK
+        tqdm.write(f"compiling kernels, {often}: about {seconds} s{whose}", sys.stderr)
         sys.stderr.flush()
+
+    def tell_if_late(self) -> None:
+        """Say that it takes longer than was said, and again when it has taken twice as long as that."""
+        now = time.perf_counter()
+        if not self.told or now < self._late:
+            return
+        self._late = 2.0 * now - self._told_at
+        tqdm.write(
+            f"compiling kernels, once: {now - self._told_at:.0f} s so far, others keep the machine busy", sys.stderr
+        )
+        sys.stderr.flush()
+
+    def wait(self, compiling: subprocess.Popen[bytes]) -> int:
+        """The exit status of what is compiled elsewhere; tells if it is late."""
+        while True:
+            try:
+                return compiling.wait(ASKED)
+            except subprocess.TimeoutExpired:
+                self.tell_if_late()
 
     def known(self, system: System, problem: Problem) -> None:
         """Take note of what moves."""
@@ -74,6 +98,7 @@ class Notice(event.Listener):  # type: ignore[misc]
         """A kernel is compiled, maybe for another one that is."""
         if happening.data["dispatcher"].py_func.__module__.startswith("pirrht."):
             self.tell()
+            self.tell_if_late()
         if self._depth == 0:
             self._began = time.perf_counter()
         self._depth += 1

@@ -39,13 +39,31 @@ def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
     return tuple(found)
 
 
-def passing(reference: Reference, homology: TimedHomology) -> list[str]:
-    """Each body with its side, as "walker: behind" or "door: left of it"; of many those that the path turns about."""
-    passed = list(zip(homology.moving.names, sides(reference, homology.moving), strict=True))
-    if len(passed) > FEW:
+def called(homology: TimedHomology) -> list[str]:
+    """Bodies by name, (J,); each part of one that paths may lead through with its number in names of classes."""
+    names, standing = homology.moving.names, homology.standing.M
+    return [f"{name} ({standing + j})" if names.count(name) > 1 else name for j, name in enumerate(names, 1)]
+
+
+def passed(reference: Reference, homology: TimedHomology) -> list[tuple[str, str]]:
+    """Each body with its one of SIDES; of many those that the path turns about."""
+    rows = list(zip(called(homology), sides(reference, homology.moving), strict=True))
+    if len(rows) > FEW:
         turns = reference.winding[homology.standing.M :]
-        passed = [row for row, turn in zip(passed, turns, strict=True) if turn]
-    return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in passed if side]
+        rows = [row for row, turn in zip(rows, turns, strict=True) if turn]
+    return [row for row in rows if row[1]]
+
+
+def passing(reference: Reference, homology: TimedHomology) -> list[str]:
+    """The same in words, as "walker: behind" or "door: left of it"."""
+    return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in passed(reference, homology)]
+
+
+def by_side(reference: Reference, homology: TimedHomology) -> list[str]:
+    """The same side by side, as "behind walker, cart", for where there is little room."""
+    rows = passed(reference, homology)
+    told = [(side, [name for name, own in rows if own == side]) for side in SIDES]
+    return [f"{side} {', '.join(names)}" for side, names in told if names]
 
 
 def _places(moving: MovingHomology, times: Array) -> Array:

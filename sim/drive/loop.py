@@ -61,8 +61,12 @@ class Loop:
         Raises:
             OptionError: that is no time of a drive.
         """
-        if not 0.0 <= time < inf:
-            raise OptionError(f"the time is {time:g} s; a drive's clock begins at 0, or at a later number of seconds")
+        try:
+            sound = 0.0 <= float(time) < inf
+        except (TypeError, ValueError):
+            sound = False
+        if not sound:
+            raise OptionError(f"the time is {time!r}; a drive's clock begins at 0, or at a later number of seconds")
         self._begun, self.steps = time, 0  # steps since then; while one is made and judged it counts
 
     @property

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,14 @@ from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors, title
-from sim.drawing.sides import NAMED, passing
+from sim.drawing.sides import NAMED, by_side, called, passed
 from sim.figures import moments, style
 from sim.scenario import Scenario
 
 TREE = "#9aa3ab"  # no colour of a class
+WIDE = 36  # characters of a line of the legend
+ROW = 0.15  # height of such a line [in]
+NOBODY: Mapping[str, str] = {}
 ENDINGS = (".png", ".pdf", ".svg")
 
 
@@ -31,35 +35,45 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     plt = pyplot()
     scene = scenario.loaded.scene
     size = scene.upper - scene.lower
-    figure, axes = plt.subplots(figsize=(8.0, 6.2 * float(size[1] / size[0]) + 0.8), layout="constrained")
-    sides = {reference.id: _sides(reference, tree) for reference in references}
-    draw_scene(axes, scenario, {side.split(": ")[0] for told in sides.values() for side in told})
+    high = 6.2 * float(size[1] / size[0]) + 0.8
+    figure, axes = plt.subplots(figsize=(8.0, high))  # the legend beside it may be higher; what is saved holds both
+    homology = tree.homology if isinstance(tree.homology, TimedHomology) else None
+    spoken = {} if homology is None else _spoken(references, homology)
+    draw_scene(axes, scenario, spoken)
     number_obstacles(axes, scenario)
     draw_tree(axes, tree)
     colors = ClassColors()
     colors.meet(reference.id for reference in references)
     for reference in reversed(references):
         line = reference.trajectory.points
-        axes.plot(*line[:, :2].T, color=_rgb(colors[reference.id]), lw=2.2, label=_label(reference, sides))
+        axes.plot(*line[:, :2].T, color=_rgb(colors[reference.id]), lw=2.2, label=_label(reference, homology))
     step = moments.draw(axes, scenario, references, colors) if scene.movers else 0.0
     handles, labels = axes.get_legend_handles_labels()
+    rows = sum(1 + label.count("\n") for label in labels)
     axes.legend(
         handles[::-1], labels[::-1], fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False,
-        title="class: cost", title_fontsize=8,
+        title="class: cost", title_fontsize=8, ncols=max(1, round(ROW * rows / high)),
     )  # fmt: skip
-    told = f"; dots and outlines every {step:g} s" if step else ""
+    told = f"; bodies at 0 s, dots and outlines every {step:g} s" if step else ""
     axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{told}", fontsize=10)
     _save(plt, figure, path, "--png")
 
 
-def _sides(reference: Reference, tree: HomologyTree) -> list[str]:
-    """On which side of bodies that move a class passes."""
-    return passing(reference, tree.homology) if isinstance(tree.homology, TimedHomology) else []
+def _spoken(references: Sequence[Reference], homology: TimedHomology) -> dict[str, str]:
+    """Bodies that the legend speaks of, and their numbers in names of classes."""
+    told = {name for reference in references for name, _ in passed(reference, homology)}
+    numbers: dict[str, list[str]] = {}
+    for j, (name, said) in enumerate(zip(homology.moving.names, called(homology), strict=True), 1):
+        if said in told:
+            numbers.setdefault(name, []).append(str(homology.standing.M + j))
+    return {name: ", ".join(each) for name, each in numbers.items()}
 
 
-def _label(reference: Reference, sides: Mapping[str, Sequence[str]]) -> str:
+def _label(reference: Reference, homology: TimedHomology | None) -> str:
     """A class and its cost, and below them on which side of bodies that move it passes."""
-    return "\n".join([f"{title(reference.id)}: {reference.cost:.2f}", *(f"  {side}" for side in sides[reference.id])])
+    sides = [] if homology is None else by_side(reference, homology)
+    lines = [line for side in sides for line in wrap(side, WIDE, initial_indent="  ", subsequent_indent="    ")]
+    return "\n".join([f"{title(reference.id)}: {reference.cost:.2f}", *lines])
 
 
 def draw_convergence(
@@ -92,11 +106,11 @@ def draw_convergence(
     _save(plt, figure, path, "--convergence")
 
 
-def draw_scene(axes: Any, scenario: Scenario, spoken: Collection[str] = ()) -> None:
+def draw_scene(axes: Any, scenario: Scenario, spoken: Mapping[str, str] = NOBODY) -> None:
     """Workspace, obstacles seen from above, start and heading, goal, and what moves at 0 s, by name.
 
     Args:
-        spoken: bodies that bear their names even where many move.
+        spoken: bodies that bear their names even where many move, and what else is written there.
     """
     from matplotlib.patheffects import withStroke
 
@@ -107,7 +121,15 @@ def draw_scene(axes: Any, scenario: Scenario, spoken: Collection[str] = ()) -> N
         if len(scene.movers) <= NAMED or mover.name in spoken:
             x, y, _ = mover.motion.pose(0.0)
             axes.text(
-                x, y, mover.name, fontsize=7, ha="center", va="center", color=style.INK, path_effects=halo, zorder=9
+                x,
+                y,
+                f"{mover.name} {spoken.get(mover.name, '')}".strip(),
+                fontsize=7,
+                ha="center",
+                va="center",
+                color=style.INK,
+                path_effects=halo,
+                zorder=9,
             )
     if scenario.problem.dynamics.angles:
         heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])

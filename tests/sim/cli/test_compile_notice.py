@@ -109,6 +109,20 @@ def test_kernels_that_cannot_be_kept_are_told_every_time(folder, capsys):
     assert seconds(capsys, work)[:2] == ("every time", GUIDES)
 
 
+def test_what_takes_longer_than_was_said_is_told_again_and_ever_less_often(folder, capsys, monkeypatch):
+    now = 100.0
+    monkeypatch.setattr(warm.time, "perf_counter", lambda: now)
+    notice = warm.Notice()
+    notice.tell_if_late()  # nothing has been said
+    notice.sampling, notice.work = True, work_of(named("rover"))
+    notice.tell()
+    late = warm.LATE * (MOTIONS + GUIDES) + warm.SLACK
+    for now in np.arange(100.0, 1000.0):  # noqa: B007
+        notice.tell_if_late()
+    told = [int(line.split()[3]) for line in capsys.readouterr().err.splitlines()[1:]]
+    assert told == [int(late) + 1, 2 * (int(late) + 1), 4 * (int(late) + 1), 8 * (int(late) + 1)]
+
+
 def test_a_point_is_told_what_every_command_needs(folder, capsys, monkeypatch):
     work = work_of(named("single_integrator"))
     assert seconds(capsys, work) == ("once", warm.LITTLE, "")
