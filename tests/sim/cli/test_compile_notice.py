@@ -116,11 +116,11 @@ def test_what_takes_longer_than_was_said_is_told_again_and_ever_less_often(folde
     notice.tell_if_late()  # nothing has been said
     notice.sampling, notice.work = True, work_of(named("rover"))
     notice.tell()
-    late = warm.LATE * (MOTIONS + GUIDES) + warm.SLACK
+    late = int(warm.LATE * (MOTIONS + GUIDES) + warm.SLACK)
     for now in np.arange(100.0, 1000.0):  # noqa: B007
         notice.tell_if_late()
     told = [int(line.split()[3]) for line in capsys.readouterr().err.splitlines()[1:]]
-    assert told == [int(late) + 1, 2 * (int(late) + 1), 4 * (int(late) + 1), 8 * (int(late) + 1)]
+    assert told == [late, 2 * late, 4 * late, 8 * late]
 
 
 def test_a_point_is_told_what_every_command_needs(folder, capsys, monkeypatch):
