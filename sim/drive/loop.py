@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot, inf, sqrt
+from numbers import Real
 
 import numpy as np
 
@@ -61,11 +62,7 @@ class Loop:
         Raises:
             OptionError: that is no time of a drive.
         """
-        try:
-            sound = 0.0 <= float(time) < inf
-        except (TypeError, ValueError):
-            sound = False
-        if not sound:
+        if not (isinstance(time, Real) and 0.0 <= time < inf):
             raise OptionError(f"the time is {time!r}; a drive's clock begins at 0, or at a later number of seconds")
         self._begun, self.steps = time, 0  # steps since then; while one is made and judged it counts
 

@@ -294,7 +294,7 @@ def test_collision_counts_before_the_goal(tmp_path):
     assert drive_right(tmp_path, 0.495, goal, speed=10.0).outcome is Outcome.GOAL
 
 
-@pytest.mark.parametrize("time", [-1.0, np.nan, np.inf])
+@pytest.mark.parametrize("time", [-1.0, np.nan, np.inf, "1", None])
 def test_a_clock_begins_at_no_impossible_time(time):
     plant = prepare("crossing").plant()
     with pytest.raises(OptionError, match="a drive's clock begins at 0"):
