@@ -62,7 +62,8 @@ class Loop:
         Raises:
             OptionError: that is no time of a drive.
         """
-        if not (isinstance(time, Real) and 0.0 <= time < inf):
+        begun: object = time  # of whatever kind, by a caller who is not checked
+        if not (isinstance(begun, Real) and 0.0 <= time < inf):
             raise OptionError(f"the time is {time!r}; a drive's clock begins at 0, or at a later number of seconds")
         self._begun, self.steps = time, 0  # steps since then; while one is made and judged it counts
 
