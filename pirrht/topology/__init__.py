@@ -7,6 +7,7 @@ turns         whole turns of curves as (marker, turn) pairs, and their sums alon
 tracks        where markers of bodies that move are, and how far steps in space and time turn about them
 moving        turns about bodies that move, of paths in space and time, and the classes that follow
 in_time       classes among markers that stand and markers that move, edge by edge
+bases         bases of the vertices of a graph that grows among bodies that move, kept
 driven        the path driven so far, which goes before every class
 
 H = 1 + H(straight line to the goal point) + integers, so that equal classes are equal tuples and no tolerance is
