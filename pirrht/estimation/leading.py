@@ -137,7 +137,7 @@ class Leading:
         push = self.push(leads, x, time)
         if self.steady and leads.reach > 0.0:
             return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
-        return NearWalls(push=push(x))
+        return NearWalls(push=push(x), held_back=push.held_back(x))
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> Push:
         return Push(

@@ -79,9 +79,11 @@ class NearWalls:
 
     Attributes:
         push: what they account for at the state, (m,); the mean is told without it.
+        held_back: what of it is left out where a wall is very near, (m,).
     """
 
     push: Array
+    held_back: Array
 
     def told(self, mean: Array, led: Array) -> tuple[Array, Array]:
         """The control without the push, and what may be missing of it, (m,) each.
@@ -89,7 +91,7 @@ class NearWalls:
         What samples follow, of which `led` (m,) is the mean, counts as it is at the start; of what they found on top of
         it about as much again is missing where the push is large against the rest of the control, nothing in the open.
         """
-        return mean, _unresolved(self.push, mean, mean - led)
+        return mean, _unresolved(self.push, mean, mean - led) + np.abs(self.held_back)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,8 +120,9 @@ class NearWallsOfMeans(NearWalls):
         d, now, then = push.problem.dynamics, push.walls(x), push.walls(x, SOON)
         B = d.B_c(x)
         return cls(
-            push=push(x), walls=tuple(wall for wall in (_wall(now, then, k) for k in (0, 3)) if wall is not None),
-            gain=push.gain(x), moved=d.G_c(x), noise=B @ B.T, span=span, counted=counted,
+            push=push(x), held_back=push.held_back(x), gain=push.gain(x), moved=d.G_c(x), noise=B @ B.T,
+            walls=tuple(wall for wall in (_wall(now, then, k) for k in (0, 3)) if wall is not None),
+            span=span, counted=counted,
         )  # fmt: skip
 
     def told(self, mean: Array, led: Array) -> tuple[Array, Array]:
@@ -133,7 +136,8 @@ class NearWallsOfMeans(NearWalls):
             slope += away * shortfall(c, speed, variance, self.span)
         missing = (1.0 - self.counted) * (self.gain @ slope)
         free: Array = mean + missing - (1.0 - self.counted) * self.push
-        return free, UNSURE * np.abs(missing) + self.counted * _unresolved(self.push, mean, mean - led)
+        unresolved = self.counted * (_unresolved(self.push, mean, mean - led) + np.abs(self.held_back))
+        return free, UNSURE * np.abs(missing) + unresolved
 
 
 def _unresolved(push: Array, mean: Array, found: Array) -> Array:

@@ -26,6 +26,7 @@ REACH = 2.0  # decay lengths 1/k within which walls push what follows no way
 AVERAGED = 0.04  # near walls and goal the control now is averaged over leading steps of this length together [s]
 AMONG = 0.01  # likewise where bodies move: a gap that closes is passed, or not, in less than the above
 SHARE = 0.5  # of the time in which noise carries a path to the nearest of them
+NEAREST = 1e-4  # no wall is taken to be nearer [m]
 SHARPER = 0.2  # of a rollout step's noise: nearer than that a wall pushes the robot no harder
 LOOSE, TIGHT = 1.2, 0.7  # room in deviations of noise since now, from where on walls ahead count, and all of them do
 ARRIVING = 2.5  # deviations of noise since now within which paths arrive
@@ -115,11 +116,20 @@ class Push:
         if self.reach <= 0.0:
             return np.zeros(self.problem.dynamics.m)
         gain, closest = self._at(x)
+        return np.asarray(gain @ self._slope(x, s, closest))
+
+    def held_back(self, x: Array) -> Array:
+        """What it leaves out, (m,) at x (n,), since a wall that is very near pushes no harder."""
+        if self.reach <= 0.0:
+            return np.zeros(self.problem.dynamics.m)
+        gain, closest = self._at(x)
+        return np.asarray(gain @ (self._slope(x, 0.0, NEAREST) - self._slope(x, 0.0, closest)))
+
+    def _slope(self, x: Array, s: float, closest: float) -> Array:
+        """Slope of log psi (2,) [1/m] by the two nearest walls, none nearer than `closest` [m]."""
         if self.traffic is None:
-            slope = _slope_at(self.field, x[0], x[1], closest, self.slack, self.beyond, self.reach)
-        else:
-            slope = wall_slope(*self.walls(x, s), self.reach)
-        return np.asarray(gain @ np.array(slope))
+            return np.array(_slope_at(self.field, x[0], x[1], closest, self.slack, self.beyond, self.reach))
+        return np.array(wall_slope(*self._found(x, s, closest), self.reach))
 
     def gain(self, x: Array) -> Array:
         """lambda R^-1 G' at x (n,), (m, rows): what a slope of log psi is multiplied with."""
@@ -131,7 +141,9 @@ class Push:
         Args:
             s: time since the plan, by which bodies have moved on [s].
         """
-        closest = self._at(x)[1]
+        return self._found(x, s, self._at(x)[1])
+
+    def _found(self, x: Array, s: float, closest: float) -> tuple[Any, ...]:
         found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.beyond)
         if self.traffic is None:
             return found

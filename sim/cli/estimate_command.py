@@ -31,12 +31,12 @@ def estimate(arguments: argparse.Namespace) -> int:
     if scenario.settings.method == "optimal":
         raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
     x = _state(arguments.at, scenario)
+    _check_bodies(scenario, x, arguments.time)
     compiling = warm.start(scenario.loaded)
     truth = _truth(scenario, x, arguments.time) if arguments.truth else None
     tree, _ = (None, []) if scenario.settings.method in TREELESS else planned(scenario)
     wait(compiling)
     controller = scenario.driver(tree)
-    _check_bodies(scenario, x, arguments.time)
     controller.begin(x, arguments.time)
     estimates: list[Estimate | None] = []
     references: tuple[Reference, ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import ceil
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -25,7 +26,7 @@ from sim.scenario import Scenario
 
 TREE = "#9aa3ab"  # no colour of a class
 WIDE = 36  # characters of a line of the legend
-ROW = 0.15  # height of such a line [in]
+ROW, SPARE = 0.17, 0.1  # height of such a line [in], as the map is a little lower; what may stand out below it
 NOBODY: Mapping[str, str] = {}
 ENDINGS = (".png", ".pdf", ".svg")
 
@@ -52,7 +53,7 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     rows = sum(1 + label.count("\n") for label in labels)
     axes.legend(
         handles[::-1], labels[::-1], fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False,
-        title="class: cost", title_fontsize=8, ncols=max(1, round(ROW * rows / high)),
+        title="class: cost", title_fontsize=8, ncols=max(1, ceil(ROW * rows / high - SPARE)),
     )  # fmt: skip
     told = f"; bodies at 0 s, dots and outlines every {step:g} s" if step else ""
     axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{told}", fontsize=10)

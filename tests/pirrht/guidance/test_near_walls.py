@@ -6,10 +6,19 @@ import math
 
 import numpy as np
 import pytest
+from discs import block
 from scipy.integrate import quad
 from scipy.stats import norm
 
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.exact.desirability import Desirability
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.guidance.leads import Batch, Proposal
 from pirrht.guidance.near_walls import NearWalls, NearWallsOfMeans, shortfall, speed_of
+from pirrht.problem import Problem
+from pirrht.systems.single_integrator import SingleIntegrator
 
 B = 0.2
 SPEEDS = [0.0, 1e-6, 0.05, 0.4, 1.0]
@@ -78,7 +87,14 @@ def beside(
     seen = tuple((c, np.array(away), receding) for c, away, receding in walls)
     eye = np.eye(2)
     return NearWallsOfMeans(
-        push=np.array(push), walls=seen, gain=B**2 * eye, moved=eye, noise=B**2 * eye, span=0.02, counted=counted
+        push=np.array(push),
+        held_back=np.zeros(2),
+        walls=seen,
+        gain=B**2 * eye,
+        moved=eye,
+        noise=B**2 * eye,
+        span=0.02,
+        counted=counted,
     )
 
 
@@ -97,9 +113,9 @@ def test_controls_are_told_without_the_push_and_add_what_is_missing_along_each_w
 
 def test_beside_what_samples_follow_the_mean_stands_as_it_is():
     mean = np.array([1.0, 0.0])
-    free, unsure = NearWalls(push=np.array([0.0, 3.0])).told(mean, np.array([0.6, 0.0]))
+    free, unsure = NearWalls(push=np.array([0.0, 3.0]), held_back=np.array([0.0, 0.7])).told(mean, np.array([0.6, 0.0]))
     assert free is mean
-    assert unsure == pytest.approx([0.75 * 0.4, 0.0])
+    assert unsure == pytest.approx([0.75 * 0.4, 0.7])
 
 
 def test_what_counts_of_the_lead_takes_the_place_of_what_is_missing():
@@ -109,3 +125,23 @@ def test_what_counts_of_the_lead_takes_the_place_of_what_is_missing():
     half, _ = beside(wall, push=push, counted=0.5).told(mean, mean)
     assert np.array_equal(whole, mean)
     assert half == pytest.approx(0.5 * (none + whole))
+
+
+def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():
+    """3 mm beside a flat wall, where psi vanishes like the distance: the control is off by what is told."""
+    obstacle = block("wall", 2.5, 0.4, (2.0, 0.3))
+    scene = Scene(
+        name="beside", lower=np.zeros(2), upper=np.array([5.0, 3.0]), obstacles=(obstacle,), robot_radius=0.2,
+        goal=Goal(center=np.array([4.3, 1.6]), radius=0.3), start=np.array([0.6, 1.5, 0.0]),
+    )  # fmt: skip
+    problem = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2))
+    space, x = FreeSpace.of(scene), np.array([2.5, 0.903])
+    integral = PathIntegral(problem, space, Sampling(threads=1, first=0.01))
+    leading = integral.leading
+    climb = leading.climbing(x, np.array([[4.3, 1.6]]))
+    times = integral.steps(6.0)
+    batch = Batch(state=x, times=times, proposals=(Proposal(lead=climb, count=4000),))
+    found = integral.estimate(integral.rollout(batch, 1))
+    assert found.walls.held_back[1] == pytest.approx(0.04 * (1.0 / 0.003 - 1.0 / 0.004), rel=0.05)
+    off = Desirability.of(problem, space).control(x) - found.control
+    assert 1.0 < off[1] < 1.2 * found.control_error[1]
