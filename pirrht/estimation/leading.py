@@ -15,7 +15,7 @@ from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.traffic import Traffic, traffic_clearance
 from pirrht.guidance.leads import Climb, Lead, Tape
 from pirrht.guidance.near_walls import NearWalls, NearWallsOfMeans
-from pirrht.guidance.walls import Push, Scales
+from pirrht.guidance.walls import NEAREST, Push, Scales
 from pirrht.guidance.ways import way_of
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kind_of
@@ -137,7 +137,8 @@ class Leading:
         push = self.push(leads, x, time)
         if self.steady and leads.reach > 0.0:
             return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
-        return NearWalls(push=push(x), held_back=push.held_back(x))
+        pushed = push(x)
+        return NearWalls(push=pushed, held_back=push(x, closest=NEAREST) - pushed)
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> Push:
         return Push(
@@ -151,7 +152,7 @@ class Leading:
 
     def nearest(self, x: Array, time: float) -> float:
         """Distance of x (n,) from the nearest wall or the goal's disc at a time [s], [m]."""
-        return min(self.room(x, time), self.from_goal(x))
+        return min(self.room(x, time), float(self.from_goal(x)))
 
     def room(self, x: Array, time: float) -> float:
         """Distance of x (n,) from the nearest wall at a time [s], [m]."""
@@ -160,9 +161,10 @@ class Leading:
             return near
         return min(near, float(traffic_clearance(self.traffic, x[0], x[1], time)))
 
-    def from_goal(self, x: Array) -> float:
-        """Distance of x (n,) from the goal's disc [m], negative inside."""
-        return float(np.hypot(*(x[:2] - np.array(self.arena.goal)))) - self.arena.radius
+    def from_goal(self, x: Array) -> Array:
+        """Distances of x (..., n) from the goal's disc, (...) [m], negative inside."""
+        gx, gy = self.arena.goal
+        return np.asarray(np.hypot(x[..., 0] - gx, x[..., 1] - gy) - self.arena.radius)
 
     def _set_back(self, x: Array) -> tuple[float, Arena]:
         """How far behind walls psi vanishes where exits are judged at the ends of steps [m], and an arena without them.

@@ -96,20 +96,20 @@ class Tables:
         if not self.leading.steady:
             return most
         times = batch.times[1 : most + 1]
-        goal = np.array(self.leading.arena.goal)
         for _, guide in _guides(batch):
-            off = np.hypot(*(_places(guide, times) - goal).T) - self.leading.arena.radius
-            most = min(most, under_way(scales.noise, off, times))
-        return max(1, most, int(np.searchsorted(batch.times, shortest + 1e-9, side="right")) - 1)
+            most = min(most, under_way(scales.noise, self.leading.from_goal(_places(guide, times)), times))
+        return max(most, window(scales.noise, 0.0, batch.times, self.sampling.window, shortest))
 
     def _counted(self, batch: Batch, leads: Leads, scales: Scales) -> float:
         """Share of a law that counts in the control now as it is at the start.
 
         Of a steady point none, unless it comes so near walls meanwhile that the mean misses more than near ones take.
         """
+        if not self.leading.steady:
+            return leads.trust
         guides = _guides(batch)
-        if not (self.leading.steady and guides):
-            return 0.0 if self.leading.steady else leads.trust
+        if not guides:
+            return 0.0
         _, guide = max(guides, key=lambda one: one[0])
         times = float(leads.times[leads.window]) * MOMENTS
         room = [self.leading.room(x, batch.time + t) for x, t in zip(_places(guide, times), times, strict=True)]

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.guidance.walls import Push
+from pirrht.guidance.walls import NEAREST, Push
 
 MOMENTS, SHARES = np.polynomial.legendre.leggauss(8)
 MOMENTS, SHARES = 0.5 * (MOMENTS + 1.0), 0.5 * SHARES  # on a time from 0 to 1
@@ -118,9 +118,9 @@ class NearWallsOfMeans(NearWalls):
     def of(cls, push: Push, x: Array, span: float, counted: float) -> NearWallsOfMeans:
         """Beside the two walls that are nearest to x (2,) at the moment of a plan."""
         d, now, then = push.problem.dynamics, push.walls(x), push.walls(x, SOON)
-        B = d.B_c(x)
+        B, pushed = d.B_c(x), push(x)
         return cls(
-            push=push(x), held_back=push.held_back(x), gain=push.gain(x), moved=d.G_c(x), noise=B @ B.T,
+            push=pushed, held_back=push(x, closest=NEAREST) - pushed, gain=push.gain(x), moved=d.G_c(x), noise=B @ B.T,
             walls=tuple(wall for wall in (_wall(now, then, k) for k in (0, 3)) if wall is not None),
             span=span, counted=counted,
         )  # fmt: skip

@@ -28,9 +28,9 @@ AMONG = 0.01  # likewise where bodies move: a gap that closes is passed, or not,
 SHARE = 0.5  # of the time in which noise carries a path to the nearest of them
 NEAREST = 1e-4  # no wall is taken to be nearer [m]
 SHARPER = 0.2  # of a rollout step's noise: nearer than that a wall pushes the robot no harder
+CLOSING = 0.05  # the same where bodies move, since gaps that close leave a robot no room to be shy in
 LOOSE, TIGHT = 1.2, 0.7  # room in deviations of noise since now, from where on walls ahead count, and all of them do
 ARRIVING = 2.5  # deviations of noise since now within which paths arrive
-CLOSING = 0.05  # the same where bodies move, since gaps that close leave a robot no room to be shy in
 
 
 class Scales(NamedTuple):
@@ -111,19 +111,16 @@ class Push:
         object.__setattr__(self, "known", None)
         object.__setattr__(self, "known", self._at(np.zeros(d.n)) if d.constant else None)
 
-    def __call__(self, x: Array, s: float = 0.0) -> Array:
-        """Control (m,) at x (n,), s [s] after the plan."""
-        if self.reach <= 0.0:
-            return np.zeros(self.problem.dynamics.m)
-        gain, closest = self._at(x)
-        return np.asarray(gain @ self._slope(x, s, closest))
+    def __call__(self, x: Array, s: float = 0.0, closest: float | None = None) -> Array:
+        """Control (m,) at x (n,), s [s] after the plan.
 
-    def held_back(self, x: Array) -> Array:
-        """What it leaves out, (m,) at x (n,), since a wall that is very near pushes no harder."""
+        Args:
+            closest: no wall is taken to be nearer [m]; None: than where they push no harder.
+        """
         if self.reach <= 0.0:
             return np.zeros(self.problem.dynamics.m)
-        gain, closest = self._at(x)
-        return np.asarray(gain @ (self._slope(x, 0.0, NEAREST) - self._slope(x, 0.0, closest)))
+        gain, harder = self._at(x)
+        return np.asarray(gain @ self._slope(x, s, harder if closest is None else closest))
 
     def _slope(self, x: Array, s: float, closest: float) -> Array:
         """Slope of log psi (2,) [1/m] by the two nearest walls, none nearer than `closest` [m]."""

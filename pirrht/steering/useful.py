@@ -75,6 +75,16 @@ def _is_of_use(useful: Useful, x: float, y: float, t: float) -> bool:
     return t > useful.begin and _cost(useful, x, y, t) <= useful.most
 
 
+@jitable
+def _serves(
+    useful: Useful, frame: tuple[float, float, float, float], radius: float, x: float, y: float, t: float
+) -> bool:
+    """Whether a place at a time is of use, inside a frame and off the goal."""
+    low_x, low_y, far_x, far_y = frame
+    inside = low_x < x < far_x and low_y < y < far_y
+    return inside and _is_of_use(useful, x, y, t) and math.hypot(useful.goal[0] - x, useful.goal[1] - y) > radius
+
+
 @kernel
 def _first_of_use(useful, numbers, frame, radius, chances, out):  # type: ignore[no-untyped-def]
     """Write the first place and time (3,) of use that `chances` (k, 3) lead to; whether there is one.
@@ -86,8 +96,7 @@ def _first_of_use(useful, numbers, frame, radius, chances, out):  # type: ignore
         px, py = x + (far_x - x) * chances[i, 0], y + (far_y - y) * chances[i, 1]
         soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / numbers[2]
         t = useful.begin + soonest + chances[i, 2] * max(useful.most / useful.q - soonest, 0.0)
-        inside = x < px < far_x and y < py < far_y
-        if inside and _is_of_use(useful, px, py, t) and math.hypot(useful.goal[0] - px, useful.goal[1] - py) > radius:
+        if _serves(useful, frame, radius, px, py, t):
             out[0], out[1], out[2] = px, py, t
             return True
     return False
@@ -96,15 +105,13 @@ def _first_of_use(useful, numbers, frame, radius, chances, out):  # type: ignore
 @kernel
 def _first_beside(useful, traffic, frame, radius, chances, which, out):  # type: ignore[no-untyped-def]
     """The same of places and times beside bodies `which` (k,), where these are then."""
-    x, y, far_x, far_y = frame
     for i in range(chances.shape[0]):
         t = useful.begin + chances[i, 2] * max(useful.most / useful.q, 0.0)
         px, py, _, _, _, _, _ = piece_of(traffic, which[i], t)
         angle = 2.0 * math.pi * chances[i, 0]
         away = disc_of(traffic, which[i]) + chances[i, 1] ** 2 * NEAR * traffic.robot
         px, py = px + away * math.cos(angle), py + away * math.sin(angle)
-        inside = x < px < far_x and y < py < far_y
-        if inside and _is_of_use(useful, px, py, t) and math.hypot(useful.goal[0] - px, useful.goal[1] - py) > radius:
+        if _serves(useful, frame, radius, px, py, t):
             out[0], out[1], out[2] = px, py, t
             return True
     return False

@@ -144,9 +144,7 @@ def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly):  # type:
 def crossings_of_waiting(tracks, j, gx, gy, t, lx, ly):  # type: ignore[no-untyped-def]
     """The same of waiting at the goal point (gx, gy) [m], from when the track begins until t [s]."""
     begin, end, period = lane_of(tracks, j)
-    laps = 0
-    if period > 0.0 and t > load_float64(tracks.time, begin):
-        laps = max(math.ceil((t - load_float64(tracks.time, begin)) / period) - 1, 0)
+    laps = _laps(tracks, begin, period, t)
     k = next_place(tracks, begin, end, t - laps * period)
     if k == begin:
         return 0
@@ -197,12 +195,19 @@ def _place(tracks, begin, end, k, t):  # type: ignore[no-untyped-def]
     return x, load_float64(tracks.y, k - 1) + share * (load_float64(tracks.y, k) - load_float64(tracks.y, k - 1))
 
 
+@inlined
+def _laps(tracks, begin, period, t):  # type: ignore[no-untyped-def]
+    """How many laps are over before t [s]: at the moment of a jump the lap that ends there is not."""
+    if period == 0.0 or not t > load_float64(tracks.time, begin):
+        return 0
+    return max(math.ceil((t - load_float64(tracks.time, begin)) / period) - 1, 0)
+
+
 @kernel
 def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
     """Where marker j is at t [s], (x, y) [m]; the earlier place where it jumps at that moment."""
     begin, end, period = lane_of(tracks, j)
-    if period > 0.0 and t > load_float64(tracks.time, begin):
-        t -= max(math.ceil((t - load_float64(tracks.time, begin)) / period) - 1.0, 0.0) * period
+    t -= _laps(tracks, begin, period, t) * period
     return _place(tracks, begin, end, next_place(tracks, begin, end, t), t)
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER, summaries, text_of, truth_errors, truth_text
 from benchmarks.first_plan import first_plan
-from benchmarks.scenes import random_states, scenario_of, states_near_goal
+from benchmarks.scenes import places_of, scenario_of
 from tqdm import tqdm
 
 from pirrht.arrays import Array
@@ -61,9 +61,7 @@ class Job:
         """Its states (k, 2) [m]."""
         if self.at:
             return np.array(self.at)
-        if self.near_goal is not None:
-            return states_near_goal(space, self.states, self.seed, self.near_goal)
-        return random_states(space, self.states, self.seed)
+        return places_of(space, self.states, self.seed, self.near_goal)
 
 
 def _scenario(file: str | None, seed: int, threads: int | None = None) -> Scenario:

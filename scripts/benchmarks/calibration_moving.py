@@ -23,7 +23,7 @@ from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
 from benchmarks.first_plan import first_plan
 from benchmarks.oblique_scene import oblique_scenario
-from benchmarks.scenes import random_states, states_near_goal
+from benchmarks.scenes import places_of
 from tqdm import tqdm
 
 from pirrht.arrays import Array
@@ -117,10 +117,7 @@ def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
     """Random places (2,) [m] and times [s] at which nothing is there."""
     last = max(float(mover.motion.rows[-1, 0]) for mover in scenario.loaded.scene.movers)
     rng, found = np.random.default_rng([job.seed, 55]), []
-    count, near = 4 * job.states, job.near_goal
-    space = scenario.space
-    places = random_states(space, count, job.seed) if near is None else states_near_goal(space, count, job.seed, near)
-    for x in places:
+    for x in places_of(scenario.space, 4 * job.states, job.seed, job.near_goal):
         t = float(rng.uniform(0.0, last + AFTER))
         if scenario.space.crowd.clearance(x, t) > FREE:
             found.append((x, t))

@@ -146,7 +146,7 @@ def random_states(space: FreeSpace, count: int, seed: int) -> Array:
         passage = i % len(STRATA) < 2 and (i // len(STRATA)) % 2 == 0
         for attempt in range(6000):
             x = scene.lower + rng.random(2) * (scene.upper - scene.lower)
-            cell = tuple(np.rint((x - scene.lower) / space.field.spacing).astype(int))
+            cell = _cell(space, x)
             far = np.hypot(*(x - scene.goal.center)) > scene.goal.radius + BESIDE
             if not far or not reached[cell] or (passage and attempt < 2000 and second[cell] > NARROW):
                 continue
@@ -168,17 +168,27 @@ def states_near_goal(space: FreeSpace, count: int, seed: int, most: float) -> Ar
         x = scene.goal.center + r * np.array([np.cos(angle), np.sin(angle)])
         if not np.all((x > scene.lower) & (x < scene.upper)):
             continue
-        cell = tuple(np.rint((x - scene.lower) / space.field.spacing).astype(int))
-        if reached[cell] and space.clearance(x) > STRATA[0][0]:
+        if reached[_cell(space, x)] and space.clearance(x) > STRATA[0][0]:
             chosen.append(x)
     return np.array(chosen)
+
+
+def places_of(space: FreeSpace, count: int, seed: int, near_goal: float | None) -> Array:
+    """`states_near_goal`, or where no distance is given `random_states`, (count, 2) [m]."""
+    if near_goal is None:
+        return random_states(space, count, seed)
+    return states_near_goal(space, count, seed, near_goal)
+
+
+def _cell(space: FreeSpace, x: Array) -> tuple[int, ...]:
+    """The point of the field's grid that is nearest to x (2,) [m]."""
+    return tuple(np.rint((x - space.scene.lower) / space.field.spacing).astype(int))
 
 
 def _reached(space: FreeSpace) -> BoolArray:
     """Which points of the field's grid are free and connected with the goal, (nx, ny)."""
     pieces, _ = label(space.field.arrays[0] > 0.0)
-    i, j = np.rint((space.scene.goal.center - space.scene.lower) / space.field.spacing).astype(int)
-    reached: BoolArray = pieces == pieces[i, j]
+    reached: BoolArray = pieces == pieces[_cell(space, space.scene.goal.center)]
     return reached
 
 
