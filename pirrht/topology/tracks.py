@@ -69,11 +69,16 @@ class Tracks(Lanes):
 
 def _crossed(seen: Array) -> IntArray:
     """How often places (k, 2) that a marker sees [m] have crossed its ray until each, and back at the first: k + 1."""
-    then = np.roll(seen, -1, axis=0)
-    above, turned = seen[:, 1] >= 0.0, seen[:, 0] * then[:, 1] - seen[:, 1] * then[:, 0]
-    across = above != (then[:, 1] >= 0.0)
-    step = np.where(across & above & (turned > 0.0), 1, 0) - np.where(across & ~above & (turned < 0.0), 1, 0)
-    return np.concatenate([[0], np.cumsum(step)]).astype(np.int64)
+    crossed = np.zeros(len(seen) + 1, dtype=np.int64)
+    _count_crossings(np.vstack([seen, seen[:1]]), crossed)
+    return crossed
+
+
+@kernel
+def _count_crossings(places, out):  # type: ignore[no-untyped-def]
+    """Write how often a way over places (k, 2) [m] has crossed the ray until each to `out` (k,), 0 at first."""
+    for k in range(1, out.shape[0]):
+        out[k] = out[k - 1] + crossing(places[k - 1, 0], places[k - 1, 1], places[k, 0], places[k, 1])
 
 
 @inlined

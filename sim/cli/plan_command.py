@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pirrht.control.methods import TREELESS
 from pirrht.tree import file as tree_file
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
@@ -26,6 +27,8 @@ def plan(arguments: argparse.Namespace) -> int:
 
             draw.check(path, f"--{option}")
     scenario = scenario_of(arguments)
+    if scenario.settings.method in TREELESS:
+        say(f"--method {scenario.settings.method} plans without a tree: this is what pi-rrht plans with")
     helper = warm.start(scenario.loaded, sampling=False)
     clock = warm.notice().clock
     began = clock()

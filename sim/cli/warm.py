@@ -59,8 +59,7 @@ class Notice(event.Listener):  # type: ignore[misc]
         seconds = left + own or LITTLE
         self._told_at = time.perf_counter()
         self._late = self._told_at + LATE * seconds + SLACK
-        tqdm.write(f"compiling kernels, {often}: about {seconds} s{whose}", sys.stderr)
-        sys.stderr.flush()
+        _say(f"compiling kernels, {often}: about {seconds} s{whose}")
 
     def tell_if_late(self) -> None:
         """Say that it takes longer than was said, and again when it has taken twice as long as that."""
@@ -68,10 +67,9 @@ class Notice(event.Listener):  # type: ignore[misc]
         if not self.told or now < self._late:
             return
         self._late = 2.0 * now - self._told_at
-        tqdm.write(
-            f"compiling kernels, once: {now - self._told_at:.0f} s so far, others keep the machine busy", sys.stderr
+        _say(
+            f"still compiling kernels: {now - self._told_at:.0f} s so far, more than this takes where nothing else runs"
         )
-        sys.stderr.flush()
 
     def wait(self, compiling: subprocess.Popen[bytes]) -> int:
         """The exit status of what is compiled elsewhere; tells if it is late."""
@@ -108,6 +106,12 @@ class Notice(event.Listener):  # type: ignore[misc]
         self._depth -= 1
         if self._depth == 0:
             self.seconds += time.perf_counter() - self._began
+
+
+def _say(line: str) -> None:
+    """Write a line beside progress bars."""
+    tqdm.write(line, sys.stderr)
+    sys.stderr.flush()
 
 
 @cache

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pirrht.arrays import Array
@@ -59,9 +61,8 @@ def passing(reference: Reference, homology: TimedHomology) -> list[str]:
     return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in passed(reference, homology)]
 
 
-def by_side(reference: Reference, homology: TimedHomology) -> list[str]:
-    """The same side by side, as "behind walker, cart", for where there is little room."""
-    rows = passed(reference, homology)
+def by_side(rows: Sequence[tuple[str, str]]) -> list[str]:
+    """What `passed` tells side by side, as "behind walker, cart", for where there is little room."""
     told = [(side, [name for name, own in rows if own == side]) for side in SIDES]
     return [f"{side} {', '.join(names)}" for side, names in told if names]
 

@@ -39,15 +39,15 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     high = 6.2 * float(size[1] / size[0]) + 0.8
     figure, axes = plt.subplots(figsize=(8.0, high))  # the legend beside it may be higher; what is saved holds both
     homology = tree.homology if isinstance(tree.homology, TimedHomology) else None
-    spoken = {} if homology is None else _spoken(references, homology)
-    draw_scene(axes, scenario, spoken)
+    told = [[] if homology is None else passed(reference, homology) for reference in references]
+    draw_scene(axes, scenario, {} if homology is None else _spoken(told, homology))
     number_obstacles(axes, scenario)
     draw_tree(axes, tree)
     colors = ClassColors()
     colors.meet(reference.id for reference in references)
-    for reference in reversed(references):
+    for reference, bodies in reversed(list(zip(references, told, strict=True))):
         line = reference.trajectory.points
-        axes.plot(*line[:, :2].T, color=_rgb(colors[reference.id]), lw=2.2, label=_label(reference, homology))
+        axes.plot(*line[:, :2].T, color=_rgb(colors[reference.id]), lw=2.2, label=_label(reference, bodies))
     step = moments.draw(axes, scenario, references, colors) if scene.movers else 0.0
     handles, labels = axes.get_legend_handles_labels()
     rows = sum(1 + label.count("\n") for label in labels)
@@ -55,25 +55,26 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
         handles[::-1], labels[::-1], fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False,
         title="class: cost", title_fontsize=8, ncols=max(1, ceil(ROW * rows / high - SPARE)),
     )  # fmt: skip
-    told = f"; bodies at 0 s, dots and outlines every {step:g} s" if step else ""
-    axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{told}", fontsize=10)
+    when = f"; bodies at 0 s, dots and outlines every {step:g} s" if step else ""
+    axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{when}", fontsize=10)
     _save(plt, figure, path, "--png")
 
 
-def _spoken(references: Sequence[Reference], homology: TimedHomology) -> dict[str, str]:
-    """Bodies that the legend speaks of, and their numbers in names of classes."""
-    told = {name for reference in references for name, _ in passed(reference, homology)}
+def _spoken(told: Sequence[Sequence[tuple[str, str]]], homology: TimedHomology) -> dict[str, str]:
+    """Bodies that the legend speaks of, and their numbers in names of classes; `told` is `passed` of each reference."""
+    spoken = {name for rows in told for name, _ in rows}
     numbers: dict[str, list[str]] = {}
     for j, (name, said) in enumerate(zip(homology.moving.names, called(homology), strict=True), 1):
-        if said in told:
+        if said in spoken:
             numbers.setdefault(name, []).append(str(homology.standing.M + j))
     return {name: ", ".join(each) for name, each in numbers.items()}
 
 
-def _label(reference: Reference, homology: TimedHomology | None) -> str:
+def _label(reference: Reference, bodies: Sequence[tuple[str, str]]) -> str:
     """A class and its cost, and below them on which side of bodies that move it passes."""
-    sides = [] if homology is None else by_side(reference, homology)
-    lines = [line for side in sides for line in wrap(side, WIDE, initial_indent="  ", subsequent_indent="    ")]
+    lines = [
+        line for side in by_side(bodies) for line in wrap(side, WIDE, initial_indent="  ", subsequent_indent="    ")
+    ]
     return "\n".join([f"{title(reference.id)}: {reference.cost:.2f}", *lines])
 
 
@@ -121,17 +122,8 @@ def draw_scene(axes: Any, scenario: Scenario, spoken: Mapping[str, str] = NOBODY
     for mover in scene.movers:
         if len(scene.movers) <= NAMED or mover.name in spoken:
             x, y, _ = mover.motion.pose(0.0)
-            axes.text(
-                x,
-                y,
-                f"{mover.name} {spoken.get(mover.name, '')}".strip(),
-                fontsize=7,
-                ha="center",
-                va="center",
-                color=style.INK,
-                path_effects=halo,
-                zorder=9,
-            )
+            label = f"{mover.name} {spoken.get(mover.name, '')}".strip()
+            axes.text(x, y, label, fontsize=7, ha="center", va="center", color=style.INK, path_effects=halo, zorder=9)
     if scenario.problem.dynamics.angles:
         heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
         axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})

@@ -40,7 +40,7 @@ def option_defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
             gone(name, label)
             if name not in NUMERICS:
                 known = ", ".join("pirrht_" + option.replace("-", "_") for option in NUMERICS)
-                raise SceneError(f"{label} is no option; those are {known}")
+                raise SceneError(f"{label} is no option; those are {known}, and {MOTION}BODY is the motion of a body")
             if len(values) != 1 or math.isnan(values[0]):
                 raise SceneError(f"{label} is {values}; write one finite number")
             NUMERICS[name].check(float(values[0]), label)

@@ -52,7 +52,7 @@ def test_each_part_that_paths_may_lead_through_has_its_number(carts):
         assert passing(reference, homology) == [
             f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in told
         ]
-        lines = by_side(reference, homology)
+        lines = by_side(told)
         assert sum(line.count(",") + 1 for line in lines) == len(told)
         for name, side in told:
             assert any(line.startswith(f"{side} ") and name in line for line in lines)
@@ -71,7 +71,7 @@ def test_the_map_of_many_classes_is_drawn_without_a_warning_and_no_higher_than_w
 def test_bodies_bear_the_numbers_that_classes_are_called_by(carts):
     scenario, tree, references = carts
     axes = Figure().subplots()
-    spoken = draw._spoken(references, tree.homology)
+    spoken = draw._spoken([passed(one, tree.homology) for one in references], tree.homology)
     draw.draw_scene(axes, scenario, spoken)
     texts = {text.get_text() for text in axes.texts}
     assert texts == {f"{name} {spoken.get(name, '')}".strip() for name in ("cart", "disc")}
