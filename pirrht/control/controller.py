@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.control.around import Around, Moment
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.feedback import ClassMixture, ClassPool
-from pirrht.control.hurry import enough_of, pressed_of
+from pirrht.control.hurry import Pace, enough_of, pressed_of
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
@@ -136,7 +136,7 @@ class Controller(Policy):
         self.around.begin()
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
         self._aim(self.homology.asked(x, time))
-        self._way, self._pressed = Way(), pressed_of(None)
+        self._way, self._pressed, self._pace = Way(), pressed_of(None), Pace()
 
     def _aim(self, here: Array) -> None:
         """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
@@ -166,9 +166,9 @@ class Controller(Policy):
         if foreseen is not None:
             self.tree = self.tree and foreseen.tree
             self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
-        self._pressed = pressed_of(left)
+        self._pressed, whole = pressed_of(left), 0.0 if left is None else left()
         try:
-            references = self._references(x)
+            references = self._references(x, self._pace.most(left))
         except NoReference:
             if self._previous is None:
                 self._blame_speed(x)
@@ -176,7 +176,11 @@ class Controller(Policy):
             references = self._kept(x, set())
             if not references:
                 return self._previous.rest(x, self.drive.since_plan)
-        plan = self._around(x, references, left)
+        batch = self.batch(x, references)
+        self.path_integral.prepare(batch)
+        if left is not None:
+            self._pace.note(len(references), whole - left())
+        plan = self._around(batch, references, left)
         self._previous, self.drive.since_plan = plan, 0.0
         if self._foreseen is not None:
             self._way.note(plan)
@@ -196,9 +200,9 @@ class Controller(Policy):
         tree = "no tree" if self.tree is None else f"a tree of {self.tree.size} vertices"
         return f"Controller({self.name} for a {of} in {scene}: {self.path_integral.sampling.samples} samples, {tree})"
 
-    def _around(self, x: Array, references: list[Reference], left: Callable[[], float] | None) -> Plan:
-        """The plan at x (n,) that samples around references make."""
-        batch = self.batch(x, references)
+    def _around(self, batch: Batch, references: list[Reference], left: Callable[[], float] | None) -> Plan:
+        """The plan that a batch of samples around references makes."""
+        x = batch.state
         estimate = self._estimate(batch, left)
         ids = tuple(batch.classes.values())
         law, push = None, None
@@ -260,7 +264,8 @@ class Controller(Policy):
         elapsed, self.drive.since_estimate = self.drive.since_estimate, 0.0
         return pool.law(estimate, leads, push, elapsed)
 
-    def _references(self, x: Array) -> list[Reference]:
+    def _references(self, x: Array, most: int | None = None) -> list[Reference]:
+        """The references at x (n,), cheapest first; those of so many classes, None: of all."""
         if self.tree is None or self.method.most == 0:
             return []
         driven = np.array(self.driven_class())
@@ -271,11 +276,13 @@ class Controller(Policy):
             before=before,
             pressed=self._pressed,
             threads=self.path_integral.threads,
+            most=most,
         )
         classes = self._from_start(found)
-        self._paths = {whole: one.path for whole, one in zip(classes, found, strict=True)}
+        left_out = {} if most is None else self._paths
+        self._paths = left_out | {whole: one.path for whole, one in zip(classes, found, strict=True)}
         kept = [] if self.method.most is not None else self._kept(x, set(classes))
-        return self.method.around(found, kept)
+        return self.method.around(found, kept)[:most]
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
         """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.estimation.estimate import Estimate, normalised
 from pirrht.guidance.leads import Lead
 from pirrht.problem import Problem
@@ -30,8 +30,10 @@ from pirrht.problem import Problem
 MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
 STALE = 0.05  # classes that no sample was of for so long are forgotten [s]
 BOUND = 2.0  # earlier plans count at most exp(BOUND) times as much as the last one
+NEGLIGIBLE = 25.0  # classes that a first look leaves so many nats behind add nothing to a control
 FADED = -60.0  # classes whose desirability is below the largest by so many nats are forgotten
 
+EVERY = slice(None)
 Push = Callable[[Array, float], Array]  # what the nearest walls add to the controls (m,) at (n,), s [s] after the plan
 
 
@@ -63,6 +65,7 @@ class ClassMixture:
     state: Array  # (n,) of the plan
     classes: Mapping[str, ClassLaw]
     push: Push
+    laws: tuple[ClassLaw, ...] = field(init=False, repr=False)  # (C,) the same without names
     known: Array = field(init=False, repr=False)  # (C,) log psi of every class at the plan's state [nats]
     before: Array = field(init=False, repr=False)  # (C, m) controls there
     free: Array = field(init=False, repr=False)  # (C, m) those without what the nearest walls add
@@ -72,9 +75,10 @@ class ClassMixture:
 
     def __post_init__(self) -> None:
         d, x = self.problem.dynamics, self.state
+        object.__setattr__(self, "laws", tuple(self.classes.values()))
         free = self._free(x, 0.0)
         here = {
-            "known": np.array([law.log_psi for law in self.classes.values()]),
+            "known": np.array([law.log_psi for law in self.laws]),
             "before": free + self.push(x, 0.0),
             "free": free,
             "stiff": self.problem.control_cost(x) / self.problem.temperature,
@@ -86,7 +90,10 @@ class ClassMixture:
 
     def __call__(self, x: Array, s: float) -> Array:
         """Control (m,) at state x (n,), s [s] after the plan was made."""
-        log_psi, controls = self._at(x, s)
+        which = self._weighty(x, s)
+        if len(which) == 1:
+            return np.asarray(self._free(x, s, which)[0] + self.push(x, s))
+        log_psi, controls = self._at(x, s, which)
         weight: Array = np.exp(log_psi - log_psi.max())
         control: Array = weight @ controls / weight.sum()
         return control
@@ -100,22 +107,34 @@ class ClassMixture:
         """log psi of every class at state x (n,), s [s] after the plan [nats], up to a constant that all share."""
         return dict(zip(self.classes, self._at(x, s)[0].tolist(), strict=True))
 
-    def _at(self, x: Array, s: float) -> tuple[Array, Array]:
-        """log psi (C,) and control (C, m) of every class."""
-        d, free = self.problem.dynamics, self._free(x, s)
+    def _weighty(self, x: Array, s: float) -> IntArray:
+        """Which classes may weigh anything, as far as their controls at the plan's state tell, (k,)."""
+        if len(self.laws) == 1:
+            return np.zeros(1, dtype=np.int64)
+        log_psi = self.known + self.before @ self.stiff @ (self.inverse @ self._moved(x, s))
+        return np.flatnonzero(log_psi >= log_psi.max() - NEGLIGIBLE)
+
+    def _at(self, x: Array, s: float, which: IntArray | slice = EVERY) -> tuple[Array, Array]:
+        """log psi (k,) and control (k, m) of some classes."""
+        d, free = self.problem.dynamics, self._free(x, s, which)
         controls = free + self.push(x, s)
-        carried = self.state.copy()
-        carried[-d.rows :] += s * self.drift
-        moved = d.difference(x, carried)[-d.rows :]
-        log_psi = self.known + 0.5 * (self.before + controls) @ self.stiff @ (self.inverse @ moved)
+        work = self.stiff @ (self.inverse @ self._moved(x, s))
+        log_psi = self.known[which] + 0.5 * (self.before[which] + controls) @ work
         if d.drifting_away or self.problem.scene.movers:
-            mean = 0.5 * (self.free + free)
+            mean = 0.5 * (self.free[which] + free)
             log_psi -= 0.5 * s * np.sum(mean @ self.stiff * mean, axis=1)
         return log_psi, controls
 
-    def _free(self, x: Array, s: float) -> Array:
-        """Controls (C, m) without what the nearest walls add."""
-        return np.array([law.control(x, s) for law in self.classes.values()])
+    def _moved(self, x: Array, s: float) -> Array:
+        """How far the robot has come since the plan, its drift aside, (rows,)."""
+        d, carried = self.problem.dynamics, self.state.copy()
+        carried[-d.rows :] += s * self.drift
+        return np.asarray(d.difference(x, carried)[-d.rows :])
+
+    def _free(self, x: Array, s: float, which: IntArray | slice = EVERY) -> Array:
+        """Controls (k, m) of some classes without what the nearest walls add."""
+        laws = self.laws[which] if isinstance(which, slice) else [self.laws[k] for k in which.tolist()]
+        return np.array([law.control(x, s) for law in laws])
 
 
 @dataclass(slots=True)

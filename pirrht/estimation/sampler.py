@@ -132,6 +132,10 @@ class PathIntegral:
         """Whether references may have unequal numbers of samples, by what those of earlier plans contributed."""
         return self.guidance is None or (isinstance(self.guidance, AnyGuidance) and not self.moving)
 
+    def prepare(self, batch: Batch) -> None:
+        """Make the tables by which the paths of a batch are sampled, whatever the numbers of samples."""
+        self.tables.of(batch, self.setup, self.homology)
+
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
         leads = self.tables.of(batch, self.setup, self.homology)

@@ -51,12 +51,19 @@ class Asked:
     vertices: Vertices  # those that count
 
     def references(
-        self, x: Array, *, polished: bool, before: Earlier | None, pressed: Callable[[], bool], threads: int
+        self,
+        x: Array,
+        *,
+        polished: bool,
+        before: Earlier | None,
+        pressed: Callable[[], bool],
+        threads: int,
+        most: int | None = None,
     ) -> list[Reference]:
         """See `HomologyTree.references`; x (n,) is a state as vertices are."""
         known = before if before and polished and resumes(self.around.steering) else {}
         ways = polished and not known and isinstance(self.around.steering, InTime)
-        paths = self._paths(x, known, ways, threads)
+        paths = self._paths(x, known, ways, threads, most)
         if polished:
             raw = [i for i, path in enumerate(paths) if not path.taut]
             if known and isinstance(self.around.steering, InTime):
@@ -77,8 +84,11 @@ class Asked:
             path.append(vertex)
         return path
 
-    def _paths(self, x: Array, known: Earlier, ways: bool, threads: int) -> list[_Path]:
-        """The path of every allowed class, cheapest of the tree's own first; with other `ways` where it is not taut."""
+    def _paths(self, x: Array, known: Earlier, ways: bool, threads: int, most: int | None) -> list[_Path]:
+        """The path of every allowed class, cheapest of the tree's own first; with other `ways` where it is not taut.
+
+        Of more than `most` classes those are looked at that seem cheapest, by these and by earlier paths.
+        """
         around, nodes = self.around, self.places.graph.nodes
         edges = around.edges_from(x, self.vertices, around.steering.asked, threads)
         best = Best.room(self.rules.classes or max(1, int(nodes[edges.near[edges.free]].sum())))
@@ -86,7 +96,12 @@ class Asked:
         count = best_classes(self.places, around.straight(x), edges, weights, self.rules, best)
         if count == 0:
             raise NoReference(x.tolist(), vertices=len(self.vertices.states), limit=self.rules.limit)
-        order = np.argsort(best.cost[:count], kind="stable")
+        cost = best.cost[:count]
+        order = np.argsort(cost, kind="stable")
+        if most is not None and most < count:
+            earlier = [known.get(self._winding(edges, int(best.edge[i]), int(best.slot[i]))) for i in range(count)]
+            least = [c if path is None else min(c, path.cost.sum()) for c, path in zip(cost, earlier, strict=True)]
+            order = order[np.isin(order, np.argsort(least, kind="stable")[:most])]
 
         def path(i: int) -> _Path:
             found = self._path(x, edges, int(best.edge[i]), int(best.slot[i]), known)
@@ -109,13 +124,15 @@ class Asked:
 
     def _path(self, x: Array, edges: Edges, edge: int, slot: int, known: Earlier) -> _Path:
         """The path from x (n,) over one of the edges and on from a node at its head, or what is left of an earlier."""
-        around, head = self.around, int(edges.near[edge])
-        path = self._motions(x, edges, edge, slot)
-        turns = edges.turns.dense(edge, around.homology.M)
-        winding = integers(g.class_at(self.places.graph, head, slot) + turns)
+        path, winding = self._motions(x, edges, edge, slot), self._winding(edges, edge, slot)
         again = self._resumed(x, known[winding], winding) if winding in known else None
         taut = again is not None and again.cost.sum() <= path.cost.sum() * (1.0 + ALIKE)
         return _Path(winding, again if taut else path, taut)
+
+    def _winding(self, edges: Edges, edge: int, slot: int) -> tuple[int, ...]:
+        """The class of the path over one of the edges and on from a node at its head."""
+        turns = edges.turns.dense(edge, self.around.homology.M)
+        return integers(g.class_at(self.places.graph, int(edges.near[edge]), slot) + turns)
 
     def _others(self, x: Array, edges: Edges, key: int) -> tuple[Any, ...]:
         """What ways of a class there are apart from the cheapest."""

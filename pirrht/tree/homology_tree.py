@@ -221,6 +221,7 @@ class HomologyTree:
         before: Mapping[tuple[int, ...], Motions] | None = None,
         pressed: Callable[[], bool] = lambda: False,
         threads: int = 1,
+        most: int | None = None,
     ) -> list[Reference]:
         """The best path of every allowed class from x (n,), least [cost] first; the tree is not changed (Algorithm 5).
 
@@ -231,12 +232,13 @@ class HomologyTree:
                 time only the cheapest few are then polished at once.
             pressed: whether time is short; then paths of such other classes stay as the tree has them.
             threads: among which work is shared out; what is found does not depend on it.
+            most: classes that are looked at, those that seem cheapest before paths are shortened; None: all.
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        return self._asked.references(x, polished=polished, before=before, pressed=pressed, threads=threads)
+        return self._asked.references(x, polished=polished, before=before, pressed=pressed, threads=threads, most=most)
 
     def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
         """Length [m] of the tree's own best path of every allowed class from x (n,), by winding; empty if none."""

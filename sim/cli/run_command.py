@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from contextlib import closing, nullcontext
 from typing import Any
 
@@ -59,6 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
                 bar.write(news)
             bar.update(round(frame.end_time - bar.n, 6))
             bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
+        if recorder is not None:
+            _wait(recorder)
     warm.notice().done("sample")
     drive = tally.drive()
     result = {**drive.json(), **({} if witness is None else {"truth": witness.result()})}
@@ -82,6 +85,15 @@ def run(arguments: argparse.Namespace) -> int:
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
     return 0 if tally.outcome is Outcome.GOAL else 1
+
+
+def _wait(recorder: Any) -> None:
+    """A bar, on a terminal, until what a drive against the clock has left to record is written."""
+    whole = recorder.waiting
+    with progress_bar("recording", whole, " steps") as bar:
+        while (left := recorder.waiting) > 0:
+            bar.update(whole - left - bar.n)
+            time.sleep(0.1)
 
 
 def _sinks(arguments: argparse.Namespace) -> Any:

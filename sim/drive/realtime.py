@@ -30,8 +30,9 @@ from sim.drive.executor import Advance, Plant
 from sim.drive.odometer import Frame, Odometer, ending
 from sim.drive.realtime_planner import Handover, Planner, Ready, Stopped
 from sim.drive.realtime_timing import Timing
+from sim.drive.urgent import URGENT
 
-SWITCH = 1e-4  # a thread gives the interpreter to one that waits for it after this time [s]
+SWITCH = 2e-5  # a thread gives the interpreter to one that waits for it after this time [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,7 +75,7 @@ def run(
     planner.make_room()
     share = Handover(planner.first(plant.state), plant.state)
     book, news = _Book(controller, plant.state, period, max_time), News()
-    with _undisturbed():
+    with _undisturbed(), URGENT.drive():
         origin = clock.now()
         pacer = _Pacer(share, clock, origin)
         threads = [

@@ -23,7 +23,8 @@ RESERVE = 1.25  # times as long as weighing and the like takes is kept for it,
 RECENT, RARE = 40, 2  # which is the second longest of so many: one that was disturbed is no rule
 QUICKLY, SLOWLY = 0.3, 0.03  # with these shares what something takes is learned when it is more, or less, than thought
 FULLER = 8  # times as many vertices as it begins with a tree has at most: there is room for so many
-PIECES = 10  # integration steps in which a period is foreseen
+PIECES, MOST = 10, 20  # integration steps in which a period is foreseen, and in which any time is, if a plant is late
+BEHIND = 0.2  # of a period that the plant is late by: then the tree does not grow
 
 
 class Stopped(Exception):
@@ -98,7 +99,7 @@ class Planner:
                 last = self._ahead(share, last, begin=(step + 1) * period, now=step * period, origin=origin)
             share.arrived.append(last)
             gc.collect(1)  # now, when nothing waits for it, and not in the middle of a plan
-            self._grow(share, origin + last.begin)
+            self._grow(share, origin, origin + last.begin)
             step += 1
 
     def _ahead(self, share: Handover, last: Ready, *, begin: float, now: float, origin: float) -> Ready:
@@ -134,14 +135,15 @@ class Planner:
             vertices=size_of(self.controller.tree),
         )
 
-    def _grow(self, share: Handover, until: float) -> None:
+    def _grow(self, share: Handover, origin: float, until: float) -> None:
         tree, clock = self.controller.tree, self.clock
         if tree is None:
             return
         added = 0
         while not share.stopped and (self.grow is None or added < self.grow):
             before = clock.now()
-            if before + 2.0 * self._vertex > until or tree.size >= self._most:
+            behind = before - origin - share.seen[0] > BEHIND * self.period
+            if behind or before + 2.0 * self._vertex > until or tree.size >= self._most:
                 return
             tree.grow(tree.size + 1, enough=lambda _: clock.now() > until)
             self._vertex = _learned(self._vertex, clock.now() - before)
@@ -154,7 +156,7 @@ def foreseen(controller: Policy, ready: Ready, time: float, x: Array, until: flo
     They end before they enter the goal or a wall, where nothing can be planned.
     """
     space, dynamics = controller.space, controller.problem.dynamics
-    count = max(0, int(np.ceil((until - time) / step - 1e-9)))
+    count = min(max(0, int(np.ceil((until - time) / step - 1e-9))), MOST)
     h, states = (until - time) / max(1, count), [x]
     for i in range(count):
         u = ready.plan.at(x, max(0.0, time + i * h - ready.begin))

@@ -10,11 +10,25 @@ LONGEST = 0.1  # what gives way goes on after this time in any case, lest it nev
 
 
 class Urgent:
-    """Whether something is made right now that a clock waits for."""
+    """Whether something is made right now that a clock waits for.
+
+    Attributes:
+        clocked: whether a drive runs against the clock, after which there will be more time.
+    """
 
     def __init__(self) -> None:
+        self.clocked = False
         self._idle = Event()
         self._idle.set()
+
+    @contextmanager
+    def drive(self) -> Iterator[None]:
+        """A drive runs against the clock meanwhile."""
+        self.clocked = True
+        try:
+            yield
+        finally:
+            self.clocked = False
 
     @contextmanager
     def work(self) -> Iterator[None]:

@@ -95,6 +95,11 @@ class Recorder:
         return bool(self._live)
 
     @property
+    def waiting(self) -> int:
+        """Steps that are still to be written to the file."""
+        return 0 if self._file is None else self._file.waiting
+
+    @property
     def dropped(self) -> int:
         """Frames that a viewer could not take."""
         return sum(sink.dropped for sink in self._live)

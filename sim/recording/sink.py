@@ -1,7 +1,8 @@
 """One target of a recording: a queue, and the thread that empties it into a stream of its own.
 
 The control thread only puts rows into queues. A file takes all of them, and a full queue makes the sender wait; a
-viewer never holds the sender up and may lose some.
+viewer never holds the sender up and may lose some. While a drive runs against the clock rows for a file are kept for
+later: threads of a process share one interpreter, and pictures take more of it than plans among many bodies leave.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import threading
 import time
 from collections import deque
 
+from sim.drive.urgent import URGENT
 from sim.recording.outlet import Outlet
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream, forget_lost_viewers
@@ -17,6 +19,7 @@ from sim.recording.subject import Subject
 from sim.recording.writer import Writer
 
 ROOM = 256  # rows a queue holds
+KEPT = 512 * 2**20  # what rows that are kept for later may hold on to [bytes]
 NAP = 0.02  # pause of a thread that has nothing to do [s]
 GRACE = 2.0  # what a viewer gets to take the last rows [s]
 
@@ -33,6 +36,7 @@ class Sink:
         self._rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
         self._closing, self._done = threading.Event(), threading.Event()
         self._failure: Exception | None = None
+        self._come = self._gone = 0  # what rows hold on to that were put in, and taken out [bytes]
         self._under_way = 0  # rows taken from the queue and not known to have arrived
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
@@ -43,13 +47,26 @@ class Sink:
         Raises:
             OptionError: the file can no longer be written.
         """
-        while self._outlet.lossless and len(self._rows) >= ROOM and self._failure is None:
+        while self._outlet.lossless and self._full() and self._failure is None:
             time.sleep(0.001)
         self._check()
-        if self._failure is None and len(self._rows) < ROOM:
+        if self._failure is None and not self._full():
+            self._come += row.size
             self._rows.append(row)
         else:
             self.dropped += 1
+
+    @property
+    def waiting(self) -> int:
+        """Rows that will be written, and are not yet."""
+        return 0 if self._done.is_set() else len(self._rows)
+
+    def _later(self) -> bool:
+        """Whether rows are kept for when the drive is over."""
+        return self._outlet.lossless and URGENT.clocked and self._come - self._gone < KEPT
+
+    def _full(self) -> bool:
+        return len(self._rows) >= ROOM and not self._later()
 
     def close(self) -> None:
         """Let the thread finish; a viewer gets little time for it.
@@ -88,14 +105,16 @@ class Sink:
         while self._rows or not self._closing.is_set():
             if opened and self._outlet.lossless and self._writer.secure():
                 self._deliver()
-            if not self._rows:
+            if not self._rows or self._later():
                 time.sleep(NAP)
                 continue
             if not opened:
                 self._outlet.open(self._stream)
                 opened = True
             self._under_way += 1
-            if self._writer.add(self._rows.popleft()):
+            row = self._rows.popleft()
+            self._gone += row.size
+            if self._writer.add(row):
                 self._deliver()
                 self._under_way = 0
         if opened:

@@ -48,6 +48,15 @@ class Row:
     news: str | None
     growth: tuple[Edges, ...] = ()  # of the tree since the last picture, per obstacle that it is lifted by
 
+    @property
+    def size(self) -> int:
+        """About how much memory it holds on to [bytes]: samples and tables, where a picture is to be made of them."""
+        estimate = None if self.plan is None else self.plan.estimate
+        if estimate is None:
+            return self.states.nbytes
+        arrays = [array for part in estimate.parts for array in (*part.paths, part.leads.law, part.leads.control)]
+        return sum(array.nbytes for array in arrays)
+
     @classmethod
     def of(
         cls,
