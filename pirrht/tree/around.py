@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,13 +39,20 @@ class Around:
         straight: Array = self.homology.straight(x[None])[0]
         return straight
 
-    def edges_from(self, x: Array, vertices: Vertices, least: int = 0, threads: int = 1) -> Edges:
-        """Edges from x (n,) to the vertices near it, at least so many."""
+    def edges_from(
+        self,
+        x: Array,
+        vertices: Vertices,
+        least: int = 0,
+        threads: int = 1,
+        pressed: Callable[[], bool] = lambda: False,
+    ) -> Edges:
+        """Edges from x (n,) to the vertices near it, at least so many; those that are sure if time is short."""
         near = self._near(x, vertices.states, forward=True, least=least)
 
         def edges(near: NDArray[np.int64]) -> Edges:
             motions = self.steering.connect(_repeated(x, len(near)), vertices.states[near])
-            return self.checker.inspect(motions, vertices.in_goal[near], near)
+            return self.checker.inspect(motions, vertices.in_goal[near], near, pressed)
 
         if threads == 1 or len(near) < SHARED:
             return edges(near)

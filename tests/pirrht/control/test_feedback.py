@@ -88,6 +88,26 @@ def test_a_law_of_two_classes_is_the_slope_of_the_sum_of_two_exponentials(proble
         np.testing.assert_allclose(law(np.array(x), 0.0), psi @ np.array([a, b]) / psi.sum(), rtol=1e-9)
 
 
+def test_a_class_that_weighs_nothing_is_not_asked_until_the_robot_is_where_it_does(problem):
+    """Of psi = e^(k a.x) + e^(k b.x - 30) the second term weighs e^-30 here, and most where k (b - a).x is 40."""
+    stiff, asked = 2.0 / problem.temperature, []
+
+    class Asked(Steep):
+        def __call__(self, x, s):
+            asked.append(x)
+            return np.zeros(2)
+
+    a, b = np.array([0.6, 0.8]), np.array([1.0, 0.0])
+    law = ClassPool(problem).law(estimate([0, 0], one=(0.0, a), other=(-30.0, b)), {"other": Asked()}, nothing, 0.0)
+    asked.clear()
+    np.testing.assert_allclose(law(np.array([0.1, 0.0]), 0.0), a, rtol=1e-9)
+    assert not asked
+    far = 40.0 / stiff * (b - a) / np.sum((b - a) ** 2)
+    psi = np.exp([stiff * a @ far - 40.0, stiff * b @ far - 70.0])
+    np.testing.assert_allclose(law(far, 0.0), psi @ np.array([a, b]) / psi.sum(), rtol=1e-6)
+    assert asked
+
+
 def test_a_plan_that_says_what_is_known_changes_nothing(problem):
     stiff = 2.0 / problem.temperature
     a, b, x = np.array([0.6, 0.8]), np.array([1.0, 0.0]), np.array([0.02, -0.03])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pirrht.control.hurry import FEW, GROWN, PRESSED, enough_of, pressed_of
+from pirrht.control.hurry import ALONE, FEW, GROWN, PRESSED, RECENT, SPENT, Pace, enough_of, pressed_of
 
 
 class Clock:
@@ -39,3 +39,28 @@ def test_time_is_short_when_a_share_of_what_was_left_is(share):
     pressed = pressed_of(clock)
     clock.left *= share
     assert pressed() == (share < PRESSED)
+
+
+def after(*plans: tuple[int, float]) -> Pace:
+    pace = Pace()
+    for classes, taken in plans:
+        pace.note(classes, taken)
+    return pace
+
+
+def test_without_a_clock_or_a_plan_every_class_is_looked_at():
+    assert after((4, 0.05)).most(None) is None
+    assert Pace().most(Clock()) is None
+
+
+@pytest.mark.parametrize("classes", [1, 3, 16])
+def test_a_plan_that_fits_just_so_is_made_again_of_as_many_classes_and_one_that_does_not_of_fewer(classes: int):
+    time = SPENT * Clock.left
+    assert after(*[(classes, 0.999 * time)] * 2).most(Clock()) == classes
+    assert after(*[(classes, 1.3 * time)] * 2).most(Clock()) == max(1, int(classes * (1.0 + 2.0 * (1.0 / 1.3 - 1.0))))
+    assert after((classes, 0.999 * ALONE * time)).most(Clock()) == classes  # nothing ran beside the first
+
+
+def test_there_is_always_time_for_one_class_and_the_slowest_of_the_last_plans_tells():
+    assert after((8, 10.0), (8, 1e-9)).most(Clock()) == 1
+    assert after((8, 10.0), *[(2, 0.01)] * RECENT).most(Clock()) == 2 + 2 * int(2.0 * (SPENT * Clock.left / 0.01 - 1.0))

@@ -191,6 +191,30 @@ def test_references_do_not_depend_on_the_number_of_threads(name):
     assert found[0] == found[1]
 
 
+@pytest.mark.parametrize("polished", [False, True])
+def test_the_cheapest_classes_alone_are_found_as_among_all(polished):
+    tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 600)
+    every = {one.winding: one for one in tree.references(START, polished=polished)}
+    raw = [one.winding for one in tree.references(START, polished=False)]  # cheapest first
+    assert len(raw) > 2
+    for most in range(1, len(raw) + 1):
+        found = tree.references(START, polished=polished, most=most)
+        assert {one.winding for one in found} == set(raw[:most])
+        for one in found:
+            assert one.path.knots.tolist() == every[one.winding].path.knots.tolist()
+
+
+def test_a_class_whose_earlier_path_is_short_is_looked_at_whatever_the_tree_makes_of_it():
+    tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 600)
+    raw = tree.references(START, polished=False)
+    short = {one.winding: one for one in tree.references(START)}
+    last = raw[-1].winding
+    cheaper = [one.winding for one in raw if one.cost < short[last].cost]
+    assert len(cheaper) < len(raw) - 1
+    found = tree.references(START, before={last: short[last].path}, most=len(cheaper) + 1)
+    assert {one.winding for one in found} == {*cheaper, last}
+
+
 def test_edges_that_are_judged_in_parts_are_those_that_are_judged_at_once():
     tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 500)
     vertices = Vertices(tree.states[: tree.size], tree.in_goal[: tree.size])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from sim.cli import main
 from sim.drive import realtime
 from sim.drive.episode import Frame, Tally
 from sim.drive.executor import Analytic
-from sim.drive.realtime_planner import Handover, Planner, Ready, foreseen
+from sim.drive.realtime_planner import BEHIND, MOST, Handover, Planner, Ready, foreseen
 from sim.scenario import Scenario, prepare
 
 PERIOD, STEP = 0.1, 0.01
@@ -188,6 +189,15 @@ def test_a_drive_that_is_given_up_leaves_no_thread_behind(slit: Scenario):
     assert not {"plant", "planner"} & {thread.name for thread in threading.enumerate()}
 
 
+def test_a_plant_that_is_late_is_foreseen_in_no_more_steps(slit: Scenario):
+    driver = FakeDriver(slit, FakeClock(), lambda i: 0.0)
+    plan = replace(driver.plan(slit.start), span=np.inf)
+    ready = Ready(plan=plan, begin=0.0, seconds=0.0, slack=0.0, samples=0, vertices=0)
+    states = foreseen(driver, ready, 0.0, slit.start, 1.0, 0.01)
+    assert len(states) == MOST + 1
+    np.testing.assert_allclose(states[-1], slit.start + np.array([0.01, 0.0]), atol=1e-12)
+
+
 def test_what_is_foreseen_ends_before_the_goal(slit: Scenario):
     driver = FakeDriver(slit, FakeClock(), lambda i: 0.0)
     goal, u = slit.problem.scene.goal, np.array([1.0, 0.0])
@@ -234,9 +244,19 @@ def test_the_tree_grows_in_the_time_that_is_left(slit: Scenario, grow: int | Non
     driver.tree = Growing(clock)  # type: ignore[assignment]
     planner = Planner(driver, clock, PERIOD, grow)
     share = Handover(planner.first(slit.start), slit.start)
-    planner._grow(share, clock.now() + 0.02)
+    planner._grow(share, clock.now(), clock.now() + 0.02)
     assert driver.tree.size == 10 + expected  # type: ignore[attr-defined]
     assert clock.now() <= 100.0 + 0.02
+
+
+def test_the_tree_does_not_grow_while_the_plant_is_late(slit: Scenario):
+    clock = FakeClock()
+    driver = FakeDriver(slit, clock, lambda i: 0.0)
+    driver.tree = Growing(clock)  # type: ignore[assignment]
+    planner = Planner(driver, clock, PERIOD, None)
+    share = Handover(planner.first(slit.start), slit.start)
+    planner._grow(share, clock.now() - 1.01 * BEHIND * PERIOD, clock.now() + 0.02)
+    assert driver.tree.size == 10  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,9 @@ from sim.cli import warm
 from sim.drawing import strokes
 from sim.drawing.colors import PALETTE, ClassColors, title
 from sim.drive.episode import run
+from sim.drive.urgent import URGENT
 from sim.recording import geoms, read, viewer
-from sim.recording.sink import ROOM
+from sim.recording.sink import NAP, ROOM
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 from sim.recording.subject import telling
@@ -214,6 +215,23 @@ def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
     recorder.close()
     assert recorder.dropped == ROOM + 100
     assert len(columns(tmp_path / "both.rrd")["/steps"]["step"]) == ROOM + 100
+
+
+def test_a_file_is_written_after_a_drive_against_the_clock_and_misses_nothing(tmp_path, monkeypatch):
+    drive = Drive()
+    frame = next(drive.frames())
+    recorder = drive.recorder(tmp_path / "late.rrd")
+    with URGENT.drive():
+        for _ in range(ROOM + 100):
+            recorder.log(frame)
+        time.sleep(5.0 * NAP)
+        assert recorder.waiting == ROOM + 100
+        monkeypatch.setattr("sim.recording.sink.KEPT", 0)  # no more room for what is kept
+        while recorder.waiting > ROOM:
+            time.sleep(NAP)
+    recorder.close()
+    assert recorder.waiting == 0
+    assert len(columns(tmp_path / "late.rrd")["/steps"]["step"]) == ROOM + 100
 
 
 def test_output_that_cannot_be_written_is_named_before_the_run(tmp_path):
