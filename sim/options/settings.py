@@ -160,8 +160,9 @@ PLANNER_OPTIONS = (
 DRIVE_OPTIONS = (
     _setting(
         "real-time",
-        "drive against the clock and plan ahead meanwhile, with as many samples as there is time for, --samples at "
-        "least; results depend on the machine and differ from run to run",
+        "drive against the clock and plan ahead meanwhile, with as many classes and samples as there is time for (one "
+        "class, the cheapest, and --samples at least, or a tenth of them among bodies that move); --record writes when "
+        "the drive is over; results depend on the machine and differ from run to run",
         kind=bool, commands=("run",), group=DRIVE,
     ),
     _number(
