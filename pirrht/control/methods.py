@@ -50,4 +50,3 @@ METHODS = {name: method.text for name, method in SAMPLING.items()} | {
     "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
 }
 TREELESS = ("passive", "mppi", "optimal")
-PLANNING = tuple(name for name in METHODS if name not in TREELESS)

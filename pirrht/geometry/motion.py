@@ -13,7 +13,6 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Obstacle, about_vertical
 
-BETWEEN = 1e-4  # rows, at least; sooner is a slip of the pen, which would be a jump [s]
 SHAPES = 1024  # of bodies of which is remembered what does not depend on how they move
 
 
@@ -22,8 +21,7 @@ class Motion:
     """Where a body is at any time: poses linear between rows, standing still after the last or starting over.
 
     Raises:
-        SceneError: rows of another shape, that are not finite, or whose times do not begin at 0 and increase by
-            `BETWEEN` at least.
+        SceneError: rows of another shape, that are not finite, or whose times do not increase from 0.
     """
 
     rows: Array  # (k, 4) t [s], x, y [m], yaw [rad]
@@ -40,11 +38,11 @@ class Motion:
             raise SceneError(f"row {row + 1} of a motion is {rows[row].tolist()}; all numbers must be finite")
         if rows[0, 0] != 0.0:
             raise SceneError(f"the first row of a motion is at {rows[0, 0]:g} s; it must be at 0")
-        late = np.flatnonzero(~(np.diff(rows[:, 0]) >= BETWEEN))
+        late = np.flatnonzero(np.diff(rows[:, 0]) <= 0.0)
         if len(late):
             row = int(late[0]) + 1
-            times = f"{rows[row, 0]:.9g} s after one at {rows[row - 1, 0]:.9g} s"
-            raise SceneError(f"row {row + 1} of a motion is at {times}; times must increase, by {BETWEEN:g} s at least")
+            times = f"{rows[row, 0]:g} s after one at {rows[row - 1, 0]:g} s"
+            raise SceneError(f"row {row + 1} of a motion is at {times}; times must increase")
         if self.repeat and len(rows) < 2:
             raise SceneError("a motion that starts over has one row; it needs two or more")
         object.__setattr__(self, "rows", rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pirrht.control.methods import METHODS, PLANNING
+from pirrht.control.methods import METHODS
 from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
 from sim.options.record import Bounds, Option
 
@@ -127,7 +127,7 @@ PLANNER_OPTIONS = (
     ),
     _setting(
         "tree", "a tree that `pirrht plan -o` saved, instead of growing one", metavar="TREE.npz",
-        commands=DRIVES[1:], methods=PLANNING,
+        commands=DRIVES[1:],
     ),
     _setting("method", f"one of {', '.join(METHODS)}", metavar="NAME", choices=tuple(METHODS), commands=SINGLE),
     _number(

@@ -74,8 +74,9 @@ def refuse_idle(given: Mapping[str, Any], methods: Sequence[str]) -> None:
         if given.get(name) is None:
             continue
         if option.methods and not set(option.methods) & set(methods):
-            whose = f"method{'s' * (len(option.methods) > 1)} {', '.join(option.methods)}"
-            raise OptionError(f"{option.flag} is of the {whose} alone, which is not asked for; leave it out")
+            raise OptionError(
+                f"{option.flag} is of the method {option.methods[0]} alone, which is not asked for; leave it out"
+            )
         fixed = {option.fixed.get(method) for method in methods}
         if None not in fixed and fixed and given[name] not in fixed:
             raise OptionError(f"{option.flag}: the method {methods[0]} has no such choice; leave it out")

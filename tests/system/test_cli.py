@@ -444,7 +444,6 @@ def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
         ("run slit --method mppi --consistency 0.5", "--consistency is of the method best-class alone"),
         ("estimate slit --at 1 2 --horizon 2", "--horizon is of the method mppi alone"),
         ("sweep slit --methods single,passive --exploration 2", "--exploration is of the method mppi alone"),
-        ("run slit --method mppi --tree t.npz", "--tree is of the methods pi-rrht, best-class, single alone"),
         ("run slit --method mppi --guide feedback", "--guide: the method mppi has no such choice"),
         ("sweep slit --methods mppi --draws antithetic", "--draws: the method mppi has no such choice"),
         ("run slit --rounds 2", "--rounds is gone: refitting guides within a plan never paid; leave it out"),
