@@ -71,6 +71,7 @@ class ClassMixture:
     free: Array = field(init=False, repr=False)  # (C, m) those without what the nearest walls add
     stiff: Array = field(init=False, repr=False)  # R / lambda there, (m, m)
     inverse: Array = field(init=False, repr=False)  # G_c^-1 there, or G^+, (m, rows)
+    waiting: Array = field(init=False, repr=False)  # (C,) what log psi loses there by waiting [nats/s]
     drift: Array = field(init=False, repr=False)  # f there, of the states that G has rows for, (rows,)
 
     def __post_init__(self) -> None:
@@ -87,6 +88,7 @@ class ClassMixture:
         }
         for name, value in here.items():
             object.__setattr__(self, name, value)
+        object.__setattr__(self, "waiting", self._loss(free) if self._loses else np.zeros(len(free)))
 
     def __call__(self, x: Array, s: float) -> Array:
         """Control (m,) at state x (n,), s [s] after the plan was made."""
@@ -111,19 +113,27 @@ class ClassMixture:
         """Which classes may weigh anything, as far as their controls at the plan's state tell, (k,)."""
         if len(self.laws) == 1:
             return np.zeros(1, dtype=np.int64)
-        log_psi = self.known + self.before @ self.stiff @ (self.inverse @ self._moved(x, s))
+        log_psi = self.known + self.before @ self.stiff @ (self.inverse @ self._moved(x, s)) - s * self.waiting
         return np.flatnonzero(log_psi >= log_psi.max() - NEGLIGIBLE)
 
     def _at(self, x: Array, s: float, which: IntArray | slice = EVERY) -> tuple[Array, Array]:
         """log psi (k,) and control (k, m) of some classes."""
-        d, free = self.problem.dynamics, self._free(x, s, which)
+        free = self._free(x, s, which)
         controls = free + self.push(x, s)
         work = self.stiff @ (self.inverse @ self._moved(x, s))
         log_psi = self.known[which] + 0.5 * (self.before[which] + controls) @ work
-        if d.drifting_away or self.problem.scene.movers:
-            mean = 0.5 * (self.free[which] + free)
-            log_psi -= 0.5 * s * np.sum(mean @ self.stiff * mean, axis=1)
+        if self._loses:
+            log_psi -= s * self._loss(0.5 * (self.free[which] + free))
         return log_psi, controls
+
+    @property
+    def _loses(self) -> bool:
+        """Whether who has to hurry loses by waiting."""
+        return self.problem.dynamics.drifting_away or bool(self.problem.scene.movers)
+
+    def _loss(self, controls: Array) -> Array:
+        """How fast log psi falls of classes of such controls (k, m) while the robot waits, (k,) [nats/s]."""
+        return np.asarray(0.5 * np.sum(controls @ self.stiff * controls, axis=1))
 
     def _moved(self, x: Array, s: float) -> Array:
         """How far the robot has come since the plan, its drift aside, (rows,)."""
