@@ -92,36 +92,34 @@ class ClassMixture:
 
     def __call__(self, x: Array, s: float) -> Array:
         """Control (m,) at state x (n,), s [s] after the plan was made."""
-        which = self._weighty(x, s)
+        pull = self._pull(x, s)
+        which = self._weighty(s, pull)
         if len(which) == 1:
             return np.asarray(self._free(x, s, which)[0] + self.push(x, s))
-        log_psi, controls = self._at(x, s, which)
+        log_psi, controls = self._at(x, s, pull, which)
         weight: Array = np.exp(log_psi - log_psi.max())
         control: Array = weight @ controls / weight.sum()
         return control
 
     def weights(self, x: Array, s: float) -> dict[str, float]:
         """Weight of every class at state x (n,), s [s] after the plan."""
-        weight, _ = normalised(self._at(x, s)[0])
+        weight, _ = normalised(self._at(x, s, self._pull(x, s))[0])
         return dict(zip(self.classes, weight.tolist(), strict=True))
 
     def log_psi(self, x: Array, s: float) -> dict[str, float]:
         """log psi of every class at state x (n,), s [s] after the plan [nats], up to a constant that all share."""
-        return dict(zip(self.classes, self._at(x, s)[0].tolist(), strict=True))
+        return dict(zip(self.classes, self._at(x, s, self._pull(x, s))[0].tolist(), strict=True))
 
-    def _weighty(self, x: Array, s: float) -> IntArray:
+    def _weighty(self, s: float, pull: Array) -> IntArray:
         """Which classes may weigh anything, as far as their controls at the plan's state tell, (k,)."""
-        if len(self.laws) == 1:
-            return np.zeros(1, dtype=np.int64)
-        log_psi = self.known + self.before @ self.stiff @ (self.inverse @ self._moved(x, s)) - s * self.waiting
+        log_psi = self.known + self.before @ pull - s * self.waiting
         return np.flatnonzero(log_psi >= log_psi.max() - NEGLIGIBLE)
 
-    def _at(self, x: Array, s: float, which: IntArray | slice = EVERY) -> tuple[Array, Array]:
+    def _at(self, x: Array, s: float, pull: Array, which: IntArray | slice = EVERY) -> tuple[Array, Array]:
         """log psi (k,) and control (k, m) of some classes."""
         free = self._free(x, s, which)
         controls = free + self.push(x, s)
-        work = self.stiff @ (self.inverse @ self._moved(x, s))
-        log_psi = self.known[which] + 0.5 * (self.before[which] + controls) @ work
+        log_psi = self.known[which] + 0.5 * (self.before[which] + controls) @ pull
         if self._loses:
             log_psi -= s * self._loss(0.5 * (self.free[which] + free))
         return log_psi, controls
@@ -135,11 +133,11 @@ class ClassMixture:
         """How fast log psi falls of classes of such controls (k, m) while the robot waits, (k,) [nats/s]."""
         return np.asarray(0.5 * np.sum(controls @ self.stiff * controls, axis=1))
 
-    def _moved(self, x: Array, s: float) -> Array:
-        """How far the robot has come since the plan, its drift aside, (rows,)."""
+    def _pull(self, x: Array, s: float) -> Array:
+        """What log psi rises by per control of a class, since the robot has come to x, its drift aside, (m,)."""
         d, carried = self.problem.dynamics, self.state.copy()
         carried[-d.rows :] += s * self.drift
-        return np.asarray(d.difference(x, carried)[-d.rows :])
+        return np.asarray(self.stiff @ (self.inverse @ d.difference(x, carried)[-d.rows :]))
 
     def _free(self, x: Array, s: float, which: IntArray | slice = EVERY) -> Array:
         """Controls (k, m) of some classes without what the nearest walls add."""
