@@ -9,6 +9,7 @@ import numpy as np
 
 from pirrht.estimation.estimate import Estimate
 from pirrht.guidance.leads import Batch, Lead, Proposal
+from pirrht.guidance.tracking import FEW
 
 LEAST = 0.15  # of the samples of a class go around its guide, and beside it
 
@@ -20,18 +21,18 @@ class Aside:
     shares: dict[str, float] = field(default_factory=dict)  # of samples beside the guide, by class
 
     def split(self, proposals: Sequence[Proposal], beside: Callable[[int], Lead | None]) -> list[Proposal]:
-        """As many samples of each class as before, some of those with the most around what goes beside its guide.
+        """As many samples of each class as before, some of them around what goes beside its guide.
 
         Args:
             beside: what that is of the k-th proposal, None if there is nothing.
         """
         kept, more = [], []
-        most = max((one.count for one in proposals), default=0)  # others can hardly carry weight
+        few = min(FEW, max((one.count for one in proposals), default=0) - 1)
         for k, one in enumerate(proposals):
-            other = beside(k) if one.count == most else None
-            count = 0 if other is None else round(self.shares.get(one.name, 0.5) * one.count)
+            other = beside(k) if one.count > few else None  # so few samples can hardly carry weight
+            count = 0 if other is None else min(round(self.shares.get(one.name, 0.5) * one.count), one.count - 1)
             kept.append(replace(one, count=one.count - count))
-            if other is not None:
+            if other is not None and count > 0:
                 more.append(replace(one, lead=other, count=count))
         return kept + more
 

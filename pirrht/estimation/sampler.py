@@ -130,7 +130,7 @@ class PathIntegral:
     @property
     def shares(self) -> bool:
         """Whether references may have unequal numbers of samples, by what those of earlier plans contributed."""
-        return self.guidance is None or (isinstance(self.guidance, AnyGuidance) and not self.moving)
+        return self.guidance is None or isinstance(self.guidance, AnyGuidance)
 
     def prepare(self, batch: Batch) -> None:
         """Make the tables by which the paths of a batch are sampled, whatever the numbers of samples."""

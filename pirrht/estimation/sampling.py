@@ -37,7 +37,7 @@ class Sampling:
         target: sample on until the control's standard error is no larger [control]: consistent, not unbiased.
         budget: with a target, samples around each reference at most; None: 16 N.
         allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper), as those of a
-            unicycle and among bodies that move are anyway.
+            unicycle are anyway.
         threads: None for all cores this process may use; results do not depend on it.
 
     Raises:

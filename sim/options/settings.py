@@ -112,7 +112,7 @@ PLANNER_OPTIONS = (
     ),
     _setting(
         "allocation", "samples go to the references by contribution in earlier plans, or equal (paper), as a "
-        "unicycle's and those among bodies that move do anyway",
+        "unicycle's do anyway",
         metavar="RULE", choices=ALLOCATIONS, paper="equal",
     ),
     _setting(

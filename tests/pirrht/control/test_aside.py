@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from pirrht.control.aside import Aside
 from pirrht.guidance.leads import Proposal, Tape
@@ -14,11 +15,28 @@ def tape() -> Tape:
     return Tape(TIMES, np.zeros((2, 2)))
 
 
-def test_only_classes_with_the_most_samples_have_some_beside_their_guides_and_none_is_lost():
+def asked(*rows: tuple[str, int]) -> list[Proposal]:
+    return [Proposal(lead=tape(), count=count, name=name) for name, count in rows]
+
+
+def test_classes_that_are_worth_more_than_a_few_samples_have_some_beside_their_guides_and_none_is_lost():
     ways = [tape(), tape(), tape()]
     aside = Aside()
     aside.shares["b"] = 0.2
-    asked = [Proposal(lead=tape(), count=count, name=name) for name, count in (("a", 300), ("b", 300), ("c", 30))]
-    found = aside.split(asked, ways.__getitem__)
-    assert [(one.name, one.count) for one in found] == [("a", 150), ("b", 240), ("c", 30), ("a", 150), ("b", 60)]
+    found = aside.split(asked(("a", 700), ("b", 50), ("c", 30)), ways.__getitem__)
+    assert [(one.name, one.count) for one in found] == [("a", 350), ("b", 40), ("c", 30), ("a", 350), ("b", 10)]
     assert [one.lead for one in found[3:]] == ways[:2]
+
+
+@pytest.mark.parametrize("count", [2, 8, 30])
+def test_equal_counts_are_split_however_few_samples_there_are(count):
+    found = Aside().split(asked(("a", count), ("b", count)), [tape(), tape()].__getitem__)
+    assert [one.count for one in found] == [count // 2] * 4
+
+
+@pytest.mark.parametrize(("count", "kept"), [(1, [1, 1]), (2, [1, 1, 1, 1])])
+def test_a_guide_keeps_a_sample_of_its_own(count, kept):
+    aside = Aside()
+    aside.shares |= {"a": 0.85, "b": 0.85}
+    found = aside.split(asked(("a", count), ("b", count)), [tape(), tape()].__getitem__)
+    assert [one.count for one in found] == kept

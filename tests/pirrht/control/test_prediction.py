@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion
+from pirrht.guidance.leads import Batch
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -42,6 +45,22 @@ def controller(name: str = "crossing", b: float = 0.2, first: float | None = Non
     tree.grow(400)
     sampling = Sampling(samples=400, threads=1, first=first)
     return Controller(problem, space, tree, sampling, rng=np.random.default_rng(1), **more)  # type: ignore[arg-type]
+
+
+def sampled(one: Controller, monkeypatch: pytest.MonkeyPatch) -> list[Counter[str]]:
+    """How many samples each plan from now on draws around each class."""
+    found: list[Counter[str]] = []
+    batch = one.around.batch
+
+    def counted(*given: Any) -> Batch:
+        made = batch(*given)
+        found.append(Counter())
+        for proposal in made.proposals:
+            found[-1][proposal.name] += proposal.count
+        return made
+
+    monkeypatch.setattr(one.around, "batch", counted)
+    return found
 
 
 def by_velocity(space: FreeSpace) -> ByVelocity:
@@ -114,6 +133,36 @@ def test_close_to_walls_the_control_among_bodies_is_that_of_the_grid(x, t):
         found.append(one.plan(place).estimate.control)
     error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
     assert np.all(np.abs(np.mean(found, axis=0) - truth) < 4.0 * error + 0.05 * np.hypot(*truth))
+
+
+def test_among_bodies_too_samples_go_where_they_contribute_and_the_value_stays_the_grids(monkeypatch):
+    """Ten plans from one place where one way has most of the weight; seed 1, within 4 standard errors."""
+    one, place, t = controller("crossing", b=0.1), np.array([2.4, 2.0]), 1.2
+    one.begin(place, t)
+    counts = sampled(one, monkeypatch)
+    estimates = [plan.estimate for plan in (one.plan(place) for _ in range(10)) if plan.estimate is not None]
+    favourite = max(estimates[-1].class_weights, key=estimates[-1].class_weights.__getitem__)
+    assert set(counts[0].values()) == {400}  # nothing is known at first
+    assert {count.total() for count in counts} == {counts[0].total()}
+    assert counts[-1][favourite] > 1.4 * counts[0][favourite]
+    assert min(counts[-1].values()) >= 60  # 15 % of 400 go around every class
+    assert np.median([estimate.ess for estimate in estimates[5:]]) > 1.3 * estimates[0].ess
+    truth = Desirability.of(one.problem, one.space).value(place, t)
+    for estimate in estimates:
+        assert abs(estimate.value - truth) < 4.0 * estimate.value_error + 3e-3 * truth
+
+
+def test_numbers_of_samples_stay_equal_among_bodies_where_they_are_to(monkeypatch):
+    problem, space = among()
+    tree = rooted(space)
+    tree.grow(400)
+    sampling = Sampling(samples=100, threads=1, allocation="equal")
+    one = Controller(problem, space, tree, sampling, rng=np.random.default_rng(1))
+    counts = sampled(one, monkeypatch)
+    for _ in range(3):
+        one.plan(START)
+    assert len(counts) == 3
+    assert {samples for count in counts for samples in count.values()} == {100}
 
 
 def test_a_walker_that_goes_straight_on_is_foretold_exactly():
