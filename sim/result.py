@@ -20,7 +20,7 @@ from sim.scenario import Scenario
 
 
 def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
-    """The topological obstacles, in the order of every winding."""
+    """The topological obstacles that stand, in the order of every winding; those that move come after them."""
     return [
         {"marker": [float(v) for v in part.marker], "geoms": list(part.names)}
         for part in space.obstacles
@@ -85,9 +85,7 @@ def plan_json(
         "pruned_classes": int(tree.graph.pruned[0]),
         "seconds": seconds,
         "fcl_calls": scenario.space.collision.calls,
-        "obstacles": obstacles_json(scenario.space),
-        "movers": list(scenario.space.moving.names),
-        "classes": classes_json(references, homology=scenario.homology),
+        **_ways_json(scenario, references),
         "passages": passages,
         **watched,
     }
@@ -125,8 +123,7 @@ def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[s
         **settings_json(scenario),
         "grow": s.grow if s.real_time else s.grow or 0,
         **result,
-        "obstacles": obstacles_json(scenario.space),
-        "classes": classes_json(references),
+        **_ways_json(scenario, references),
     }
 
 
@@ -150,8 +147,16 @@ def estimate_json(
         "class_weights": [None if e is None else e.class_weights for e in estimates],
         "class_ess": [None if e is None else e.class_ess for e in estimates],
         "proposal_weights": [None if e is None else e.proposal_weights for e in estimates],
-        "classes": classes_json(references),
+        **_ways_json(scenario, references),
+    }
+
+
+def _ways_json(scenario: Scenario, references: Sequence[Reference]) -> dict[str, Any]:
+    """Classes, and what the numbers of a winding stand for: the obstacles, then the bodies that move."""
+    return {
         "obstacles": obstacles_json(scenario.space),
+        "movers": list(scenario.space.moving.names),
+        "classes": classes_json(references, homology=scenario.homology),
     }
 
 

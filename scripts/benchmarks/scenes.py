@@ -31,6 +31,7 @@ CELL = 0.025  # of the grid on which start and goal are found to be connected [m
 STRATA = ((0.005, 0.1), (0.1, 0.3), (0.3, np.inf))  # clearances of random states, a third each [m]
 NARROW = 0.5  # a state whose second nearest obstacle is nearer lies in a passage [m]
 BESIDE = 0.05  # states are so far outside of the goal's disc at least [m]
+TRIES = 100_000  # of places near the goal
 KINDS = ("box", "cylinder", "lying", "standing", "ellipsoid", "prism")
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 360, endpoint=False)
 DIRECTIONS = np.stack([np.cos(ANGLES), np.sin(ANGLES)])  # (2, 360)
@@ -163,13 +164,17 @@ def states_near_goal(space: FreeSpace, count: int, seed: int, most: float) -> Ar
     """
     rng, scene, reached = np.random.default_rng([seed, 57]), space.scene, _reached(space)
     chosen: list[Array] = []
-    while len(chosen) < count:
+    for _ in range(TRIES):
+        if len(chosen) == count:
+            break
         angle, r = rng.uniform(-np.pi, np.pi), scene.goal.radius + rng.uniform(0.0, most)
         x = scene.goal.center + r * np.array([np.cos(angle), np.sin(angle)])
         if not np.all((x > scene.lower) & (x < scene.upper)):
             continue
         if reached[_cell(space, x)] and space.clearance(x) > STRATA[0][0]:
             chosen.append(x)
+    if len(chosen) < count:
+        raise SystemExit(f"{scene.name}: no room for {count} places up to {most:g} m outside of the goal's disc")
     return np.array(chosen)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
+
 from sim.cli.tables import class_table
-from sim.result import classes_json
+from sim.result import classes_json, estimate_json, run_json
 from sim.scenario import prepare
 
 
@@ -24,3 +26,13 @@ def test_where_nothing_moves_classes_are_told_by_h():
     references = scenario.references(scenario.grown_tree())
     assert class_table(references, None, scenario.homology) == class_table(references)
     assert "bodies" not in classes_json(references, homology=scenario.homology)[0]
+
+
+@pytest.mark.parametrize("tell", [run_json, estimate_json])
+def test_what_a_program_reads_tells_what_each_number_of_a_winding_stands_for(tell):
+    scenario = prepare("pincer", given={"vertices": 200})
+    references = scenario.references(scenario.grown_tree())
+    found = tell(scenario, references, {} if tell is run_json else [])
+    assert all(len(row["winding"]) == len(found["obstacles"]) + len(found["movers"]) for row in found["classes"])
+    assert found["movers"] == [mover.name for mover in scenario.loaded.scene.movers]
+    assert found["classes"][0]["bodies"] == classes_json(references, homology=scenario.homology)[0]["bodies"]
