@@ -9,7 +9,7 @@ swept on the way.
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from itertools import repeat
@@ -78,16 +78,24 @@ class Body:
 
     def clearance(self, place: Array, row_time: float) -> float:
         """Free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""
-        x, y, yaw = self._lap.pose_at(row_time)
-        c, s, dx, dy = cos(yaw), sin(yaw), place[0] - x, place[1] - y
-        return float(self.shape.distance(np.array([[c * dx + s * dy, c * dy - s * dx]]))[0]) - self._radius
+        return float(self.shape.distance(_seen(place, self._lap.pose_at(row_time)))[0]) - self._radius
 
     def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
         """Whether it touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
         return any(self._meets(*piece) for piece in self._pieces(a, begin, b, end))
 
     def _meets(self, a: Array, s: float, b: Array, t: float) -> bool:
-        """The same between two times of the rows [s]."""
+        """The same between two times of the rows [s]: seen from a body that does not turn, straight from row to row."""
+        knots = [s, *self._times[bisect_right(self._times, s) : bisect_left(self._times, t)], t]
+        poses = [self._lap.pose_at(knot) for knot in knots]
+        if len({yaw for _, _, yaw in poses}) > 1:
+            return self._approaches(a, s, b, t)
+        places = [a + (knot - s) / max(t - s, TINY) * (b - a) for knot in knots]
+        seen = np.concatenate([_seen(place, pose) for place, pose in zip(places, poses, strict=True)])
+        return not self.shape.segments_free(seen[:-1], seen[1:]).all()
+
+    def _approaches(self, a: Array, s: float, b: Array, t: float) -> bool:
+        """The same of a body that turns, by how fast they may come nearer."""
         length, duration = hypot(b[0] - a[0], b[1] - a[1]), t - s
 
         def way(begin: float, end: float) -> float:
@@ -173,6 +181,13 @@ class Crowd:
         free, at_x, at_y, when, holds, ends = self._each.copy().T  # as a whole, whoever asks meanwhile
         lower = free - np.hypot(place[0] - at_x, place[1] - at_y) - self._speeds * np.abs(time - when)
         return np.where((holds <= time) & (time < ends), lower, -inf)
+
+
+def _seen(place: Array, pose: tuple[float, float, float]) -> Array:
+    """A place (2,) [m] in the frame of a body at x, y [m] and a yaw [rad], (1, 2) [m]."""
+    x, y, yaw = pose
+    c, s, dx, dy = cos(yaw), sin(yaw), place[0] - x, place[1] - y
+    return np.array([[c * dx + s * dy, c * dy - s * dx]])
 
 
 def touches(free: Callable[[float], float], way: Callable[[float, float], float]) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -28,13 +30,16 @@ def mover(rows: list[list[float]], *solids: Obstacle, repeat: bool = False) -> M
     return Mover(name="m", solids=solids or (disc(),), motion=Motion(rows=np.array(rows), repeat=repeat))
 
 
-def wandering(seed: int) -> list[Mover]:
-    """Five bodies of all kinds of tilted solids on ways with turns, some of which start over elsewhere."""
+def wandering(seed: int, *, turning: float = 2.0) -> list[Mover]:
+    """Five bodies of all kinds of tilted solids on ways with corners, some of which start over elsewhere.
+
+    Their yaws lie within `turning` of one another's [rad].
+    """
     rng = np.random.default_rng(seed)
     bodies = []
     for k, kind in enumerate((Kind.BOX, Kind.MESH, Kind.ELLIPSOID, Kind.CAPSULE, Kind.CYLINDER)):
         times = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 0.6, 4))])
-        rows = np.column_stack([times, rng.uniform(-1, 1, (5, 2)), rng.uniform(-2, 2, 5)])
+        rows = np.column_stack([times, rng.uniform(-1, 1, (5, 2)), 0.3 + rng.uniform(-turning, turning, 5)])
         solids = [solid(kind, "a", rng.uniform(-0.4, 0.4, 2), rng), disc(0.1, (0.5, 0.2))]
         bodies.append(mover(rows.tolist(), *solids, repeat=k % 2 == 0))
     return bodies
@@ -57,9 +62,10 @@ def test_a_clearance_is_that_of_the_bodies_as_they_stand_then_whatever_was_asked
             assert crowd.clearance(near, later) == pytest.approx(truth(bodies, near, later), abs=1e-5)
 
 
+@pytest.mark.parametrize("turning", [2.0, 0.0])
 @pytest.mark.parametrize("seed", first(range(3)))
-def test_what_is_surely_free_is_free_and_what_is_met_is_met(seed):
-    bodies, rng = wandering(seed), np.random.default_rng(10 + seed)
+def test_what_is_surely_free_is_free_and_what_is_met_is_met(seed, turning):
+    bodies, rng = wandering(seed, turning=turning), np.random.default_rng(10 + seed)
     crowd, hits = Crowd(bodies, FOOTPRINT), 0
     for _ in range(60):
         a, begin, span = rng.uniform(-1.5, 1.5, 2), rng.uniform(0, 4), rng.uniform(0.001, 0.05)
@@ -73,6 +79,17 @@ def test_what_is_surely_free_is_free_and_what_is_met_is_met(seed):
         if met:
             assert least < 0.05  # the samples miss a little of it
     assert 5 < hits < 55
+
+
+@pytest.mark.parametrize(("gap", "met"), [(1e-6, False), (1e-3, False), (-1e-6, True)])
+def test_a_way_that_grazes_a_body_costs_one_question_a_row_if_the_body_does_not_turn(gap, met):
+    """A wall of 4 m on wheels comes along and stops; the robot slides along it for 2 s."""
+    wall = solid(Kind.BOX, "wall", np.zeros(2), np.random.default_rng(0))
+    wall = replace(wall, size=np.array([2.0, 0.1, 0.5]), rotation=np.eye(3), position=np.array([0.0, 0.0, 0.5]))
+    crowd = Crowd([mover([[0, 0, 0, 0], [0.7, 0.4, 0, 0], [1.4, 0.4, 0, 0]], wall)], FOOTPRINT)
+    a, b = np.array([-1.0, 0.1 + RADIUS + gap]), np.array([1.0, 0.1 + RADIUS + gap])
+    assert crowd.meets(a, 0.0, b, 2.0) == met
+    assert sum(shape.calls for shape in crowd.shapes) <= 3
 
 
 def test_a_thin_body_that_is_past_at_the_end_of_a_step_has_met_the_robot():
