@@ -107,11 +107,15 @@ class Collision:
         """Whether the robot touches no obstacle and is strictly inside the border, (k, 2) [m] -> (k,)."""
         return self.segments_free(points, points)
 
-    def segments_free(self, tails: Array, heads: Array) -> BoolArray:
-        """Whether the robot can go straight from tails to heads, 2 x (k, 2) [m] -> (k,); a swept capsule each."""
+    def segments_free(self, tails: Array, heads: Array, more: float = 0.0) -> BoolArray:
+        """Whether the robot can go straight from tails to heads, 2 x (k, 2) [m] -> (k,); a swept capsule each.
+
+        Args:
+            more: room that is asked for besides, from what stands [m].
+        """
         result = self._inside(tails) & self._inside(heads)
         middles = self._lift(0.5 * (tails + heads))
-        spans, radius = heads - tails, self.footprint.radius
+        spans, radius = heads - tails, self.footprint.radius + more
         for k in np.flatnonzero(result):
             result[k] = not self._hits(self._all_solids, capsule(radius, middles[k], spans[k]))
         return result
