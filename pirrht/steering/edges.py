@@ -68,25 +68,16 @@ class EdgeChecker:
         """The judge of a steering method's motions in an examined scene."""
         return cls(space=space, motion=steering.motion, around=steering.surroundings(space))
 
-    def inspect(
-        self,
-        motions: Motions,
-        into_goal: NDArray[np.bool_],
-        near: NDArray[np.int64] | None = None,
-        pressed: Callable[[], bool] = lambda: False,
-    ) -> Edges:
+    def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).
 
         A motion that enters the goal is an edge only if its head is a root (`into_goal`, (k,)); it ends, and is
         paid for, where it first enters the disc. From there its class counts along the straight line to the goal.
-        When time is short (`pressed`) those that the field leaves unsure are no edges.
         """
         record = self.motion.record(motions)
         near = np.arange(len(into_goal)) if near is None else near
         edges, unsure = judge_with(self.motion.kernels)(self.around, record, into_goal, near)
         for i in np.flatnonzero(edges.status == UNSURE).tolist() if unsure else ():
-            if pressed():
-                break
             if self.motion.ask(record, i, self.space):
                 edges.status[i] = FREE
         return edges

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,20 +38,13 @@ class Around:
         straight: Array = self.homology.straight(x[None])[0]
         return straight
 
-    def edges_from(
-        self,
-        x: Array,
-        vertices: Vertices,
-        least: int = 0,
-        threads: int = 1,
-        pressed: Callable[[], bool] = lambda: False,
-    ) -> Edges:
-        """Edges from x (n,) to the vertices near it, at least so many; those that are sure if time is short."""
+    def edges_from(self, x: Array, vertices: Vertices, least: int = 0, threads: int = 1) -> Edges:
+        """Edges from x (n,) to the vertices near it, at least so many."""
         near = self._near(x, vertices.states, forward=True, least=least)
 
         def edges(near: NDArray[np.int64]) -> Edges:
             motions = self.steering.connect(_repeated(x, len(near)), vertices.states[near])
-            return self.checker.inspect(motions, vertices.in_goal[near], near, pressed)
+            return self.checker.inspect(motions, vertices.in_goal[near], near)
 
         if threads == 1 or len(near) < SHARED:
             return edges(near)

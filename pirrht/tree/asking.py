@@ -63,7 +63,7 @@ class Asked:
         """See `HomologyTree.references`; x (n,) is a state as vertices are."""
         known = before if before and polished and resumes(self.around.steering) else {}
         ways = polished and not known and isinstance(self.around.steering, InTime)
-        paths = self._paths(x, known, ways, threads, most, pressed)
+        paths = self._paths(x, known, ways, threads, most)
         if polished:
             raw = [i for i, path in enumerate(paths) if not path.taut]
             if known and isinstance(self.around.steering, InTime):
@@ -84,15 +84,13 @@ class Asked:
             path.append(vertex)
         return path
 
-    def _paths(
-        self, x: Array, known: Earlier, ways: bool, threads: int, most: int | None, pressed: Callable[[], bool]
-    ) -> list[_Path]:
+    def _paths(self, x: Array, known: Earlier, ways: bool, threads: int, most: int | None) -> list[_Path]:
         """The path of every allowed class, cheapest of the tree's own first; with other `ways` where it is not taut.
 
         Of more than `most` classes those are looked at that seem cheapest, by these and by earlier paths.
         """
         around, nodes = self.around, self.places.graph.nodes
-        edges = around.edges_from(x, self.vertices, around.steering.asked, threads, pressed)
+        edges = around.edges_from(x, self.vertices, around.steering.asked, threads)
         best = Best.room(self.rules.classes or max(1, int(nodes[edges.near[edges.free]].sum())))
         weights = around.homology.hash_weights
         count = best_classes(self.places, around.straight(x), edges, weights, self.rules, best)

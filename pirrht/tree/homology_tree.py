@@ -230,8 +230,7 @@ class HomologyTree:
             before: polished paths by winding, from a state not far from x: where that is faster shortening goes on from
                 them, unless the tree's own path is cheaper even before it is shortened. Of other classes in space and
                 time only the cheapest few are then polished at once.
-            pressed: whether time is short; then paths of such other classes stay as the tree has them, and edges that
-                the field is not sure of are left out.
+            pressed: whether time is short; then paths of such other classes stay as the tree has them.
             threads: among which work is shared out; what is found does not depend on it.
             most: classes that are looked at, those that seem cheapest before paths are shortened; None: all.
 

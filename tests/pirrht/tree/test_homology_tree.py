@@ -11,7 +11,6 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves
-from pirrht.geometry.certify import UNSURE
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.shortening.shorten import polish
 from pirrht.steering.dubins import Dubins
@@ -56,24 +55,6 @@ def test_taut_paths_cost_what_their_geometry_says(slit: Scenario, slit_tree: Hom
         assert reference.cost == pytest.approx(EXACT[name], rel=0.005)
         assert reference.cost > EXACT[name] - 1e-6
         assert reference.cost == pytest.approx(2.0 * reference.length)
-
-
-def test_who_is_pressed_asks_fcl_nothing_and_leaves_out_only_edges_that_are_unsure(slit: Scenario, slit_tree):
-    """From places that graze a wall some edges are free by FCL alone; all others are judged as ever."""
-    rng, collision, saved = np.random.default_rng(5), slit.space.collision, 0
-    vertices = slit_tree._first(slit_tree.size)
-    for x in rng.uniform(slit.problem.scene.lower, slit.problem.scene.upper, (300, 2)):
-        if not 0.0 < float(collision.clearance(x[None])[0]) < 0.01:
-            continue
-        every = slit_tree.around.edges_from(x, vertices)
-        before = collision.calls
-        sure = slit_tree.around.edges_from(x, vertices, pressed=lambda: True)
-        assert collision.calls == before
-        assert not np.any(sure.free & ~every.free)
-        missing = every.free & ~sure.free
-        assert np.all(sure.status[missing] == UNSURE)
-        saved += int(np.sum(missing))
-    assert saved > 0
 
 
 def test_the_exact_cost_of_the_ways_around_is_that_of_tangents_and_arcs():
