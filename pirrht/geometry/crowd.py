@@ -3,14 +3,14 @@
 There its shape stands still, and FCL or a closed form tells the distance as of anything that stands. Seen from a place,
 a distance changes no faster than the body: by its speed and its turning times its reach. So a distance known at one
 place and time leaves a cone in space and time that is surely free, and FCL is asked only where that does not tell
-enough. A motion that starts over somewhere else jumps: what was known before says nothing afterwards, and nothing is
-swept on the way.
+enough. Whether one passes over the robot on its way swept capsules in the body's frame tell. A motion that starts over
+somewhere else jumps: what was known before says nothing afterwards, and nothing is swept on the way.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import pairwise, repeat
 from math import cos, hypot, inf, remainder, sin, tau
@@ -63,11 +63,7 @@ class Body:
     def way(self, begin: float, end: float) -> float:
         """How far any of its points goes between two times [s] at most, jumps aside [m]."""
         (laps, s), (more, t) = self.lap(begin), self.lap(end)
-        return (more - laps) * self._ways[-1] + self._way(s, t)
-
-    def _way(self, begin: float, end: float) -> float:
-        """The same between two times of the rows [s]."""
-        return self._gone(end) - self._gone(begin)
+        return (more - laps) * self._ways[-1] + self._gone(t) - self._gone(s)
 
     def _gone(self, time: float) -> float:
         """How far they have gone since the first row, at a time of the rows [s]."""
@@ -201,27 +197,6 @@ def _off_chord(begin: Array, end: Array) -> float:
     (x, y), (u, v) = (begin[:2] - begin[2:4]).tolist(), (end[:2] - end[2:4]).tolist()
     turn = abs(float(end[4] - begin[4]))
     return 0.125 * turn * (turn * max(hypot(x, y), hypot(u, v)) + 2.0 * hypot(u - x, v - y))
-
-
-def touches(free: Callable[[float], float], way: Callable[[float, float], float]) -> bool:
-    """Whether two things that move touch on their way.
-
-    Args:
-        free: the free distance between them at a share of the way [m]; at most 0 in contact.
-        way: how far they may come nearer between two shares at most [m].
-    """
-    pieces = [(0.0, free(0.0), 1.0, free(1.0))]
-    while pieces:
-        a, free_a, b, free_b = pieces.pop()
-        if min(free_a, free_b) <= 0.0:
-            return True
-        length = way(a, b)
-        if free_a + free_b > length or length < SHORTEST:
-            continue
-        middle = 0.5 * (a + b)
-        between = free(middle)
-        pieces += [(middle, between, b, free_b), (a, free_a, middle, between)]
-    return False
 
 
 def reach_of(mover: Mover) -> float:

@@ -199,7 +199,7 @@ def _record(motions: Legs) -> LegRecord:
 
 
 def _ask(record: LegRecord, i: int, space: FreeSpace) -> bool:
-    """Where that is not certain, one swept capsule among what stands, and bisection against a body that moves."""
+    """Where that is not certain, swept capsules: one among what stands, others in the frame of each body that moves."""
     ax, ay, s, bx, by, t = (float(v) for v in record.path[i])
     a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.traffic.J, dtype=np.bool_)
     if certify_way(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
