@@ -7,13 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.control.methods import TREELESS
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.reference import Reference
+from sim.drive import episode
+from sim.drive.executor import Analytic
 from sim.scenario import Scenario
 
-VERTICES, SAMPLES = 30, 20
+VERTICES, SAMPLES, PERIODS = 30, 20, 2
 _CUBE = Obstacle(
     name="cube", kind=Kind.BOX, size=np.full(3, 0.3), position=np.array([2.0, 2.6, 0.3]), rotation=np.eye(3)
 )
@@ -53,16 +58,23 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
     """Do once, elsewhere, what a grown tree and its references need; results stay as they are.
 
     Args:
-        driving: make a control step's plan too.
+        driving: make the plans of a few control steps too, and drive them.
     """
     small, s = small_of(scenario), scenario.settings
     with suppress(Exception):  # a robot that cannot turn in so small a room, say: what matters will come up again
         tree = None if s.method in TREELESS else small.grown_tree()
-        if tree is not None:
-            small.references(tree)
+        references = [] if tree is None else small.references(tree)
         if driving and s.method != "optimal":
             driver = small.driver(tree)
             driver.path_integral.warm_up()
-            driver.begin(small.start)
-            plan = driver.plan(small.start)
-            plan.at(small.start, 0.0)
+            plant = Analytic(small.problem, small.space.collision.clearance, period=s.period, physics_step=s.period)
+            list(episode.run(plant, driver, small.start, np.random.default_rng(0), max_time=PERIODS * s.period))
+            if tree is not None:
+                _rare(small, tree, references[0], driver.path_integral.grid(references[0].cost))
+
+
+def _rare(scenario: Scenario, tree: HomologyTree, reference: Reference, times: Array) -> None:
+    """Do what drives come to now and then: hold the tape of a class without a guide, ask FCL about an edge."""
+    reference.trajectory.tape(times)
+    motion = tree.around.checker.motion
+    motion.ask(motion.record(reference.path), 0, scenario.space)

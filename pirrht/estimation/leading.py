@@ -56,6 +56,11 @@ class Leading:
         return self.sampling.guide == "feedback" and self.problem.dynamics.even and self.traffic is None
 
     @property
+    def climbs_too(self) -> bool:
+        """Whether some samples climb beside others that follow guides: those of a point among bodies that move."""
+        return self.traffic is not None and self.pointlike and self.problem.dynamics.even
+
+    @property
     def pointlike(self) -> bool:
         """Whether samples are led by feedback and it is positions that controls move."""
         d = self.problem.dynamics
@@ -108,7 +113,7 @@ class Leading:
         Walls that stand bend psi more than a law that is linear around one trajectory tells, and a way knows how. It
         knows nothing of bodies, but those that are near push.
         """
-        if not (self.traffic is not None and self.pointlike and self.problem.dynamics.even):
+        if not self.climbs_too:
             return None
         line = np.vstack([trajectory.path.tails[:, :2], self.space.scene.goal.center])
         return self.climbing(x, _bends(line)[1:], time)

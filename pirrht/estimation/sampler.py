@@ -97,6 +97,8 @@ class PathIntegral:
         x = d.state_of(self.problem.scene.start)
         if self.guidance is not None:
             self.guidance.warm_up(x)
+        if self.leading.climbs_too:
+            self.leading.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)
         times = np.arange(3.0)
         proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
         rollouts = self.rollout(Batch(state=x, times=times, proposals=(proposal,)), 0)
