@@ -16,7 +16,7 @@ from pirrht.control.mppi import Mppi
 from pirrht.control.optimal import Optimal
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ByVelocity, Prediction
-from pirrht.errors import OptionError
+from pirrht.errors import NoReference, OptionError, SceneError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, solver_for
 from pirrht.exact.progress import Progress, untold
@@ -34,6 +34,7 @@ from sim.drive import episode, realtime
 from sim.drive.executor import Analytic, Executor, Plant
 from sim.drive.odometer import Frame
 from sim.mjcf import Loaded, load
+from sim.mjcf.covered import covered
 from sim.settings import Settings, settle
 from sim.system_import import chosen
 from sim.systems import System, named, refuse
@@ -176,8 +177,17 @@ class Scenario:
 
         Raises:
             NoReference: no class reaches the goal.
+            SceneError: none does, and a body that moves comes to rest there.
         """
-        return tree.references(tree.homology.asked(self.start, 0.0), polished=self.settings.polish)
+        try:
+            return tree.references(tree.homology.asked(self.start, 0.0), polished=self.settings.polish)
+        except NoReference:
+            why = covered(self.loaded.scene)
+            if why is None:
+                raise
+            raise SceneError(
+                f"{self.loaded.scene.name}: {why}, and no way was found that gets there before; let it rest elsewhere"
+            ) from None
 
     def truth(self, progress: Progress = untold) -> Desirability:
         """The exact solution: in continuous time, or for steps of dt if exit is judged at their ends.
