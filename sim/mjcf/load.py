@@ -268,7 +268,6 @@ def _check_start(model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, mo
         (x, y), geom = model.key_qpos[0, :2], int(touched[0])
         where = f"{path}: at the start ({x:g}, {y:g}) the robot touches {geom_label(model, geom)}"
         if moving[geom]:
-            raise SceneError(
-                f'{where} of body "{model.body(model.body_rootid[model.geom_bodyid[geom]]).name}", and {MOVES}'
-            )
+            body = f'body "{model.body(model.body_rootid[model.geom_bodyid[geom]]).name}"'
+            raise SceneError(f"{where}{'' if body in where else f' of {body}'}, and {MOVES}")
         raise SceneError(f'{where}; move site "start", or choose another --start or a smaller --radius')
