@@ -16,6 +16,7 @@ from pirrht.files import replaced
 from pirrht.geometry.scene import Goal
 from pirrht.plotting import ground
 from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.tracks import places_at
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
@@ -27,7 +28,8 @@ from sim.scenario import Scenario
 TREE = "#9aa3ab"  # no colour of a class
 WIDE = 36  # characters of a line of the legend
 ROW, SPARE = 0.17, 0.1  # height of such a line [in], as the map is a little lower; what may stand out below it
-NOBODY: Mapping[str, str] = {}
+Label = tuple[str, Array]  # and its place (2,) [m]
+NOBODY: Mapping[str, Sequence[Label]] = {}
 ENDINGS = (".png", ".pdf", ".svg")
 
 
@@ -60,14 +62,20 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     _save(plt, figure, path, "--png")
 
 
-def _spoken(told: Sequence[Sequence[tuple[str, str]]], homology: TimedHomology) -> dict[str, str]:
-    """Bodies that the legend speaks of, and their numbers in names of classes; `told` is `passed` of each reference."""
+def _spoken(told: Sequence[Sequence[tuple[str, str]]], homology: TimedHomology) -> dict[str, list[Label]]:
+    """Labels of bodies that the legend speaks of, with their numbers in names of classes, and where they are at 0 s.
+
+    Of a body whose parts are told one by one each has its own. `told` is `passed` of each reference.
+    """
     spoken = {name for rows in told for name, _ in rows}
-    numbers: dict[str, list[str]] = {}
-    for j, (name, said) in enumerate(zip(homology.moving.names, called(homology), strict=True), 1):
+    moving, places = homology.moving, np.empty((homology.moving.J, 1, 2))
+    places_at(moving.tracks, np.zeros(1), places)
+    labels: dict[str, list[Label]] = {}
+    for j, (name, said) in enumerate(zip(moving.names, called(homology), strict=True)):
         if said in spoken:
-            numbers.setdefault(name, []).append(str(homology.standing.M + j))
-    return {name: ", ".join(each) for name, each in numbers.items()}
+            alone = f"{name} {homology.standing.M + j + 1}"
+            labels.setdefault(name, []).append((alone if said == name else said, places[j, 0]))
+    return labels
 
 
 def _label(reference: Reference, bodies: Sequence[tuple[str, str]]) -> str:
@@ -108,11 +116,11 @@ def draw_convergence(
     _save(plt, figure, path, "--convergence")
 
 
-def draw_scene(axes: Any, scenario: Scenario, spoken: Mapping[str, str] = NOBODY) -> None:
+def draw_scene(axes: Any, scenario: Scenario, spoken: Mapping[str, Sequence[Label]] = NOBODY) -> None:
     """Workspace, obstacles seen from above, start and heading, goal, and what moves at 0 s, by name.
 
     Args:
-        spoken: bodies that bear their names even where many move, and what else is written there.
+        spoken: labels of bodies that bear some even where many move.
     """
     from matplotlib.patheffects import withStroke
 
@@ -120,9 +128,8 @@ def draw_scene(axes: Any, scenario: Scenario, spoken: Mapping[str, str] = NOBODY
     ground.draw(axes, scene)
     halo = [withStroke(linewidth=1.8, foreground="white")]
     for mover in scene.movers:
-        if len(scene.movers) <= NAMED or mover.name in spoken:
-            x, y, _ = mover.motion.pose(0.0)
-            label = f"{mover.name} {spoken.get(mover.name, '')}".strip()
+        own = [(mover.name, mover.motion.pose(0.0)[:2])] if len(scene.movers) <= NAMED else []
+        for label, (x, y) in spoken.get(mover.name, own):
             axes.text(x, y, label, fontsize=7, ha="center", va="center", color=style.INK, path_effects=halo, zorder=9)
     if scenario.problem.dynamics.angles:
         heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])

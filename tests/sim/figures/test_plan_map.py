@@ -74,6 +74,10 @@ def test_bodies_bear_the_numbers_that_classes_are_called_by(carts):
     spoken = draw._spoken([passed(one, tree.homology) for one in references], tree.homology)
     draw.draw_scene(axes, scenario, spoken)
     texts = {text.get_text() for text in axes.texts}
-    assert texts == {f"{name} {spoken.get(name, '')}".strip() for name in ("cart", "disc")}
+    assert texts == {label for labels in spoken.values() for label, _ in labels}
     turned = {str(j + 1) for one in references for j in np.flatnonzero(one.winding)}
-    assert set(", ".join(spoken.values()).split(", ")) == turned
+    assert {label.split()[-1].strip("()") for label in texts} == turned
+    called_so = set(called(tree.homology))
+    assert {label for label in texts if label.startswith("cart")} <= called_so
+    places = [text.get_position() for text in axes.texts if text.get_text().startswith("cart")]
+    assert len(set(places)) == len(places) == 4  # each part has its own, where it is
