@@ -28,7 +28,7 @@ def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
         return ("",) * moving.J
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
     way = path.places(times)
-    places, late, early = (_places(moving, times + shift) for shift in (0.0, BACK, -BACK))
+    places, late, early = (places_of(moving, times + shift) for shift in (0.0, BACK, -BACK))
     nearest = np.argmin(np.linalg.norm(places - way, axis=2), axis=1)
     found = []
     for j, k in enumerate(nearest.tolist()):
@@ -67,7 +67,8 @@ def by_side(rows: Sequence[tuple[str, str]]) -> list[str]:
     return [f"{side} {', '.join(names)}" for side, names in told if names]
 
 
-def _places(moving: MovingHomology, times: Array) -> Array:
+def places_of(moving: MovingHomology, times: Array) -> Array:
+    """Where all markers are at times (T,) [s], (J, T, 2) [m]."""
     places = np.empty((moving.J, len(times), 2))
     places_at(moving.tracks, times, places)
     return places

@@ -16,12 +16,11 @@ from pirrht.files import replaced
 from pirrht.geometry.scene import Goal
 from pirrht.plotting import ground
 from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.tracks import places_at
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors, title
-from sim.drawing.sides import NAMED, by_side, called, passed
+from sim.drawing.sides import NAMED, by_side, called, passed, places_of
 from sim.figures import moments, style
 from sim.scenario import Scenario
 
@@ -68,13 +67,12 @@ def _spoken(told: Sequence[Sequence[tuple[str, str]]], homology: TimedHomology) 
     Of a body whose parts are told one by one each has its own. `told` is `passed` of each reference.
     """
     spoken = {name for rows in told for name, _ in rows}
-    moving, places = homology.moving, np.empty((homology.moving.J, 1, 2))
-    places_at(moving.tracks, np.zeros(1), places)
+    moving = homology.moving
+    rows = zip(moving.names, called(homology), places_of(moving, np.zeros(1))[:, 0], strict=True)
     labels: dict[str, list[Label]] = {}
-    for j, (name, said) in enumerate(zip(moving.names, called(homology), strict=True)):
+    for number, (name, said, place) in enumerate(rows, homology.standing.M + 1):
         if said in spoken:
-            alone = f"{name} {homology.standing.M + j + 1}"
-            labels.setdefault(name, []).append((alone if said == name else said, places[j, 0]))
+            labels.setdefault(name, []).append((f"{name} {number}" if said == name else said, place))
     return labels
 
 
