@@ -12,106 +12,26 @@ the arc beside its chord, which is shorter by a share of (g u dt)^2 / 24.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.geometry.field import border, with_slope
-from pirrht.rollouts.first_exit import COLLISION
+from pirrht.guidance.barrier import price
+from pirrht.guidance.car import Course, class_of, is_free
 from pirrht.rollouts.homing import STEEP, homing
-from pirrht.rollouts.sweep import sweep_exit
 from pirrht.systems.heading import wrapped
-from pirrht.topology.cuts import key_of_segment
 
 ACROSS = 1.0 / math.sqrt(3.0)  # share of half a step's turn by which as much sway turns the way
 LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
 HALVINGS = 6
 
 
-class Car(NamedTuple):
-    """The numbers of a problem with unicycle dynamics that guides are optimised for."""
-
-    speed: float  # V [m/s]
-    gain: float  # g = 1/rho, turn rate per control [rad/s]
-    effort: float  # R [cost/s]
-    rate: float  # q [cost/s]
-    margin: float  # clearance below which a point costs something [m]
-    least: float  # clearance below which the barrier goes on as a parabola [m]
-    price: float  # cost rate of the barrier at a clearance of 1 m [cost/s]
-    spacing: float  # at most, of the points of a step whose clearance is priced [m]
-    tolerance: float  # an expected gain below this ends the iterations [cost]
-    sways: bool  # whether the control may rise or fall within a step
-
-
-class Course(NamedTuple):
-    """A trajectory of T steps and the feedback around it; kernels write into it."""
-
-    states: Array  # (T+1, 3) x, y [m] and theta [rad]; its first row is the start
-    control: Array  # (T,) u, a turn rate in units of the car's gain
-    gains: Array  # (T, 3) K of u = control + K (x - states) [1/m], [1/m], [1/rad]
-    spread: Array  # (T,) standard deviation left to the noise by what comes later, as a share of the passive one
-    change: Array  # (T,) the best change of each control
-    sway: Array  # (T,) r, by which the control rises over each step, over sqrt(12)
-    sway_gains: Array  # (T, 4) of r = sway + sway_gains (x - states, u - control) [1/m], [1/m], [1/rad], [1]
-    sway_spread: Array  # (T,) what `spread` is, for the noise of r
-    sway_change: Array  # (T,) the best change of each sway
-
-
-def empty_course(T: int) -> Course:
-    """A course of T steps from zeros, states (T+1, 3) [m], [rad] included; its noise is the passive one."""
-    none = np.zeros(T)
-    return Course(
-        states=np.zeros((T + 1, 3)), control=none.copy(), gains=np.zeros((T, 3)), spread=np.ones(T), change=none.copy(),
-        sway=none.copy(), sway_gains=np.zeros((T, 4)), sway_spread=np.ones(T), sway_change=none.copy(),
-    )  # fmt: skip
-
-
 @inlined
 def _points(car, dt):  # type: ignore[no-untyped-def]
     """Points at which the clearance of a step is priced; its end is the last."""
     return max(1, math.ceil(car.speed * dt / car.spacing - 1e-9))
-
-
-@inlined
-def _barrier(c, margin, least):  # type: ignore[no-untyped-def]
-    """c^(-2/3) with its tangent at the margin taken off, and its first two derivatives; quadratic below `least`."""
-    if c >= margin:
-        return 0.0, 0.0, 0.0
-    at = max(c, least)
-    root, edge = at ** (-2.0 / 3.0), margin ** (-2.0 / 3.0)
-    rise, bend = -2.0 / 3.0 * root / at, 10.0 / 9.0 * root / (at * at)
-    down = -2.0 / 3.0 * edge / margin
-    below = c - at
-    value = root + rise * below + 0.5 * bend * below * below - edge - down * (c - margin)
-    return value, rise + bend * below - down, bend
-
-
-@kernel
-def _price(field, margin, least, x, y):  # type: ignore[no-untyped-def]
-    """Barrier against the two nearest components and the border at (x, y).
-
-    Returns: value, gradient (x, y) and Gauss-Newton Hessian (xx, xy, yy).
-    """
-    value, px, py, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if border(field, x, y) < margin:
-        for side in range(4):
-            c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
-            gx, gy = (1.0, -1.0, 0.0, 0.0)[side], (0.0, 0.0, 1.0, -1.0)[side]
-            p, d, h = _barrier(c, margin, least)
-            value, px, py = value + p, px + d * gx, py + d * gy
-            xx, yy = xx + h * gx * gx, yy + h * gy * gy
-    c, gx, gy = with_slope(field, field.nearest, x, y)
-    if c < margin:
-        for k in range(2):
-            if k == 1:
-                c, gx, gy = with_slope(field, field.second, x, y)
-            p, d, h = _barrier(c, margin, least)
-            value, px, py = value + p, px + d * gx, py + d * gy
-            xx, xy, yy = xx + h * gx * gx, xy + h * gx * gy, yy + h * gy * gy
-    return value, px, py, xx, xy, yy
 
 
 @inlined
@@ -163,9 +83,7 @@ def forward_pass(setup, car, times, course, length, step, tried):  # type: ignor
         for k in range(1, points + 1):
             t = dt * k / points
             aside = half * t * (1.0 - t / dt)
-            value, _, _, _, _, _ = _price(
-                field, car.margin, car.least, x + t * dx + aside * dy, y + t * dy - aside * dx
-            )
+            value, _, _, _, _, _ = price(field, car.margin, car.least, x + t * dx + aside * dy, y + t * dy - aside * dx)
             priced += car.price * value * dt / points
         x, y, theta = x + dx * dt, y + dy * dt, theta + car.gain * u * dt
         states[i + 1, 0], states[i + 1, 1], states[i + 1, 2] = x, y, theta
@@ -228,7 +146,7 @@ def backward_pass(setup, car, times, course, length, damping):  # type: ignore[n
             t = dt * k / points
             bulge = t * (1.0 - t / dt)
             aside = half * bulge
-            value, px, py, xx, xy, yy = _price(
+            value, px, py, xx, xy, yy = price(
                 field, car.margin, car.least, x + t * dx + aside * dy, y + t * dy - aside * dx
             )
             if value > 0.0:
@@ -276,26 +194,6 @@ def backward_pass(setup, car, times, course, length, damping):  # type: ignore[n
         s00, s01, s02 = m00 + c0 * k0, m01 + c0 * k1, m02 + c0 * k2
         s11, s12, s22 = m11 + c1 * k1, m12 + c1 * k2, m22 + c2 * k2
     return expected
-
-
-@kernel
-def class_of(setup, states, length):  # type: ignore[no-untyped-def]
-    """Additive class key of the first `length` steps of states (T+1, 3) [m], counted at the cuts as the rollouts do."""
-    key = np.int64(0)
-    for i in range(length):
-        key += key_of_segment(setup.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
-    return key
-
-
-@kernel
-def is_free(setup, car, states, length):  # type: ignore[no-untyped-def]
-    """Whether the first `length` steps of states (T+1, 3) [m], [rad], lines or arcs, touch nothing."""
-    for i in range(length):
-        turn = states[i + 1, 2] - states[i, 2] if car.sways else 0.0
-        outcome, _ = sweep_exit(setup.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1], turn)
-        if outcome == COLLISION:
-            return False
-    return True
 
 
 COURSE: Any = Course

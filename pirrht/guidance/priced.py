@@ -7,7 +7,7 @@ beside the chord: the point at a share t of it is (1 - t) x_0 + t x_1 + t (1 - t
 from __future__ import annotations
 
 from pirrht.compiled.jit import kernel
-from pirrht.guidance.ddp import _price
+from pirrht.guidance.barrier import price
 
 
 @kernel
@@ -17,7 +17,7 @@ def price_of(field, task, x, y, dx, dy, bx, by, dt, points):  # type: ignore[no-
     for k in range(1, points + 1):
         t = k / points
         w = 0.5 * t * (1.0 - t) * dt
-        value, _, _, _, _, _ = _price(field, task.margin, task.least, x + t * dx + w * bx, y + t * dy + w * by)
+        value, _, _, _, _, _ = price(field, task.margin, task.least, x + t * dx + w * bx, y + t * dy + w * by)
         total += value
     return task.price * total * dt / points
 
@@ -32,7 +32,7 @@ def expand_price(field, task, x, y, dx, dy, bx, by, dt, points, g, H):  # type: 
     for k in range(1, points + 1):
         t = k / points
         w = 0.5 * t * (1.0 - t) * dt
-        value, px, py, xx, xy, yy = _price(field, task.margin, task.least, x + t * dx + w * bx, y + t * dy + w * by)
+        value, px, py, xx, xy, yy = price(field, task.margin, task.least, x + t * dx + w * bx, y + t * dy + w * by)
         if value <= 0.0:
             continue
         if not found:

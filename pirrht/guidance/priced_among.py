@@ -11,7 +11,7 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.field import border, with_slope
 from pirrht.geometry.listed import listing
 from pirrht.geometry.traffic import outside_of, piece_of, wall_of_body
-from pirrht.guidance.ddp import _barrier
+from pirrht.guidance.barrier import barrier
 from pirrht.rollouts.among import met_on_way
 
 
@@ -31,7 +31,7 @@ def _inverse_square(c, margin, least):  # type: ignore[no-untyped-def]
 @inlined
 def _rated(square, c, margin, least):  # type: ignore[no-untyped-def]
     """The barrier of a point, which feels walls as a Brownian motion does, or of any other system."""
-    return _inverse_square(c, margin, least) if square else _barrier(c, margin, least)
+    return _inverse_square(c, margin, least) if square else barrier(c, margin, least)
 
 
 @kernel

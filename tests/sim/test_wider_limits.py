@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from pirrht.errors import NoReference
-from sim.scenario import WIDER, Scenario, prepare
+from sim.scenario import Scenario, prepare
+from sim.scenario.trees import WIDER
 from sim.sweeps.runs import pack, unpack
 
 CLOSED = """<mujoco><worldbody><site name="workspace" type="box" size="4 3 1" pos="2 0 .5"/>

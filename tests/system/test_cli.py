@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mjcf_samples import FLOOR, GOAL, SITES, START, mjcf
+from mjcf_samples import FLOOR, SITES, mjcf
 
 from sim import text
 from sim.cli import main, tables
 from sim.mjcf import load, models_folder, scene_names
 from sim.scenario import prepare
-from sim.settings import refuse_idle
 from sim.text import say, table
 
 Run = Callable[..., tuple[int, Any]]
@@ -236,147 +235,6 @@ def test_a_scene_file_is_as_good_as_a_built_in_name(figures, tmp_path):
 
 # -- what does not -----------------------------------------------------------------------------------------------
 
-NARROW = "".join(
-    f'<geom name="{name}" type="box" pos="5 {y} 0.5" size="0.1 2.4 0.5"/>'
-    for name, y in (("south", 2.4), ("north", 7.5))
-)
-FILES: dict[str, str | bytes] = {
-    "empty.xml": "",
-    "binary.xml": bytes(range(256)) * 4,
-    "broken.xml": "<mujoco><worldbody><geom</worldbody>",
-    "scene.txt": mjcf(FLOOR + SITES),
-    "no_goal.xml": mjcf(FLOOR + START),
-    "no_start.xml": mjcf(FLOOR + GOAL),
-    "odd_option.xml": mjcf(FLOOR + SITES, head='<custom><numeric name="pirrht_speeed" data="1"/></custom>'),
-    "bad_noise.xml": mjcf(FLOOR + SITES, head='<custom><numeric name="pirrht_noise" data="-1"/></custom>'),
-    "motions.txt": '{"0": {"obstacles": []}}',
-    "narrow.xml": mjcf(FLOOR + SITES + NARROW),
-}
-
-WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the remedy that the answer names
-    ("plan missing.xml", "missing.xml", "slit"),
-    ("plan empty.xml", "empty.xml", "write"),
-    ("plan binary.xml", "binary.xml", "mend"),
-    ("plan broken.xml", "broken.xml", "mend"),
-    ("plan scene.txt", "scene.txt", "rename"),
-    ("plan .", ".", "give the path"),
-    ("plan no_goal.xml", "no_goal.xml", '<site name="goal"'),
-    ("plan no_start.xml", "no_start.xml", '<site name="start"'),
-    ("plan odd_option.xml", "pirrht_speeed", "pirrht_speed"),
-    ("plan bad_noise.xml", "noise", "positive"),
-    ("plan slit --start 3.4 2.8", "upper wall", "--start"),
-    ("plan slit --start 9 9", "start (9, 9)", "[0, 6] x [0, 5]"),
-    ("plan slit --start nan 1", "start (nan, 1)", "[0, 6] x [0, 5]"),
-    ("plan slit --start 1", "--start", "X Y"),
-    ("plan slit --start 1 2 3", "--start has a heading", "X Y"),
-    ("run slit --record x.txt", "--record x.txt", "x.rrd"),
-    ("plan slit --goal 3.4 2.8 0.1", "goal (3.4, 2.8)", "--radius"),
-    ("plan slit --goal 5 2.5 -1", "goal radius is -1", "positive"),
-    ("plan slit --goal 5 2.5", "--goal", "3 arguments"),
-    ("plan slit --radius -0.1", "--radius is -0.1", "positive"),
-    ("plan slit --radius nan", "--radius is nan", "positive"),
-    ("plan narrow.xml --radius 0.3 --vertices 60", "no allowed class", "smaller --radius"),
-    ("run narrow.xml --radius 0.3 --vertices 60", "no allowed class", "smaller --radius"),
-    ("plan slit --limit 0", "--limit is 0", "positive"),
-    ("plan slit --limit -1", "--limit is -1", "positive"),
-    ("plan slit --limit 0.01 --vertices 60", "no allowed class", "larger --limit"),
-    ("plan slit --noise 0", "--noise is 0", "positive"),
-    ("plan slit --noise nan", "--noise is nan", "positive"),
-    ("plan slit --noise abc", "'abc'", "--help"),
-    ("plan nosuch", "nosuch", ", ".join(scene_names())),
-    ("plan slit --robot tank", "tank", "puck"),
-    ("plan slit --method magic", "'magic'", "pi-rrht"),
-    ("plan slit --preset best", "'best'", "paper"),
-    ("plan slit --exit soon", "'soon'", "bridge"),
-    ("plan slit --weights heavy", "'heavy'", "balance"),
-    ("plan slit --plant tree", "'tree'", "mujoco"),
-    ("plan slit --vertices 0", "--vertices is 0", "at least 1"),
-    ("plan slit --vertices 1.5", "'1.5'", "--help"),
-    ("plan slit --classes -1", "--classes is -1", "at least 0"),
-    ("plan slit --samples 0", "--samples is 0", "at least 1"),
-    ("plan slit --seed -1", "--seed is -1", "at least 0"),
-    ("run slit --threads 0", "--threads is 0", "at least 1"),
-    ("run slit --dt 0", "--dt is 0", "positive"),
-    ("run slit --max-time 0", "--max-time is 0", "positive"),
-    ("run slit --phi -1", "--phi is -1", "0 or more"),
-    ("run slit --period 0.003", "period 0.003", "whole multiple of the physics step 0.002"),
-    ("run slit --record-hz 0", "--record-hz is 0", "positive"),
-    ("run slit --record nowhere/x.rrd", "--record nowhere/x.rrd", "create it"),
-    ("plan slit --png nowhere/x.png", "--png nowhere/x.png", "create it"),
-    ("plan slit --png x.txt", "--png x.txt", ".png, .pdf, .svg"),
-    ("plan slit --convergence x", "--convergence x", ".png, .pdf, .svg"),
-    ("run slit --record-lift a,b --record x.rrd", "a,b", "5,12"),
-    ("run slit --vertices 50 --record-lift 7 --record x.rrd", "--record-lift 7", "1 to 2"),
-    ("plan slit --json nowhere/x.json", "--json nowhere/x.json", "create it"),
-    ("plan slit --json .", "--json . is a folder", "path of a file"),
-    ("run slit --json empty.xml/x.json", "--json empty.xml/x.json", "create it"),
-    ("estimate slit", "--at", "--help"),
-    ("estimate slit --at 1", "--at has 1 number", "X Y"),
-    ("estimate slit --at 1 2 3 4", "--at has 4 numbers", "X Y"),
-    ("estimate slit --at nan 1", "--at is nan 1", "finite"),
-    ("estimate slit --robot hover --at 1 2.5 0.3 0 0", "--at has 5 numbers", "the first few of X Y VX VY"),
-    ("estimate slit --at 1", "--at has 1 number;", "X Y or the first few of X Y TH"),
-    ("run slit --start 1", "--start has 1 number;", "X Y"),
-    ("run slit --robot hover --truth", "no grid solves the problem of a hover", "puck or unicycle"),
-    ("run slit --robot hover --method optimal", "no grid solves the problem of a hover", "puck or unicycle"),
-    ("run slit --robot hover --speed 2", "this robot is a hover", "leave it out"),
-    ("run slit --system wind.py:BALLOON", "wind.py is a file", "--system wind:BALLOON"),
-    ("run slit --system some/where.py:BALLOON", "where.py is a file", "--system some.where:BALLOON"),
-    ("import broken.xml -o new.xml --motion", "broken.xml", "leave out --motion"),
-    ("import motions.txt -o new.xml", "motions.txt", "add --motion"),
-    ("estimate slit --at 3.4 2.8", "--at 3.4 2.8", "choose another"),
-    ("estimate slit --at 5.5 2.5", "--at 5.5 2.5", "choose another"),
-    ("estimate slit --at 1 2 --repeat 0", "--repeat is 0", "at least 1"),
-    ("sweep slit --seeds 3:3", "'3:3'", "0:100"),
-    ("sweep slit --seeds some", "'some'", "0:100"),
-    ("sweep slit --methods magic", "'magic'", "pi-rrht"),
-    ("sweep slit --noise 0.1,x", "'x'", "0.1,0.3"),
-    ("sweep slit --jobs 0", "--jobs is 0", "at least 1"),
-    ("sweep slit nosuch", "nosuch", "slit"),
-    ("fly slit", "'fly'", "plan"),
-    ("plan", "SCENE", "--help"),
-    ("", "COMMAND", "--help"),
-]
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with files that are wrong in every way, and a good result of an earlier run."""
-    for name, content in FILES.items():
-        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
-    (tmp_path / "good.json").write_text('{"kept": true}\n')
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.mark.parametrize(("typed", "culprit", "remedy"), WRONG, ids=[words[0] or "nothing" for words in WRONG])
-def test_wrong_input_costs_one_line_that_names_culprit_and_remedy(folder, capsys, typed, culprit, remedy):
-    words = typed.split()
-    if words and words[0] in ("plan", "run", "estimate", "sweep") and "--json" not in words:
-        words += ["--json", "good.json"]
-    before = sorted(folder.iterdir())
-    assert main(words) == 2
-    captured = capsys.readouterr()
-    assert captured.err.startswith("pirrht: ")
-    assert captured.err.endswith("\n")
-    assert captured.err.count("\n") == 1
-    assert "Traceback" not in captured.err
-    assert culprit in captured.err
-    assert remedy in captured.err
-    assert (folder / "good.json").read_text() == '{"kept": true}\n'
-    assert sorted(folder.iterdir()) == before
-
-
-def test_a_narrow_gap_lets_a_small_robot_through(folder, capsys):
-    """The scene that is refused for a larger robot above is a good one."""
-    assert main(["plan", "narrow.xml", "--radius", "0.05", "--vertices", "400"]) == 0
-    assert " vertices, " in capsys.readouterr().out
-
-
-def test_a_good_result_replaces_the_old_one(folder, capsys):
-    assert main(["plan", "slit", *SMALL, "--json", "good.json"]) == 0
-    assert json.loads((folder / "good.json").read_text()).keys() >= PLAN
-
 
 @pytest.mark.parametrize("command", ["", "demo", "plan", "run", "estimate", "sweep", "scenes", "export", "import"])
 def test_help_ends_well(capsys, command):
@@ -433,38 +291,6 @@ def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
     shown = capsys.readouterr().out.splitlines()
     assert " ".join(part.strip() for part in shown) == line
     assert max(map(len, shown)) <= 40
-
-
-@pytest.mark.parametrize(
-    ("arguments", "what"),
-    [
-        ("run slit --plan-seed 3", "unrecognized arguments: --plan-seed 3; see `pirrht run --help`"),
-        ("sweep slit --seeds -3:2", "seeds are not negative; see `pirrht sweep --help`"),
-        ("run slit --consistency 0.5", "--consistency is of the method best-class alone"),
-        ("run slit --method mppi --consistency 0.5", "--consistency is of the method best-class alone"),
-        ("estimate slit --at 1 2 --horizon 2", "--horizon is of the method mppi alone"),
-        ("sweep slit --methods single,passive --exploration 2", "--exploration is of the method mppi alone"),
-        ("run slit --method mppi --guide feedback", "--guide: the method mppi has no such choice"),
-        ("sweep slit --methods mppi --draws antithetic", "--draws: the method mppi has no such choice"),
-        ("run slit --rounds 2", "--rounds is gone: refitting guides within a plan never paid; leave it out"),
-        ("run slit --memory", "--memory is gone: sampling around the last plan's tape never paid; leave it out"),
-        ("run slit --between gain", "--between is 'gain'; it must be one of classes, hold"),
-        ("estimate slit --at 1 2 --steps split", "--steps is 'split'; it must be one of fitted, uniform"),
-        ("run slit --exit endpoint --steps fitted", "--steps fitted goes with --exit bridge"),
-        ("sweep slit --preset paper --steps fitted", "--steps fitted goes with --exit bridge"),
-        ("run slit --method mppi --horizon 0.05", "--horizon is 0.05; it must be at least a step, --dt 0.1"),
-    ],
-)
-def test_what_would_be_ignored_is_refused(capsys, arguments: str, what: str):
-    assert main(arguments.split()) == 2
-    error = capsys.readouterr().err.strip()
-    assert what in error
-    assert len(error.splitlines()) == 1
-
-
-def test_what_one_of_several_methods_heeds_is_not_refused():
-    refuse_idle({"guide": "feedback", "horizon": 2.0, "consistency": None}, ["pi-rrht", "mppi"])
-    refuse_idle({"guide": "open-loop", "draws": "independent"}, ["mppi"])
 
 
 @pytest.mark.slow

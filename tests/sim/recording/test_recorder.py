@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import threading
-import time
 from dataclasses import replace
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 import rerun as rr
 from drives import MAX_TIME, Drive, columns, record, rerun
-from repository import environment
 from rerun.chunk import RrdReader
-from thoroughly import first
 
 from pirrht.compiled.jit import cached
 from pirrht.errors import OptionError
@@ -24,11 +17,8 @@ from sim.cli import warm
 from sim.drawing import strokes
 from sim.drawing.colors import PALETTE, ClassColors, title
 from sim.drive.episode import run
-from sim.drive.urgent import URGENT
-from sim.recording import geoms, read, viewer
-from sim.recording.sink import NAP, ROOM
+from sim.recording import geoms
 from sim.recording.step_row import Row
-from sim.recording.stream import Stream
 from sim.recording.subject import telling
 
 STATIC_BYTES = 510_000  # scene, robot, tree, legend, the last picture, and 215 kB of blueprint
@@ -141,119 +131,6 @@ def test_two_runs_of_one_seed_differ_in_wall_time_only(recorded, tmp_path):
 def test_its_size_stays_within_bounds(recorded):
     file, frames, _ = recorded
     assert file.stat().st_size <= STATIC_BYTES + 450_000 * frames[-1].end_time
-
-
-KILLED = """
-import sys, time
-from pathlib import Path
-from drives import Drive
-drive = Drive()
-with drive.recorder(Path(sys.argv[1])) as recorder:
-    for frame in drive.frames(max_time=30.0):
-        recorder.log(frame)
-        print(frame.step, flush=True)
-        time.sleep(float(sys.argv[2]))
-"""
-
-
-def lost_when_killed(file: Path, pause: float, steps: int) -> float:
-    """Kill a drive that pauses between its steps [s]; how long before it the last step was taken that is kept [s]."""
-    command = [sys.executable, "-c", KILLED, str(file), str(pause)]
-    process = subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, text=True)
-    taken = []
-    for line in process.stdout:
-        taken.append(time.monotonic())
-        if int(line) == steps:
-            break
-    process.kill()
-    killed = time.monotonic()
-    process.wait()
-    kept = [step for step, _, _ in read.read(file).steps]
-    assert kept == list(range(len(kept)))
-    return killed - taken[len(kept)] if len(kept) < len(taken) else 0.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("pause", "steps"), first([(0.04, 40), (0.0, 150)]))
-def test_a_killed_run_leaves_all_but_its_last_moments(tmp_path, pause, steps):
-    lost = []
-    while not lost or (lost[-1] > 0.5 and len(lost) < 8):  # a busy machine may need more than one attempt
-        lost.append(lost_when_killed(tmp_path / f"{len(lost)}.rrd", pause, steps))
-    assert lost[-1] <= 0.5
-
-
-def test_a_viewer_that_is_not_there_is_refused(tmp_path):
-    drive, file = Drive(), tmp_path / "none.rrd"
-    with pytest.raises(OptionError, match=r"rerun\+http://127.0.0.1:9/proxy.*listens.*rerun --bind"):
-        drive.recorder(file, connect="rerun+http://127.0.0.1:9/proxy")
-    assert not file.exists()
-
-
-@pytest.mark.parametrize("url", ["localhost", "http://127.0.0.1:9876/proxy", "rerun+http://127.0.0.1:99999/proxy"])
-def test_an_address_that_is_no_viewers_is_refused_with_an_example(url):
-    with pytest.raises(OptionError, match=r"write one like rerun\+http://"):
-        viewer.probe(url)
-
-
-def test_a_viewer_needs_a_display(monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr(sys, "platform", "linux")
-    with pytest.raises(OptionError, match=r"display.*--record"):
-        viewer.spawn()
-
-
-def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
-    drive, release = Drive(), threading.Event()
-    frame = next(drive.frames())
-    monkeypatch.setattr(viewer, "probe", lambda url: None)
-    monkeypatch.setattr(Stream, "connect", lambda self, url, blueprint: release.wait())
-    monkeypatch.setattr("sim.recording.sink.GRACE", 0.1)
-    recorder = drive.recorder(tmp_path / "both.rrd", connect=viewer.EXAMPLE)
-    for _ in range(ROOM + 100):  # what waited for the viewer would wait for ever
-        recorder.log(frame)
-    recorder.close()
-    assert recorder.dropped == ROOM + 100
-    assert len(columns(tmp_path / "both.rrd")["/steps"]["step"]) == ROOM + 100
-
-
-def test_a_file_is_written_after_a_drive_against_the_clock_and_misses_nothing(tmp_path, monkeypatch):
-    drive = Drive()
-    frame = next(drive.frames())
-    recorder = drive.recorder(tmp_path / "late.rrd")
-    with URGENT.drive():
-        for _ in range(ROOM + 100):
-            recorder.log(frame)
-        time.sleep(5.0 * NAP)
-        assert recorder.waiting == ROOM + 100
-        monkeypatch.setattr("sim.recording.sink.KEPT", 0)  # no more room for what is kept
-        while recorder.waiting > ROOM:
-            time.sleep(NAP)
-    recorder.close()
-    assert recorder.waiting == 0
-    assert len(columns(tmp_path / "late.rrd")["/steps"]["step"]) == ROOM + 100
-
-
-def test_output_that_cannot_be_written_is_named_before_the_run(tmp_path):
-    drive = Drive()
-    for file, reason in ((tmp_path / "no" / "a.rrd", "does not exist"), (tmp_path, "is a folder")):
-        with pytest.raises(OptionError, match=reason) as caught:
-            drive.recorder(file)
-        assert str(file) in str(caught.value)
-
-
-def test_a_run_without_frames_leaves_the_old_file_alone(tmp_path):
-    file = tmp_path / "old.rrd"
-    file.write_bytes(b"precious")
-    with pytest.raises(ZeroDivisionError), Drive().recorder(file):
-        raise ZeroDivisionError
-    assert file.read_bytes() == b"precious"
-
-
-@pytest.mark.parametrize(("option", "value"), [("hz", 0.0), ("hz", float("nan")), ("samples", "few")])
-def test_options_that_cannot_work_are_refused(option, value):
-    with pytest.raises(OptionError, match="--record-"):
-        Drive().recorder(**{option: value})
 
 
 def test_classes_keep_their_colours_and_have_short_titles():

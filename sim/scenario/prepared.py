@@ -1,0 +1,62 @@
+"""From a scene and what was said of it to a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pirrht.freespace import FreeSpace
+from pirrht.problem import Problem
+from sim.mjcf import load
+from sim.scenario.scenario import Scenario
+from sim.scenario.trees import AMONG
+from sim.settings import settle
+from sim.system_import import chosen
+from sim.systems import System, named, refuse
+
+
+def prepare(
+    scene: str | Path,
+    *,
+    robot: str | Path | None = None,
+    system: str | System | None = None,
+    radius: float | None = None,
+    margin: float | None = None,
+    start: Sequence[float] | None = None,
+    goal: Sequence[float] | None = None,
+    preset: str | None = None,
+    given: Mapping[str, Any] | None = None,
+    known: Callable[[System, Problem], object] | None = None,
+    loose: bool = False,
+    driven: bool = True,
+) -> Scenario:
+    """Load a scene and settle everything a run needs.
+
+    Args:
+        system: what moves, in place of what the robot's file names: MODULE:NAME, or one that is registered.
+        given: settings by name, None where not said.
+        known: told of system and problem as soon as they are known, before anything is compiled for them.
+        loose: whether what stands can be moved (`sim.mjcf.load`).
+        driven: whether a robot that its plant cannot drive is refused.
+
+    Raises:
+        SceneError, OptionError, NotLinearlySolvable: with one line for a person.
+    """
+    moves = None if system is None else chosen(system)
+    loaded = load(scene, robot=robot, radius=radius, margin=margin, start=start, goal=goal, system=moves, loose=loose)
+    kind = named(loaded.dynamics_name)
+    said = given or {}
+    overlay = kind.preset(preset)
+    refuse(kind, said)
+    base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
+    settings = settle(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, said)
+    problem = kind.problem(loaded.scene, settings)
+    if known is not None:
+        known(kind, problem)
+    space = FreeSpace.of(loaded.scene)
+    scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)
+    if driven:
+        scenario.plant()
+    return scenario

@@ -1,0 +1,182 @@
+"""A folder of a sweep that is damaged, another's, or on a full disk is refused or mended, and no run is lost."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from repository import environment
+from sweep_samples import ASKED, SCENES, SETTINGS, record
+
+from pirrht.errors import OptionError
+from sim.cli import main
+from sim.sweeps import dataset as module
+from sim.sweeps.dataset import Dataset, Unwritable
+
+
+@pytest.mark.parametrize(
+    ("settings", "scenes", "difference"),
+    [
+        ({**SETTINGS, "samples": 60}, SCENES, "with --samples 50 and this sweep is with --samples 60"),
+        ({**SETTINGS, "samples": None}, SCENES, "with --samples 50 and this sweep is without --samples"),
+        ({**SETTINGS, "max_time": 3.0}, SCENES, "without --max-time and this sweep is with --max-time 3.0"),
+        ({**SETTINGS, "start": (1.0, 3.0)}, SCENES, "--start 1.0 2.0"),
+        (SETTINGS, {"slit": "4567"}, "another slit"),
+    ],
+)
+def test_a_sweep_under_other_settings_is_refused_with_the_difference(dataset, settings, scenes, difference):
+    with pytest.raises(OptionError, match="choose another folder") as caught:
+        Dataset(dataset.folder).check(settings, scenes)
+    assert difference in str(caught.value)
+    Dataset(dataset.folder).check(SETTINGS, {**SCENES, "new": "89"})
+
+
+def test_another_version_of_the_program_is_refused(dataset, monkeypatch):
+    monkeypatch.setattr(module.pirrht, "__version__", "9.9")
+    with pytest.raises(OptionError, match=r"pirrht 0.* and this is 9\.9"):
+        Dataset(dataset.folder).check(SETTINGS, SCENES)
+
+
+def test_a_folder_of_something_else_and_a_file_are_refused(tmp_path):
+    (tmp_path / "letter.txt").write_text("dear")
+    with pytest.raises(OptionError, match=r"letter\.txt"):
+        Dataset(tmp_path).check({}, {})
+    with pytest.raises(OptionError, match="is a file"):
+        Dataset(tmp_path / "letter.txt").check({}, {})
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 99}', "[" * 100_000, "\udcff", '{"format": 1}'])
+def test_a_damaged_manifest_costs_one_line(dataset, content):
+    (dataset.folder / "manifest.json").write_text(content, errors="surrogateescape")
+    with pytest.raises(OptionError, match=r"manifest\.json"):
+        Dataset(dataset.folder).check(SETTINGS, SCENES)
+
+
+ODD = [
+    *({name: None} for name in ("version", "libraries", "settings", "scenes", "asked")),
+    {"settings": []},
+    {"scenes": {"slit": 3}},
+    {"libraries": {"numpy": {}}},
+    {"asked": ["all"]},
+    {"asked": [{"methods": ["single"], "seeds": [0, 3]}]},
+    {"asked": [{**ASKED, "methods": "single"}]},
+    {"asked": [{**ASKED, "noise": {"slit": 0.1}}]},
+    {"asked": [{**ASKED, "noise": {"slit": ["loud"]}}]},
+    {"asked": [{**ASKED, "seeds": [0]}]},
+    {"asked": [{**ASKED, "seeds": [0, 10**15]}]},
+    {"asked": [{**ASKED, "seeds": [0.5, 3]}]},
+]
+
+
+@pytest.mark.parametrize("change", ODD, ids=str)
+@pytest.mark.parametrize("command", ["report", "sweep slit --seeds 0:1 --vertices 60 --max-time 0.02 -o"])
+def test_an_odd_manifest_costs_one_line_and_status_2(dataset, capsys, change, command):
+    file = dataset.folder / "manifest.json"
+    known = {**json.loads(file.read_text()), **change}
+    file.write_text(json.dumps({name: value for name, value in known.items() if value is not None}))
+    assert main([*command.split(), str(dataset.folder)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "manifest.json is damaged: " in error
+    assert next(iter(change)) in error
+
+
+def test_rows_without_a_key_are_a_damaged_file(dataset, capsys):
+    dataset.add({**record(0), "method": None})
+    dataset.flush()
+    assert main(["report", str(dataset.folder)]) == 2
+    assert "part-000000.parquet cannot be read (it has rows without method)" in capsys.readouterr().err
+
+
+def test_a_damaged_file_of_rows_is_named_with_the_remedy(dataset):
+    (dataset.runs / "part-000000.parquet").write_bytes(b"PAR1 half")
+    with pytest.raises(OptionError, match=r"part-000000\.parquet cannot be read .* remove it"):
+        dataset.records()
+
+
+def test_a_folder_has_one_writer_at_a_time_and_a_dead_one_keeps_nobody_out(tmp_path):
+    pytest.importorskip("fcntl")
+    script = "from pathlib import Path\nfrom sim.sweeps.dataset import Dataset\nimport os\n"
+    script += f"d = Dataset(Path({str(tmp_path)!r}))\nwith d.locked():\n    print('in', flush=True)\n    os.read(0, 1)"
+    holder = subprocess.Popen(
+        [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment()
+    )
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == b"in\n"
+    with pytest.raises(OptionError, match="another sweep is writing"), Dataset(tmp_path).locked():
+        pass
+    holder.kill()
+    holder.communicate()
+    with Dataset(tmp_path).locked():
+        pass
+
+
+class FullDisk:
+    """Every write fails until there is room again."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.full, self._fsync = True, os.fsync
+        monkeypatch.setattr(module.os, "fsync", self)
+
+    def __call__(self, handle: int) -> None:
+        if self.full:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self._fsync(handle)
+
+
+def test_a_full_disk_loses_no_finished_run_if_it_is_mended(dataset, clock, monkeypatch):
+    disk = FullDisk(monkeypatch)
+    dataset.add(record(0))
+    clock.time += module.CHUNK_SECONDS
+    dataset.tend()
+    assert dataset.failing
+    assert list(dataset.runs.iterdir()) == []
+    disk.full = False
+    dataset.add(record(1))
+    clock.time += module.CHUNK_SECONDS
+    dataset.tend()
+    assert not dataset.failing
+    assert [r["seed"] for r in dataset.records()] == [0, 1]
+
+
+def test_a_disk_that_stays_full_ends_the_sweep_and_says_how_many_runs_wait(dataset, clock, monkeypatch):
+    FullDisk(monkeypatch)
+    dataset.add(record(0))
+
+    def wait_for_ever():
+        for _ in range(1000):
+            clock.time += 1.0
+            dataset.tend()
+
+    with pytest.raises(Unwritable, match="No space left on device; 1 finished runs could not be written"):
+        wait_for_ever()
+    assert clock.time <= 1000.0 + module.PATIENCE + 2 * module.CHUNK_SECONDS + 2.0
+
+
+@pytest.mark.root
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root mounts file systems")
+def test_a_file_system_that_is_full_keeps_its_whole_files(tmp_path, clock):
+    small = tmp_path / "small"
+    small.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(small)]
+    if subprocess.run(mount, capture_output=True).returncode != 0:
+        pytest.skip("mounting is not allowed here")
+    try:
+        dataset = Dataset(small / "sweep", clock)
+        dataset.begin(SETTINGS, SCENES, ASKED)
+        dataset.add(record(0))
+        dataset.flush()
+        (small / "ballast").write_bytes(b"x" * (os.statvfs(small).f_bavail * 4096 - 4096))
+        dataset.add(record(1))
+        with pytest.raises(Unwritable, match="No space left"):
+            dataset.flush()
+        assert dataset.records() == [record(0)]
+        (small / "ballast").unlink()
+        dataset.flush()
+        assert dataset.records() == [record(0), record(1)]
+    finally:
+        subprocess.run(["umount", "--lazy", str(small)], check=True)  # a helper may still be at its end there
