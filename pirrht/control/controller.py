@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -30,7 +31,7 @@ from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
 from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.homology import Homology, integers
+from pirrht.topology.homology import Homology, class_id, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
@@ -135,6 +136,7 @@ class Controller(Policy):
             self.pool.forget()
         self.around.begin()
         self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
+        self._unseen: dict[int, str] = {}  # names of earlier classes by key, where a plan has not looked at all
         self._aim(self.homology.asked(x, time))
         self._way, self._pressed, self._pace = Way(), pressed_of(None), Pace()
 
@@ -219,7 +221,7 @@ class Controller(Policy):
             fallback="no survivor" if estimate is None else None,
             instead=self._instead(batch, references) if estimate is None else None,
             law=law,
-            classes=batch.classes,
+            classes=batch.named,
             time=self.drive.time,
             push=push,
             span=self.path_integral.sampling.dt,
@@ -234,7 +236,8 @@ class Controller(Policy):
         moment = Moment(
             now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=partial(self._reversed, x)
         )
-        return self.around.batch(x, references, self._from_start(references), moment)
+        batch = self.around.batch(x, references, self._from_start(references), moment)
+        return replace(batch, others=self._unseen)
 
     def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
         """What samples say; None if none survives."""
@@ -266,6 +269,7 @@ class Controller(Policy):
 
     def _references(self, x: Array, most: int | None = None) -> list[Reference]:
         """The references at x (n,), cheapest first; those of so many classes, None: of all."""
+        self._unseen = {}
         if self.tree is None or self.method.most == 0:
             return []
         driven = np.array(self.driven_class())
@@ -281,6 +285,7 @@ class Controller(Policy):
         classes = self._from_start(found)
         left_out = {} if most is None else self._paths
         self._paths = left_out | {whole: one.path for whole, one in zip(classes, found, strict=True)}
+        self._unseen = {self.homology.key(integers(np.asarray(whole) - driven)): class_id(whole) for whole in left_out}
         kept = [] if self.method.most is not None else self._kept(x, set(classes))
         return self.method.around(found, kept)[:most]
 

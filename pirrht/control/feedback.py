@@ -184,14 +184,14 @@ class ClassPool:
         for name, weight in estimate.class_weights.items():
             if weight <= 0.0:
                 continue
-            lead, control = leads.get(name), estimate.class_controls[name]
-            new = ClassLaw(
-                log_psi=estimate.log_psi + float(np.log(weight)),
-                rest=control if lead is None else control - trust * lead.held(x),
-                lead=lead,
-                trust=trust,
-            )
-            found[name] = new if name not in found else _pooled(found[name], new)
+            lead, control, log_psi = leads.get(name), estimate.class_controls[name], estimate.log_psi + np.log(weight)
+            before = found.get(name)
+            if lead is None and before is not None:  # its guide is of an earlier plan
+                new = replace(before, log_psi=float(log_psi), rest=control - before.led(x, 0.0), unseen=0.0)
+            else:
+                rest = control if lead is None else control - trust * lead.held(x)
+                new = ClassLaw(log_psi=float(log_psi), rest=rest, lead=lead, trust=trust)
+            found[name] = new if before is None else _pooled(before, new)
         top = max(c.log_psi for c in found.values())
         found = {name: c for name, c in found.items() if c.log_psi > top + FADED}
         self._last = ClassMixture(problem=self.problem, state=x, classes=found, push=push)
@@ -202,4 +202,4 @@ def _pooled(old: ClassLaw, new: ClassLaw) -> ClassLaw:
     # A wrong gradient could make what is carried along grow without end; the new samples bound it.
     log_psi = float(np.logaddexp(min(old.log_psi, new.log_psi + BOUND), new.log_psi))
     share = float(np.exp(new.log_psi - log_psi))
-    return ClassLaw(log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest, lead=new.lead, trust=new.trust)
+    return replace(new, log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest)

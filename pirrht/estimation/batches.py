@@ -50,7 +50,7 @@ def sample(integral: PathIntegral, batch: Batch, seed: int, *, left: Callable[[]
         more = min(drawn, most - drawn)
         draw(np.maximum(1, np.rint(more * number)).astype(np.int64))
         drawn += more
-    return integral.weighed(parts, batch.classes)
+    return integral.weighed(parts, batch.named)
 
 
 def _until(

@@ -163,6 +163,9 @@ class Batch:
     times: Array  # (T+1,) ends of the steps, from 0 [s]
     proposals: tuple[Proposal, ...]  # (H,)
     time: float = 0.0  # now, on the clock of what moves [s]
+    others: Mapping[int, str] = field(
+        default_factory=dict
+    )  # names of classes that only earlier references were of, by key
 
     @property
     def counts(self) -> list[int]:
@@ -173,6 +176,11 @@ class Batch:
     def classes(self) -> Mapping[int, str]:
         """Additive class keys of the references to their names; what has no class is left out."""
         return {proposal.key: proposal.name for proposal in self.proposals if proposal.key is not None}
+
+    @property
+    def named(self) -> Mapping[int, str]:
+        """The same of all classes that have a name, those of earlier references included."""
+        return {**self.classes, **{key: name for key, name in self.others.items() if key not in self.classes}}
 
     def counting(self, counts: Sequence[int]) -> Batch:
         """The same references with other numbers of samples (H,)."""

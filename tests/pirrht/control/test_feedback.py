@@ -153,6 +153,15 @@ def test_a_new_reference_does_not_change_what_is_known_of_its_class(problem):
     np.testing.assert_allclose(second(np.zeros(2), 0.0), (1.0 - share) * first(np.zeros(2), 0.0), rtol=1e-9)
 
 
+def test_a_class_that_only_samples_around_others_are_of_keeps_its_earlier_guide(problem):
+    """A second plan at the same place knows the same of a class, and has no reference of it."""
+    pool, x, u = ClassPool(problem), np.array([0.4, 0.2]), [1.0, 0.5]
+    before = pool.law(estimate(x, one=(0.0, u)), {"one": Steep()}, nothing, 0.0)
+    after = pool.law(estimate(x, one=(0.0, u)), {}, nothing, 0.0)
+    for place in (x, x + np.array([0.01, -0.02])):
+        np.testing.assert_allclose(after(place, 0.0), before(place, 0.0), rtol=1e-12)
+
+
 @pytest.mark.parametrize("trust", [0.0, 0.3, 1.0])
 def test_between_plans_a_guide_is_followed_as_far_as_it_is_trusted(problem, trust):
     """At the plan's state the control is what samples said; beside it that and a share of how the guide changes."""

@@ -236,3 +236,31 @@ def test_mppi_goes_by_the_clock_of_the_bodies():
         assert plan.time == time
         values.append(plan.estimate.value if plan.estimate is not None else np.inf)
     assert abs(values[0] - values[1]) > 0.05
+
+
+def test_samples_of_a_class_that_was_not_looked_at_have_its_name_still(monkeypatch):
+    """Ten plans at one place that look at one class, after one that looked at all; equal seeds but for that; b = 0.3.
+
+    Before and behind the body weigh alike there, so that many samples around one way go the other. Without a name
+    they would all be "other".
+    """
+    one = controller(b=0.3)
+    names = set(one.plan(START).ids)
+    monkeypatch.setattr(type(one._pace), "most", lambda self, left: 1)
+    found = [one.plan(START) for _ in range(10)]
+    assert all(len(plan.ids) == 1 for plan in found)
+    shares = [plan.estimate.class_weights for plan in found if plan.estimate is not None]
+    unseen = [
+        sum(w for name, w in each.items() if name in names - set(plan.ids))
+        for each, plan in zip(shares, found, strict=True)
+    ]
+    assert np.mean(unseen) > 0.05
+    assert np.mean([each["other"] for each in shares]) < 0.01
+    assert all(plan.favourite in names for plan in found)
+
+
+def test_where_all_classes_are_looked_at_no_other_has_a_name():
+    one = controller()
+    for x in (START, START + np.array([0.3, 0.1])):
+        plan = one.plan(x)
+        assert list(plan.classes.values()) == list(plan.ids)
