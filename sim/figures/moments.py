@@ -35,24 +35,30 @@ def draw(axes: Any, scenario: Scenario, references: Sequence[Reference], colors:
         return 0.0
     step = next((step for step in STEPS if last / step <= MOST), STEPS[-1])
     moments = np.arange(step, last + 0.5 * step, step)
-    for mover in scenario.loaded.scene.movers:
-        _outline(axes, mover, moments)
     told: list[Array] = []
     apart = APART * float(np.ptp(axes.get_xlim()))
+    for mover in scenario.loaded.scene.movers:
+        _outline(axes, mover, moments, told, apart)
     for reference, way in zip(references, ways, strict=True):
         _dots(axes, way, moments, style.rgb(colors[reference.id]), told, apart)
     return step
 
 
-def _outline(axes: Any, mover: Mover, moments: Array) -> None:
-    """A body's outlines, the paler the later, until it stands still."""
+def _outline(axes: Any, mover: Mover, moments: Array, told: list[Array], apart: float) -> None:
+    """A body's outlines, the paler the later, until it stands still; within its first part's the number of seconds.
+
+    Args:
+        told, apart: as `_dots` takes them.
+    """
     from matplotlib.patches import Polygon
 
     until = moments[: 1 + int(np.searchsorted(moments, mover.motion.last))]
-    for rings in outlines(mover, until):
+    for part, rings in enumerate(outlines(mover, until)):
         for time, ring in zip(until, rings, strict=True):
             alpha = 0.9 - 0.7 * float(time / moments[-1])
             axes.add_patch(Polygon(ring, closed=True, fill=False, ec=MOVER, lw=0.9, alpha=alpha, zorder=2.9))
+            if part == 0 and _room(place := ring.mean(axis=0), told, apart):
+                axes.annotate(f"{time:g}", place, ha="center", va="center", fontsize=6.5, color=MOVER, zorder=2.9)
 
 
 def _dots(axes: Any, way: Array, moments: Array, color: Any, told: list[Array], apart: float) -> None:
@@ -62,13 +68,20 @@ def _dots(axes: Any, way: Array, moments: Array, color: Any, told: list[Array], 
         told: places (2,) that have a number, to which its own are added.
         apart: from those that another must be, for both to be read [m].
     """
-    for time, *place in _places(way, moments):
-        axes.plot(*place, "o", ms=4.0, mfc="white", mec=color, mew=1.2, zorder=7)
-        if all(np.hypot(*(place - other)) >= apart for other in told):
-            told.append(np.array(place))
+    for time, x, y in _places(way, moments):
+        axes.plot(x, y, "o", ms=4.0, mfc="white", mec=color, mew=1.2, zorder=7)
+        if _room(np.array([x, y]), told, apart):
             axes.annotate(
-                f"{time:g}", place, xytext=(3, 4), textcoords="offset points", fontsize=6.5, color=style.INK, zorder=8
+                f"{time:g}", (x, y), xytext=(3, 4), textcoords="offset points", fontsize=6.5, color=style.INK, zorder=8
             )
+
+
+def _room(place: Array, told: list[Array], apart: float) -> bool:
+    """Whether a number at a place (2,) can be read; if so, the place is noted."""
+    free = all(np.hypot(*(place - other)) >= apart for other in told)
+    if free:
+        told.append(place)
+    return free
 
 
 def _places(way: Array, moments: Array) -> Iterator[NDArray[np.float64]]:

@@ -10,6 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from pirrht.plotting.ground import MOVER
 from sim.drawing.colors import ClassColors
 from sim.figures import moments
 from sim.scenario import Scenario, prepare
@@ -24,9 +25,22 @@ def door() -> Any:
 
 def drawn(scenario: Scenario, references: Any) -> Any:
     axes, colors = Figure().subplots(), ClassColors()
+    axes.set_xlim(0.0, 6.0)
     colors.meet(reference.id for reference in references)
     step = moments.draw(axes, scenario, references, colors)
     return axes, step
+
+
+def within(axes: Any) -> list[Any]:
+    """The numbers of outlines."""
+    return [text for text in axes.texts if text.get_color() == MOVER]
+
+
+def test_no_number_covers_another(door):
+    axes, _ = drawn(*door)
+    places = np.array([text.xy for text in axes.texts])
+    apart = np.hypot(*(places[:, None] - places[None]).T) + 9.0 * np.eye(len(places))
+    assert apart.min() >= moments.APART * np.ptp(axes.get_xlim())
 
 
 def test_numbers_stand_where_references_are_at_these_seconds(door):
@@ -49,6 +63,9 @@ def test_outlines_are_those_of_bodies_at_these_seconds_until_they_stand_still(do
     assert times[-2] < mover.motion.last <= times[-1]
     for time, ring in zip(times, rings, strict=True):
         assert np.allclose(ring[:-1].mean(axis=0), mover.motion.pose(time)[:2], atol=1e-6)  # of a box
+    for time, text in zip(times, within(axes), strict=True):
+        assert float(text.get_text()) == time
+        assert np.allclose(text.xy, mover.motion.pose(time)[:2], atol=1e-6)
 
 
 def test_of_long_ways_there_are_few_moments(door):
@@ -58,7 +75,7 @@ def test_of_long_ways_there_are_few_moments(door):
     slow = SimpleNamespace(id="0,0", trajectory=SimpleNamespace(path=path, points=knots[:, :2]))
     axes, step = drawn(scenario, [slow])
     assert step in moments.STEPS
-    assert 2 <= len(axes.texts) <= moments.MOST
+    assert 2 <= len(axes.texts) - len(within(axes)) <= moments.MOST
 
 
 def test_without_references_nothing_is_drawn(door):
