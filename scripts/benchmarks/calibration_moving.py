@@ -3,9 +3,9 @@
 The built-in scenes in which bodies move, one that is given, or random ones (`--scenes`). Times are uniform up to half
 a second after the last row of any motion, places stratified by clearance as those of `calibration`. Every plan begins a
 drive of its own, for which the tree gains some vertices at each state. `1 %` counts states where the mean of the plans'
-v is so near the grid's, and `worst` tells the farthest of them [%]. At every fifth state the shares of classes are
-compared with what the grid's paths take: `shares off` is the greatest difference of any class [points], of which the
-paths' own standard error is 2.5 at most. `--png` draws coverage and errors over room, and one scene with its states.
+v is so near the grid's, and `worst` tells the farthest of them [%]. `contested` counts further states at which no class
+has nine tenths of the weight, and `shares off` is the greatest difference there between the share of a class and how
+many of the grid's paths take it [points]. `--png` draws coverage and errors over room, and one scene with its states.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ import numpy as np
 from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
+from benchmarks.contested import CANDIDATES, apart, contested
 from benchmarks.first_plan import first_plan
 from benchmarks.oblique_scene import oblique_scenario
-from benchmarks.scenes import places_of
+from benchmarks.scenes import places_of, random_states
 from tqdm import tqdm
 
 from pirrht.arrays import Array
@@ -36,8 +37,7 @@ NOISES, STATES, PLANS = (0.1, 0.2, 0.3), 20, 10
 AFTER = 0.5  # of the last row [s]
 FREE = 0.005  # clearance from what moves at least [m]
 NEAR = 0.01  # share of v
-EVERY, PATHS = 5, 400  # states of which one is asked for shares, and paths of the grid's for these
-HEADER = [f"{COLUMNS[0].split(',')[0]}, scene", *COLUMNS[1:], "1 %", "worst", "shares off"]
+HEADER = [f"{COLUMNS[0].split(',')[0]}, scene", *COLUMNS[1:], "1 %", "worst", "contested", "shares off"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,24 +55,30 @@ class Job:
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON."""
-    found = collect(options)
+    found, where = collect(options)
     table, values = [], []
     for noise, name, some in by_noise_and_scene(found):
         off = [_off(s) for s in some if s["plans"]]
         near = int(np.sum(np.abs(off) <= NEAR)) if off else 0
         worst = float(100.0 * max(off, key=abs)) if off else float("nan")
-        apart = [_apart(s) for s in some if s["shares"] and s["plans"]]
-        far = 100.0 * max(apart, default=float("nan"))
-        values.append({"noise": noise, "scene": name, **summary(some), "near": near, "worst": worst, "shares": far})
+        differ = [apart(s) for s in where if s["noise"] == noise and name in (s["scene"], "all")]
+        far = 100.0 * max(differ, default=float("nan"))
+        more = {"near": near, "worst": worst, "contested": len(differ), "shares": far}
+        values.append({"noise": noise, "scene": name, **summary(some), **more})
         cells = text_of({**values[-1], "from": 0.0, "to": None})
-        table.append([f"{noise:g}, {name}", *cells[1:], f"{near}/{len(some)}", f"{worst:+.2f}", f"{far:.1f}"])
+        table.append(
+            [f"{noise:g}, {name}", *cells[1:], f"{near}/{len(some)}", f"{worst:+.2f}", str(len(differ)), f"{far:.1f}"]
+        )
     if options.png is not None:
         calibration_plot.draw(options.png, found, lambda state: _scenario(state["of"], {}))
-    return HEADER, table, {"table": values, "states": found}
+    return HEADER, table, {"table": values, "states": found, "contested": where}
 
 
-def collect(options: argparse.Namespace) -> list[dict[str, Any]]:
-    """One record per scene, noise, state and time."""
+Records = list[dict[str, Any]]
+
+
+def collect(options: argparse.Namespace) -> tuple[Records, Records]:
+    """One record per scene, noise, state and time, and those of contested states."""
     scenes: Sequence[str | int] = SCENES if options.scene is None else (str(options.scene),)
     if options.scenes:
         scenes = range(options.first_seed, options.first_seed + options.scenes)
@@ -81,15 +87,16 @@ def collect(options: argparse.Namespace) -> list[dict[str, Any]]:
         "threads": 1 if options.workers > 1 else None, "near_goal": options.near_goal,
     }  # fmt: skip
     todo = [Job(scene=scene, noise=noise, **shared) for scene in scenes for noise in options.noises or NOISES]
-    found: list[dict[str, Any]] = []
+    found, where = Records(), Records()
     with tqdm(total=len(todo), desc="scenes x noises", leave=False, disable=None) as bar:
-        for records in _in_turn(todo, options.workers):
+        for records, contended in _in_turn(todo, options.workers):
             found += records
+            where += contended
             bar.update()
-    return found
+    return found, where
 
 
-def _in_turn(todo: list[Job], workers: int) -> Iterator[list[dict[str, Any]]]:
+def _in_turn(todo: list[Job], workers: int) -> Iterator[tuple[Records, Records]]:
     if workers == 1:
         yield from map(looked_at, todo)
         return
@@ -97,8 +104,8 @@ def _in_turn(todo: list[Job], workers: int) -> Iterator[list[dict[str, Any]]]:
         yield from pool.map(looked_at, todo)
 
 
-def looked_at(job: Job) -> list[dict[str, Any]]:
-    """Records of a scene at one noise."""
+def looked_at(job: Job) -> tuple[Records, Records]:
+    """Records of a scene at one noise, and those of its contested states."""
     given = {"seed": job.seed, "threads": job.threads, "noise": job.noise}
     scenario = _scenario(job.scene, given)
     truth = Desirability.of(scenario.problem, scenario.space)
@@ -106,7 +113,12 @@ def looked_at(job: Job) -> list[dict[str, Any]]:
     assert isinstance(controller, Controller)
     controller.path_integral.warm_up()
     asked = states_and_times(scenario, job)
-    return [_record(scenario, truth, controller, x, t, job, i % EVERY == 0) for i, (x, t) in enumerate(asked)]
+    found = [_record(scenario, truth, controller, x, t, job) for x, t in asked]
+    if job.near_goal is not None:
+        return found, []
+    places = random_states(scenario.space, CANDIDATES, job.seed)
+    some = contested(scenario, truth, controller, places, job.seed, last=_last(scenario), plans=job.plans)
+    return found, [{"scene": scenario.loaded.scene.name, "noise": job.noise, **one} for one in some]
 
 
 def _scenario(scene: str | int, given: Mapping[str, Any]) -> Scenario:
@@ -115,7 +127,7 @@ def _scenario(scene: str | int, given: Mapping[str, Any]) -> Scenario:
 
 def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
     """Random places (2,) [m] and times [s] at which nothing is there."""
-    last = max(float(mover.motion.rows[-1, 0]) for mover in scenario.loaded.scene.movers)
+    last = _last(scenario)
     rng, found = np.random.default_rng([job.seed, 55]), []
     for x in places_of(scenario.space, 4 * job.states, job.seed, job.near_goal):
         t = float(rng.uniform(0.0, last + AFTER))
@@ -124,8 +136,13 @@ def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
     return found[: job.states]
 
 
+def _last(scenario: Scenario) -> float:
+    """When all motions are over [s]."""
+    return max(float(mover.motion.rows[-1, 0]) for mover in scenario.loaded.scene.movers)
+
+
 def _record(
-    scenario: Scenario, truth: Desirability, controller: Controller, x: Array, t: float, job: Job, ways: bool
+    scenario: Scenario, truth: Desirability, controller: Controller, x: Array, t: float, job: Job
 ) -> dict[str, Any]:
     plans = [first_plan(controller, x, t) for _ in range(job.plans)]
     clearance = min(scenario.space.clearance(x), scenario.space.crowd.clearance(x, t))
@@ -133,17 +150,8 @@ def _record(
         "scene": scenario.loaded.scene.name, "of": job.scene, "x": x.tolist(), "t": t, "noise": job.noise,
         "clearance": clearance, "room": clearance / job.noise, "v": float(truth.value(x, t)),
         "u": truth.control(x, t).tolist(),
-        "shares": truth.shares(x, PATHS, t=t) if ways else None,
         "plans": [plan for plan in plans if plan is not None], "without": sum(plan is None for plan in plans),
     }  # fmt: skip
-
-
-def _apart(state: dict[str, Any]) -> float:
-    """The greatest difference between a class' share of the grid's paths and its mean share of the plans' samples."""
-    plans = [plan["shares"] for plan in state["plans"]]
-    names = set(state["shares"]).union(*plans)
-    said = {name: float(np.mean([plan.get(name, 0.0) for plan in plans])) for name in names}
-    return max(abs(said[name] - state["shares"].get(name, 0.0)) for name in names)
 
 
 def _off(state: dict[str, Any]) -> float:
