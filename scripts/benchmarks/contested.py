@@ -1,7 +1,7 @@
 """Shares of classes where none has them all, beside what the exact grid's paths take.
 
 At most random places one class has all of the weight, and that they agree there says nothing. Asked are the scene's
-start and random places and times at which the mean of a few plans leaves the favourite less than nine tenths.
+start and random places and times at which a first plan leaves the favourite less than nine tenths.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from pirrht.control.plan import DECIDED
 from pirrht.exact.desirability import Desirability
 from sim.scenario import Scenario
 
-MOST, CANDIDATES = 5, 300  # states that are asked for, and how many are looked at in search of them
-LOOKS = 2  # plans by which one sees whether a state is contested
-PATHS = 2000  # of the grid's at each, whose own standard error is 1.1 points at most
+MOST, CANDIDATES = 4, 100  # states that are asked for, and how many are looked at in search of them
+LOOKS = 1  # plans by which one sees whether a state is contested
+PATHS = 600  # of the grid's at each, whose own standard error is 2 points at most
 
 
 def contested(

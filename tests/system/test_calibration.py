@@ -146,14 +146,14 @@ def test_shares_of_classes_are_apart_by_the_greatest_difference_of_any():
 
 @pytest.mark.slow
 def test_both_ways_contend_at_the_start_of_crossing_and_shares_there_are_those_of_the_grids_paths():
-    """b = 0.3, seed 0: standard errors of 1.1 points for 2000 paths and about 2 for four plans."""
+    """b = 0.3, seed 0: standard errors of 2 points for 600 paths and about 2 for four plans."""
     scenario = prepare("crossing", given={"noise": 0.3, "vertices": 300})
     controller = scenario.controller(scenario.grown_tree())
     given = {"places": np.zeros((0, 2)), "seed": 0, "last": 4.5, "plans": 4}
     (one,) = contested.contested(scenario, scenario.truth(), controller, **given)
     assert (one["x"], one["t"]) == (scenario.start[:2].tolist(), 0.0)
     assert max(one["shares"].values()) < contested.DECIDED
-    assert contested.apart(one) < 0.07
+    assert contested.apart(one) < 0.09
 
 
 def test_where_one_way_has_all_the_weight_nothing_contends():
