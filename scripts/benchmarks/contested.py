@@ -19,7 +19,7 @@ from pirrht.exact.desirability import Desirability
 from sim.scenario import Scenario
 
 MOST, CANDIDATES = 4, 100  # states that are asked for, and how many are looked at in search of them
-LOOKS = 1  # plans by which one sees whether a state is contested
+LOOKS, MANY = 1, 40  # plans by which one sees whether a state is contested, and plans that are made if it is
 PATHS = 600  # of the grid's at each, whose own standard error is 2 points at most
 
 
@@ -31,13 +31,14 @@ def contested(
     seed: int,
     *,
     last: float,
-    plans: int,
+    plans: int = MANY,
 ) -> list[dict[str, Any]]:
     """Records of states at which classes contend: place, time, shares of the grid's paths and of each plan.
 
     Args:
         places: random ones (k, 2) [m] in free space.
         last: until when times are drawn [s].
+        plans: at each.
     """
     found: list[dict[str, Any]] = []
     for x, t in _candidates(scenario, places, seed, last):
@@ -60,6 +61,14 @@ def apart(state: dict[str, Any]) -> float:
     """The greatest difference between a class' share of the grid's paths and its mean share of the plans' samples."""
     said, exact = mean_of(state["plans"]), state["shares"]
     return max(abs(said.get(name, 0.0) - exact.get(name, 0.0)) for name in {*said, *exact})
+
+
+def in_errors(state: dict[str, Any]) -> float:
+    """The difference of the share that most of the grid's paths have, in standard errors of both."""
+    name = max(state["shares"], key=lambda one: state["shares"][one])
+    exact, said = state["shares"][name], np.array([one.get(name, 0.0) for one in state["plans"]])
+    variance = exact * (1.0 - exact) / PATHS + said.var(ddof=1) / len(said)
+    return float(abs(said.mean() - exact) / np.sqrt(variance))
 
 
 def _candidates(scenario: Scenario, places: Array, seed: int, last: float) -> Iterator[tuple[Array, float]]:
