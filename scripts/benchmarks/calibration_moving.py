@@ -4,8 +4,9 @@ The built-in scenes in which bodies move, one that is given, or random ones (`--
 a second after the last row of any motion, places stratified by clearance as those of `calibration`. Every plan begins a
 drive of its own, for which the tree gains some vertices at each state. `1 %` counts states where the mean of the plans'
 v is so near the grid's, and `worst` tells the farthest of them [%]. `contested` counts further states at which no class
-has nine tenths of the weight, and `shares off` is the greatest difference there between the share of a class and how
-many of the grid's paths take it [points]. `--png` draws coverage and errors over room, and one scene with its states.
+has nine tenths of the weight, and `shares off` is the greatest difference there between the mean share of a class in 40
+plans and how many of the grid's paths take it [points], `in s.e.` that of the likeliest class in standard errors.
+`--png` draws coverage and errors over room, and one scene with its states.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
-from benchmarks.contested import CANDIDATES, apart, contested
+from benchmarks.contested import CANDIDATES, apart, contested, in_errors
 from benchmarks.first_plan import first_plan
 from benchmarks.oblique_scene import oblique_scenario
 from benchmarks.scenes import places_of, random_states
@@ -37,7 +38,7 @@ NOISES, STATES, PLANS = (0.1, 0.2, 0.3), 20, 10
 AFTER = 0.5  # of the last row [s]
 FREE = 0.005  # clearance from what moves at least [m]
 NEAR = 0.01  # share of v
-HEADER = [f"{COLUMNS[0].split(',')[0]}, scene", *COLUMNS[1:], "1 %", "worst", "contested", "shares off"]
+HEADER = [f"{COLUMNS[0].split(',')[0]}, scene", *COLUMNS[1:], "1 %", "worst", "contested", "shares off", "in s.e."]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,13 +62,22 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
         off = [_off(s) for s in some if s["plans"]]
         near = int(np.sum(np.abs(off) <= NEAR)) if off else 0
         worst = float(100.0 * max(off, key=abs)) if off else float("nan")
-        differ = [apart(s) for s in where if s["noise"] == noise and name in (s["scene"], "all")]
-        far = 100.0 * max(differ, default=float("nan"))
-        more = {"near": near, "worst": worst, "contested": len(differ), "shares": far}
+        there = [s for s in where if s["noise"] == noise and name in (s["scene"], "all")]
+        far = 100.0 * max(map(apart, there), default=float("nan"))
+        errors = max(map(in_errors, there), default=float("nan"))
+        more = {"near": near, "worst": worst, "contested": len(there), "shares": far, "shares_errors": errors}
         values.append({"noise": noise, "scene": name, **summary(some), **more})
         cells = text_of({**values[-1], "from": 0.0, "to": None})
         table.append(
-            [f"{noise:g}, {name}", *cells[1:], f"{near}/{len(some)}", f"{worst:+.2f}", str(len(differ)), f"{far:.1f}"]
+            [
+                f"{noise:g}, {name}",
+                *cells[1:],
+                f"{near}/{len(some)}",
+                f"{worst:+.2f}",
+                str(len(there)),
+                f"{far:.1f}",
+                f"{errors:.1f}",
+            ]
         )
     if options.png is not None:
         calibration_plot.draw(options.png, found, lambda state: _scenario(state["of"], {}))
@@ -117,7 +127,7 @@ def looked_at(job: Job) -> tuple[Records, Records]:
     if job.near_goal is not None:
         return found, []
     places = random_states(scenario.space, CANDIDATES, job.seed)
-    some = contested(scenario, truth, controller, places, job.seed, last=_last(scenario), plans=job.plans)
+    some = contested(scenario, truth, controller, places, job.seed, last=_last(scenario))
     return found, [{"scene": scenario.loaded.scene.name, "noise": job.noise, **one} for one in some]
 
 

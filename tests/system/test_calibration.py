@@ -154,6 +154,7 @@ def test_both_ways_contend_at_the_start_of_crossing_and_shares_there_are_those_o
     assert (one["x"], one["t"]) == (scenario.start[:2].tolist(), 0.0)
     assert max(one["shares"].values()) < contested.DECIDED
     assert contested.apart(one) < 0.09
+    assert contested.in_errors(one) < 4.0
 
 
 def test_where_one_way_has_all_the_weight_nothing_contends():
