@@ -116,7 +116,7 @@ class ByVelocity:
 
 def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
     """A body that from a time on goes straight on for as long as the horizon [s], on a clock that starts then."""
-    pose, velocity = mover.motion.pose(time), mover.motion.velocity(time)
+    pose, velocity = np.array(mover.motion.pose_at(time)), mover.motion.velocity(time)
     rows = np.array([[0.0, *pose], [horizon, *(pose + horizon * velocity)]])
     return replace(mover, motion=Motion(rows=rows))
 

@@ -43,7 +43,8 @@ class Body:
         self.shape = shape or Collision(World(-NOWHERE, NOWHERE, mover.solids), footprint)
         self._radius = footprint.radius
         motion = mover.motion
-        self._lap = Motion(rows=motion.rows)  # once from the first row to the last
+        plain = not motion.repeat and motion.lead == 0.0
+        self._lap = motion if plain else Motion(rows=motion.rows)  # once from the first row to the last
         self._lead = motion.lead
         self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
         self._times: list[float] = motion.rows[:, 0].tolist()
@@ -213,13 +214,14 @@ def _reach(solids: tuple[Obstacle, ...]) -> float:
 
 def ways(motion: Motion, reach: float) -> Array:
     """How far any point of a body that reaches so far [m] goes between rows at most, (k - 1,) [m]."""
-    steps = np.diff(motion.rows, axis=0)
+    steps = motion.rows[1:] - motion.rows[:-1]
     return np.asarray(np.hypot(steps[:, 1], steps[:, 2]) + np.abs(steps[:, 3]) * reach)
 
 
 def speed_bound(motion: Motion, reach: float) -> float:
     """How fast any point of a body that reaches so far [m] moves at most [m/s], jumps aside."""
-    return float((ways(motion, reach) / np.diff(motion.rows[:, 0])).max(initial=0.0))
+    times = motion.rows[:, 0]
+    return float((ways(motion, reach) / (times[1:] - times[:-1])).max(initial=0.0))
 
 
 def jumps(motion: Motion) -> bool:

@@ -33,14 +33,14 @@ class Motion:
         rows = np.array(self.rows, dtype=float)
         if rows.ndim != 2 or rows.shape[1] != 4 or not len(rows):
             raise SceneError(f"a motion has rows of shape {rows.shape}; each is a time, x, y and a yaw")
-        if not np.all(np.isfinite(rows)):
+        if not np.isfinite(rows).all():
             row = int(np.flatnonzero(~np.all(np.isfinite(rows), axis=1))[0])
             raise SceneError(f"row {row + 1} of a motion is {rows[row].tolist()}; all numbers must be finite")
         if rows[0, 0] != 0.0:
             raise SceneError(f"the first row of a motion is at {rows[0, 0]:g} s; it must be at 0")
-        late = np.flatnonzero(np.diff(rows[:, 0]) <= 0.0)
-        if len(late):
-            row = int(late[0]) + 1
+        late = rows[1:, 0] <= rows[:-1, 0]
+        if late.any():
+            row = int(np.argmax(late)) + 1
             times = f"{rows[row, 0]:g} s after one at {rows[row - 1, 0]:g} s"
             raise SceneError(f"row {row + 1} of a motion is at {times}; times must increase")
         if self.repeat and len(rows) < 2:

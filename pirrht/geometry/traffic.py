@@ -119,9 +119,10 @@ def _fastest(body: Array) -> float:
 
 def _with_rates(rows: Array) -> Array:
     """Rows (k, 4) of a motion with the rates at which it leaves each, (k, ROW); it stays at the last."""
-    steps = np.diff(rows, axis=0)
-    rates = np.vstack([steps[:, 1:] * (1.0 / steps[:, :1]), np.zeros((1, 3))])
-    return np.hstack([rows, rates])
+    out, steps = np.zeros((len(rows), ROW)), rows[1:] - rows[:-1]
+    out[:, :4] = rows
+    out[:-1, 4:] = steps[:, 1:] * (1.0 / steps[:, :1])
+    return out
 
 
 @inlined

@@ -103,11 +103,21 @@ def _way(motion: Motion, point: Array, off: float) -> Array:
     """Times [s] and places [m] of a point (2,) [m] of a body, (k, 3); chords are off by at most `off` [m]."""
     arm = float(np.hypot(*point))
     most = 2.0 * math.acos(max(1.0 - off / arm, 0.0)) if arm > off else math.inf
+    yaws = motion.rows[:, 3]
+    turned = np.abs(yaws[1:] - yaws[:-1]).max(initial=0.0)
+    if arm == 0.0 or turned <= most:
+        return _seen(motion.rows[:, 0] - motion.lead, motion.rows[:, 1:].T, point)
     times = [motion.rows[:1, 0]]
     for a, b in zip(motion.rows[:-1], motion.rows[1:], strict=True):
-        pieces = max(1, math.ceil(abs(b[3] - a[3]) / most)) if arm > 0.0 else 1
+        pieces = max(1, math.ceil(abs(b[3] - a[3]) / most))
         times.append(np.linspace(a[0], b[0], pieces + 1)[1:])
     t = np.concatenate(times)
-    x, y, yaw = (np.interp(t, motion.rows[:, 0], motion.rows[:, k]) for k in (1, 2, 3))
+    poses = np.array([np.interp(t, motion.rows[:, 0], motion.rows[:, k]) for k in (1, 2, 3)])
+    return _seen(t - motion.lead, poses, point)
+
+
+def _seen(times: Array, poses: Array, point: Array) -> Array:
+    """Times (k,) [s] and places of a point (2,) [m] of a body at poses (3, k), (k, 3)."""
+    x, y, yaw = poses
     c, s = np.cos(yaw), np.sin(yaw)
-    return np.column_stack([t - motion.lead, x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])
+    return np.column_stack([times, x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])
