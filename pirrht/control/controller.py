@@ -25,7 +25,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Along, Batch
+from pirrht.guidance.leads import Along, Batch, Lead
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
@@ -263,7 +263,8 @@ class Controller(Policy):
     def _law(self, pool: ClassPool, estimate: Estimate, batch: Batch, push: Push) -> ClassMixture:
         """Feedback until the next plan."""
         rows = sorted(zip(batch.proposals, estimate.proposal_weights, strict=True), key=lambda row: row[1])
-        leads = {one.name: one.lead for one, _ in rows if one.key is not None and one.lead.follows}
+        leads: dict[str, Lead | None] = {one.name: None for one, _ in rows if one.key is not None}
+        leads |= {one.name: one.lead for one, _ in rows if one.key is not None and one.lead.follows}
         elapsed, self.drive.since_estimate = self.drive.since_estimate, 0.0
         return pool.law(estimate, leads, push, elapsed)
 

@@ -157,11 +157,11 @@ class ClassPool:
         """Start anew."""
         self._last = None
 
-    def law(self, estimate: Estimate, leads: Mapping[str, Lead], push: Push, elapsed: float) -> ClassMixture:
+    def law(self, estimate: Estimate, leads: Mapping[str, Lead | None], push: Push, elapsed: float) -> ClassMixture:
         """The law, control (m,) at a state (n,), after one more plan, made `elapsed` [s] after the last one.
 
         Args:
-            leads: what samples of the classes followed, by name, where that depends on the state.
+            leads: what samples of the classes that were sampled around followed, by name; None: the state does not matter.
         """
         x, trust = estimate.rollouts.x0, estimate.rollouts.leads.trust
         found: dict[str, ClassLaw] = {}
@@ -186,7 +186,7 @@ class ClassPool:
                 continue
             lead, control, log_psi = leads.get(name), estimate.class_controls[name], estimate.log_psi + np.log(weight)
             before = found.get(name)
-            if lead is None and before is not None:  # its guide is of an earlier plan
+            if name not in leads and before is not None:  # its guide, if it has one, is of an earlier plan
                 new = replace(before, log_psi=float(log_psi), rest=control - before.led(x, 0.0), unseen=0.0)
             else:
                 rest = control if lead is None else control - trust * lead.held(x)
