@@ -161,7 +161,7 @@ class ClassPool:
         """The law, control (m,) at a state (n,), after one more plan, made `elapsed` [s] after the last one.
 
         Args:
-            leads: what samples of the classes that were sampled around followed, by name; None: the state does not matter.
+            leads: what samples around each class followed, by name; None where that does not depend on the state.
         """
         x, trust = estimate.rollouts.x0, estimate.rollouts.leads.trust
         found: dict[str, ClassLaw] = {}
