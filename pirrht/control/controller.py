@@ -283,10 +283,13 @@ class Controller(Policy):
             threads=self.path_integral.threads,
             most=most,
         )
-        classes = self._from_start(found)
-        left_out = {} if most is None else self._paths
+        classes, left_out = self._from_start(found), {}
+        if most is not None:
+            left_out = self._paths
+            self._unseen = {
+                self.homology.key(way): class_id(whole) for way, whole in zip(before, left_out, strict=True)
+            }
         self._paths = left_out | {whole: one.path for whole, one in zip(classes, found, strict=True)}
-        self._unseen = {self.homology.key(integers(np.asarray(whole) - driven)): class_id(whole) for whole in left_out}
         kept = [] if self.method.most is not None else self._kept(x, set(classes))
         return self.method.around(found, kept)[:most]
 

@@ -163,9 +163,7 @@ class Batch:
     times: Array  # (T+1,) ends of the steps, from 0 [s]
     proposals: tuple[Proposal, ...]  # (H,)
     time: float = 0.0  # now, on the clock of what moves [s]
-    others: Mapping[int, str] = field(
-        default_factory=dict
-    )  # names of classes that only earlier references were of, by key
+    others: Mapping[int, str] = field(default_factory=dict)  # names of classes of earlier references, by key
 
     @property
     def counts(self) -> list[int]:
@@ -180,7 +178,7 @@ class Batch:
     @property
     def named(self) -> Mapping[int, str]:
         """The same of all classes that have a name, those of earlier references included."""
-        return {**self.classes, **{key: name for key, name in self.others.items() if key not in self.classes}}
+        return {**self.classes, **self.others}
 
     def counting(self, counts: Sequence[int]) -> Batch:
         """The same references with other numbers of samples (H,)."""

@@ -33,7 +33,6 @@ from pirrht.topology.in_time import TimedHomology
 
 FASTER = 5.0  # speeds up to so many times the best one, if the robot has no limit of its own
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
-WIDE = 0.2  # share of the draws that are uniform in space and time
 
 
 @inlined
@@ -204,25 +203,29 @@ class InTime(Steering):
         x, y = rng.uniform(scene.lower, scene.upper)
         return np.array([x, y, rng.random() * self.horizon(scene)])
 
-    def draw(self, space: FreeSpace, rng: np.random.Generator, origin: Array | None = None) -> Array:
-        """A place and a time (3,) [m, m, s], mostly of use to a robot that is at the origin (3,).
+    def draws(
+        self,
+        space: FreeSpace,
+        rng: np.random.Generator,
+        count: int,
+        origin: Array | None = None,
+        goal_share: float = 0.0,
+    ) -> Array:
+        """Places and times (count, 3) [m, m, s], mostly of use to a robot that is at the origin (3,).
 
         Args:
             origin: None: the scene's start, at 0.
+            goal_share: share of them that is moved into the goal's disc.
         """
         begun = self.origin(space.scene) if origin is None else origin
-        found = None if rng.random() < WIDE else drawn(self.compiled.numbers, space, begun, rng)
-        if found is None:
-            found = self.sample(space.scene, rng)
-            found[2] += begun[2]
-        return found
+        return drawn(self.compiled.numbers, space, begun, self.horizon(space.scene), rng, count, goal_share)
 
     def origin(self, scene: Scene) -> Array:
         """The start of a scene at 0, (3,) [m, m, s]."""
         return np.array([scene.start[0], scene.start[1], 0.0])
 
     def horizon(self, scene: Scene) -> float:
-        """Until when draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
+        """How long after now draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
         return _last(scene.movers) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:

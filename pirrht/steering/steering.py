@@ -93,13 +93,27 @@ class Steering(ABC):
         states[:, :2] = way[:, :2]
         return states
 
-    def draw(self, space: FreeSpace, rng: np.random.Generator, origin: Array | None = None) -> Array:
-        """A random state (n,) for a tree in an examined scene; here of its workspace.
+    def draws(
+        self,
+        space: FreeSpace,
+        rng: np.random.Generator,
+        count: int,
+        origin: Array | None = None,
+        goal_share: float = 0.0,
+    ) -> Array:
+        """Random states (count, n) of an examined scene for a tree, the same in parts as at once; here uniform ones.
 
         Args:
             origin: where the robot is, (n,); None: at the scene's start.
+            goal_share: share of them that is moved into the goal's disc.
         """
-        return self.sample(space.scene, rng)
+        goal, drawn = space.scene.goal, np.empty((count, self.n))
+        for x in drawn:
+            x[:] = self.sample(space.scene, rng)
+            if rng.random() < goal_share:
+                angle, radius = rng.uniform(-np.pi, np.pi), goal.radius * np.sqrt(rng.random())
+                x[:2] = goal.center + radius * np.array([np.cos(angle), np.sin(angle)])
+        return drawn
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
         """States (l, n) that a tree in an examined scene draws first; here those along its passages.

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import jitable, kernel
+from pirrht.compiled.jit import inlined, jitable, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
@@ -22,6 +22,9 @@ SLOWER = 0.5  # excess of cost that half of the other draws stay below, as a sha
 BESIDE = 0.3  # share of the others that lie beside a body ...
 NEAR = 4.0  # ... so many robot radii away from the disc around it at most
 TRIES = 32  # to draw a state that may be of use
+WIDE = 0.2  # share of the draws that are uniform in space and time
+SINGLE = 9  # random numbers of a draw besides those of its tries
+CHANCES = SINGLE + 4 * TRIES
 ACROSS = (0.0, -0.9, 0.9, -0.5, 0.5)  # where passages are driven through, as a share of the room to either side
 ALONG = (0.0, 3.0, -3.0)  # and how far from their narrowest chord [robot radii]
 SPEEDS = (4.0, 3.0, 2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)  # how fast on the way there, as a share of the best speed
@@ -75,63 +78,99 @@ def _is_of_use(useful: Useful, x: float, y: float, t: float) -> bool:
     return t > useful.begin and _cost(useful, x, y, t) <= useful.most
 
 
-@jitable
-def _serves(
-    useful: Useful, frame: tuple[float, float, float, float], radius: float, x: float, y: float, t: float
-) -> bool:
-    """Whether a place at a time is of use, inside a frame and off the goal."""
-    low_x, low_y, far_x, far_y = frame
-    inside = low_x < x < far_x and low_y < y < far_y
-    return inside and _is_of_use(useful, x, y, t) and math.hypot(useful.goal[0] - x, useful.goal[1] - y) > radius
+@inlined
+def _serves(useful, box, goal, x, y, t):  # type: ignore[no-untyped-def]
+    """Whether a place at a time is of use, inside the workspace and off the goal."""
+    inside = box[0] < x < box[2] and box[1] < y < box[3]
+    return inside and _is_of_use(useful, x, y, t) and math.hypot(goal[0] - x, goal[1] - y) > goal[2]
 
 
 @kernel
-def _first_of_use(useful, numbers, frame, radius, chances, out):  # type: ignore[no-untyped-def]
-    """Write the first place and time (3,) of use that `chances` (k, 3) lead to; whether there is one.
+def _write_draw(unhindered, traffic, box, goal, chances, out):  # type: ignore[no-untyped-def]
+    """Write the place and time (3,) that numbers (CHANCES,) between 0 and 1 lead to.
 
-    They are uniform in a frame (x, y, X, Y) [m] off a goal of a radius [m], and in the time that is left.
+    Args:
+        unhindered: what is of use at the cost that nothing in the way leaves.
+        box: frame (x, y, X, Y) [m] of the workspace, how long draws go on [s], and the limit of speeds [m/s].
+        goal: its centre, its radius [m], and the share of draws that is moved into its disc.
     """
-    x, y, far_x, far_y = frame
-    for i in range(chances.shape[0]):
-        px, py = x + (far_x - x) * chances[i, 0], y + (far_y - y) * chances[i, 1]
-        soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / numbers[2]
-        t = useful.begin + soonest + chances[i, 2] * max(useful.most / useful.q - soonest, 0.0)
-        if _serves(useful, frame, radius, px, py, t):
+    most = (1.0 + SLOWER * chances[2] / max(1.0 - chances[2], 1e-3)) * unhindered.most
+    u = unhindered
+    useful, tries = Useful(u.start, u.begin, u.goal, u.q, u.r, u.meter, most), chances[SINGLE:]
+    if chances[0] < WIDE:
+        found = False
+    elif traffic.J > 0 and chances[1] < BESIDE:
+        found = _found_beside(useful, traffic, box, goal, tries, out)
+    else:
+        found = _found(useful, box, goal, tries, out)
+    if not found:
+        x, y, far_x, far_y, horizon, _ = box
+        out[0], out[1] = x + (far_x - x) * chances[3], y + (far_y - y) * chances[4]
+        out[2] = useful.begin + horizon * chances[5]
+    if chances[6] < goal[3]:
+        angle, away = 2.0 * math.pi * chances[7], goal[2] * math.sqrt(chances[8])
+        out[0], out[1] = goal[0] + away * math.cos(angle), goal[1] + away * math.sin(angle)
+
+
+@inlined
+def _found(useful, box, goal, tries, out):  # type: ignore[no-untyped-def]
+    """Write the first place and time (3,) of use that numbers (4 TRIES,) lead to; whether there is one.
+
+    They are uniform in the workspace off the goal, and in the time that is left.
+    """
+    x, y, far_x, far_y, _, speed = box
+    for i in range(0, tries.shape[0], 4):
+        px, py = x + (far_x - x) * tries[i], y + (far_y - y) * tries[i + 1]
+        soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / speed
+        t = useful.begin + soonest + tries[i + 2] * max(useful.most / useful.q - soonest, 0.0)
+        if _serves(useful, box, goal, px, py, t):
             out[0], out[1], out[2] = px, py, t
             return True
     return False
 
 
-@kernel
-def _first_beside(useful, traffic, frame, radius, chances, which, out):  # type: ignore[no-untyped-def]
-    """The same of places and times beside bodies `which` (k,), where these are then."""
-    for i in range(chances.shape[0]):
-        t = useful.begin + chances[i, 2] * max(useful.most / useful.q, 0.0)
-        px, py, _, _, _, _, _ = piece_of(traffic, which[i], t)
-        angle = 2.0 * math.pi * chances[i, 0]
-        away = disc_of(traffic, which[i]) + chances[i, 1] ** 2 * NEAR * traffic.robot
+@inlined
+def _found_beside(useful, traffic, box, goal, tries, out):  # type: ignore[no-untyped-def]
+    """The same of places and times beside bodies, where these are then."""
+    for i in range(0, tries.shape[0], 4):
+        t, j = useful.begin + tries[i + 2] * max(useful.most / useful.q, 0.0), int(tries[i + 3] * traffic.J)
+        px, py, _, _, _, _, _ = piece_of(traffic, j, t)
+        angle = 2.0 * math.pi * tries[i]
+        away = disc_of(traffic, j) + tries[i + 1] ** 2 * NEAR * traffic.robot
         px, py = px + away * math.cos(angle), py + away * math.sin(angle)
-        if _serves(useful, frame, radius, px, py, t):
+        if _serves(useful, box, goal, px, py, t):
             out[0], out[1], out[2] = px, py, t
             return True
     return False
 
 
-def drawn(numbers: tuple[float, ...], space: FreeSpace, origin: Array, rng: np.random.Generator) -> Array | None:
-    """A random place and time (3,) [m, m, s]; some lie beside a body that moves, where ways around it bend.
+@kernel
+def _write_draws(useful, traffic, box, goal, chances, out):  # type: ignore[no-untyped-def]
+    """Write a place and a time (k, 3) for every row of numbers (k, CHANCES)."""
+    for i in range(out.shape[0]):
+        _write_draw(useful, traffic, box, goal, chances[i], out[i])
 
-    It costs no more on the way than some multiple of what nothing in the way would cost; None if none is found.
+
+def drawn(
+    numbers: tuple[float, ...],
+    space: FreeSpace,
+    origin: Array,
+    horizon: float,
+    rng: np.random.Generator,
+    count: int,
+    goal_share: float,
+) -> Array:
+    """Random places and times (count, 3) [m, m, s]; some lie beside a body that moves, where ways around it bend.
+
+    Most cost no more on the way than some multiple of what nothing in the way would cost, the others are uniform in the
+    workspace and the time that draws go on [s]; a share of all is moved into the goal's disc.
     """
-    scene, J = space.scene, space.traffic.J
-    (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
-    beside, chance = J > 0 and rng.random() < BESIDE, rng.random()
-    useful = Useful.of(numbers, scene, origin, 1.0 + SLOWER * chance / max(1.0 - chance, 1e-3))
-    chances = rng.random((TRIES, 3))
-    found, frame = np.empty(3), (left, low, right, high)
-    if not beside:
-        return found if _first_of_use(useful, numbers, frame, scene.goal.radius, chances, found) else None
-    which = rng.integers(J, size=TRIES)
-    return found if _first_beside(useful, space.traffic, frame, scene.goal.radius, chances, which, found) else None
+    scene, out = space.scene, np.empty((count, 3))
+    (x, y), radius = scene.goal.center.tolist(), scene.goal.radius
+    box = (*scene.lower.tolist(), *scene.upper.tolist(), horizon, numbers[2])
+    useful = Useful.of(numbers, scene, origin, 1.0)
+    _write_draws(useful, space.traffic, box, (x, y, radius, goal_share), rng.random((count, CHANCES)), out)
+    return out
 
 
 def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, origin: Array) -> Array:

@@ -21,6 +21,8 @@ from pirrht.tree.nodes import ask_again
 from pirrht.tree.search import reaches, settle
 from pirrht.tree.status import ASK, DONE
 
+RIM = 1e-3  # share of the goal's radius within which FCL and Python say whether a state lies in the disc
+
 
 class Vertices(NamedTuple):
     """What a tree knows of its vertices besides their edges and nodes; with room to grow."""
@@ -107,8 +109,8 @@ def grow_with(
     judge, write_straight = judge_with(motion), motion.straight
 
     @inlined
-    def proposed(vertices, size, x, around, numbers, forward):  # type: ignore[no-untyped-def]
-        """`Edges` between x (n,) and the vertices near it, and the number that the field leaves unsure."""
+    def proposed(vertices, size, x, around, numbers, forward, root):  # type: ignore[no-untyped-def]
+        """`Edges` between x (n,), which may be a root, and vertices near it, and how many the field leaves unsure."""
         n = vertices.states.shape[1]
         count = min(near_count(size, n), size)
         near = np.empty(count, np.int64)
@@ -119,7 +121,7 @@ def grow_with(
                 here[i, k] = x[k]  # arrays assigned as a whole compile words for shapes that differ
         into_goal = vertices.in_goal[near]
         if not forward:
-            into_goal[:] = False
+            into_goal[:] = root
         tails, heads = (here, others) if forward else (others, here)
         return judge(around, connect(tails, heads, numbers), into_goal, near)
 
@@ -134,25 +136,24 @@ def grow_with(
             if status == BLOCKED:
                 i += 1
                 continue
-            if (
-                status != FREE
-                or v >= vertices.states.shape[0]
-                or math.hypot(x[0] - gx, x[1] - gy) <= 1.001 * around.reach
-            ):
+            away = math.hypot(x[0] - gx, x[1] - gy) / around.reach
+            if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= RIM:
                 return i, ASK
-            out, unsure = proposed(vertices, v, x, around, numbers, True)
+            root = away < 1.0
+            write_straight(around, x, straight)
+            for k in range(x.shape[0]):
+                vertices.states[v, k] = x[k]  # whether or not it becomes a vertex
+            vertices.in_goal[v] = root
+            forward = not root
+            out, unsure = proposed(vertices, v if forward else v + 1, x, around, numbers, forward, root)
             if unsure > 0:
                 return i, ASK
-            write_straight(around, x, straight)
-            if not reaches(at, straight, out, rules):
+            if forward and not reaches(at, straight, out, rules):
                 i += 1
                 continue
-            for k in range(x.shape[0]):
-                vertices.states[v, k] = x[k]
-            vertices.in_goal[v] = False
             back = out
-            if not rules.mirrored:
-                back, unsure = proposed(vertices, v + 1, x, around, numbers, False)
+            if forward and not rules.mirrored:
+                back, unsure = proposed(vertices, v + 1, x, around, numbers, False, False)
             if unsure > 0 or lacks_room(at, out, back):
                 return i, ASK
             insert(at, vertices, straight, out, back, around, rules)

@@ -158,7 +158,7 @@ class HomologyTree:
             self._offers.note(self.states[: self.size])
             count = min(vertices - self.size, budget, most, self._offers.together(self.draws))
             budget -= count
-            self.extend_by(np.array([self._draw(self.draws + k) for k in range(count)]))
+            self.extend_by(self._drawn(count))
             if progress is not None:
                 progress(self.size)
 
@@ -184,7 +184,7 @@ class HomologyTree:
         return self._grow_kernel(self._places, self._vertices, draws, i, self._remembering, numbers, self.rules)
 
     def aim(self, x: Array) -> None:
-        """From now on draw what is of use to a robot at x (n,), where that makes a difference (`Steering.draw`)."""
+        """From now on draw what is of use to a robot at x (n,), where that makes a difference (`Steering.draws`)."""
         self.origin = np.array(x, dtype=float)
         self.__dict__.pop("_offers", None)
 
@@ -291,18 +291,16 @@ class HomologyTree:
     def _offers(self) -> Offers:
         return Offers(self.steering.offers(self.passages, self.space, self.origin))
 
-    def _draw(self, number: int) -> Array:
-        """The state of a draw: in a passage that has no vertex yet, or random."""
-        offered = self._offers.at(number)
-        return self._sample() if offered is None else offered
-
-    def _sample(self) -> Array:
-        x = self.steering.draw(self.space, self.rng, self.origin)
-        if self.rng.random() < GOAL_SHARE:
-            goal = self.space.scene.goal
-            angle, radius = self.rng.uniform(-np.pi, np.pi), goal.radius * np.sqrt(self.rng.random())
-            x[:2] = goal.center + radius * np.array([np.cos(angle), np.sin(angle)])
-        return x
+    def _drawn(self, count: int) -> Array:
+        """States (count, n) of the next draws: in passages that have no vertex yet, or random."""
+        offered = [self._offers.at(self.draws + k) for k in range(count)]
+        random = [k for k, x in enumerate(offered) if x is None]
+        drawn = np.empty((count, self.states.shape[1]))
+        drawn[random] = self.steering.draws(self.space, self.rng, len(random), self.origin, GOAL_SHARE)
+        for k, x in enumerate(offered):
+            if x is not None:
+                drawn[k] = x
+        return drawn
 
     @property
     def _vertices(self) -> Vertices:

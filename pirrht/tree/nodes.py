@@ -150,6 +150,29 @@ def admits(straight, M, marker, turn, count, limit):  # type: ignore[no-untyped-
     return True
 
 
+@inlined
+def _costliest(vertex, count):  # type: ignore[no-untyped-def]
+    """Slot of the costliest of so many nodes, at least one, of the vertex at an address."""
+    worst = 0
+    for i in range(1, count):
+        if load_float64(g.node_at(vertex, i), g.COST) > load_float64(g.node_at(vertex, worst), g.COST):
+            worst = i
+    return worst
+
+
+@inlined
+def _is_outdone(at, v, offer, rules):  # type: ignore[no-untyped-def]
+    """Whether a vertex has no room for another class, and K that are no costlier; counts it."""
+    vertex, K = g.vertex_at(at, v), rules.classes
+    count = load_int32(vertex, g.COUNT)
+    if K == 0 or count < K:
+        return False
+    outdone = offer.cost >= load_float64(g.node_at(vertex, _costliest(vertex, count)), g.COST) - TIE
+    if outdone:
+        store_int64(at.pruned, 0, load_int64(at.pruned, 0) + 1)
+    return outdone
+
+
 @kernel
 def _insert(at, v, offer, rules):  # type: ignore[no-untyped-def]
     """The part of AppendNode that concerns a class which the vertex does not know: NEW, DONE or what must grow."""
@@ -158,22 +181,18 @@ def _insert(at, v, offer, rules):  # type: ignore[no-untyped-def]
         at, offer.source, offer.slot, at.edge_marker, at.edge_turn, load_int64(at.edge_first, e),
         load_int64(at.edge_first, e + 1),
     )  # fmt: skip
-    if not admits(at.straight + 8 * at.M * v, at.M, marker, turn, many, rules.limit):
-        return DONE
-    vertex, K = g.vertex_at(at, v), rules.classes
-    count = load_int32(vertex, g.COUNT)
-    full, worst = K > 0 and count >= K, 0
-    for i in range(1, count if full else 0):
-        if load_float64(g.node_at(vertex, i), g.COST) > load_float64(g.node_at(vertex, worst), g.COST):
-            worst = i
-    if full and offer.cost >= load_float64(g.node_at(vertex, worst), g.COST) - TIE:
-        store_int64(at.pruned, 0, load_int64(at.pruned, 0) + 1)
-        return DONE
+    if rules.limit < 0.5:  # `append` has not asked
+        if not admits(at.straight + 8 * at.M * v, at.M, marker, turn, many, rules.limit):
+            return DONE
+        if _is_outdone(at, v, offer, rules):
+            return DONE
     if many > at.C:
         return PAIRS_FULL
-    if full:
+    vertex, K = g.vertex_at(at, v), rules.classes
+    count = load_int32(vertex, g.COUNT)
+    if K > 0 and count >= K:
         store_int64(at.pruned, 0, load_int64(at.pruned, 0) + 1)
-        _evict(at, v, worst)
+        _evict(at, v, _costliest(vertex, count))
         count = load_int32(vertex, g.COUNT)
     node = g.node_at(vertex, count)
     store_float64(node, g.COST, offer.cost)
@@ -207,7 +226,7 @@ def append(at, v, offer, rules):  # type: ignore[no-untyped-def]
         store_float64(node, g.COST, offer.cost)
         store_int32(node, g.PARENT, offer.edge)
     else:
-        if rules.limit >= 0.5 and _exceeds(at, v, offer, rules.limit):
+        if rules.limit >= 0.5 and (_exceeds(at, v, offer, rules.limit) or _is_outdone(at, v, offer, rules)):
             return DONE
         result = _insert(at, v, offer, rules)
         if result != NEW:

@@ -74,7 +74,7 @@ def in_errors(state: dict[str, Any]) -> float:
 def _candidates(scenario: Scenario, places: Array, seed: int, last: float) -> Iterator[tuple[Array, float]]:
     rng = np.random.default_rng([seed, 56])
     yield scenario.start[:2], 0.0
-    for x in places[:CANDIDATES]:
+    for x in places:
         yield x, float(rng.uniform(0.0, last))
 
 

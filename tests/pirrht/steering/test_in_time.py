@@ -174,7 +174,7 @@ def test_draws_are_of_use_from_the_start_on():
     """Most lie where the way there and on to the goal costs a small multiple of the straight way."""
     space, steering = FreeSpace.of(SCENES["pincer"]()), InTime()
     rng = np.random.default_rng(0)
-    states = np.array([steering.draw(space, rng) for _ in range(600)])
+    states = steering.draws(space, rng, 600)
     assert np.all((states[:, :2] > 0.0) & (states[:, :2] < [6.0, 5.0]) & (states[:, 2:] >= 0.0))
     away = np.hypot(*(states[:, :2] - [1.0, 2.5]).T)
     least = states[:, 2] + away**2 / np.maximum(states[:, 2], 1e-9) + 2.0 * np.hypot(*(states[:, :2] - [5.5, 2.5]).T)

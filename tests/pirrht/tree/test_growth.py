@@ -56,7 +56,7 @@ def test_growing_k_times_is_growing_once(robot: str, request: pytest.FixtureRequ
 def test_draws_dealt_with_together_make_the_tree_that_they_make_one_by_one(robot: str, request: pytest.FixtureRequest):
     scenario: Scenario = request.getfixturevalue(robot)
     together, one_by_one = scenario.empty_tree(), scenario.empty_tree()
-    draws = np.array([together._sample() for _ in range(300)])
+    draws = together.steering.draws(together.space, together.rng, 300, goal_share=0.05)
     together.extend_by(draws)
     for x in draws:
         one_by_one.extend(x)
