@@ -13,11 +13,13 @@ from pirrht.arrays import Array
 from pirrht.control.around import Around, Moment
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.feedback import ClassMixture, ClassPool
+from pirrht.control.fitting import check_drives, check_fits
 from pirrht.control.hurry import Pace, enough_of, pressed_of
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import Prediction, Way
+from pirrht.control.remembered import Remembered
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
@@ -29,9 +31,8 @@ from pirrht.guidance.leads import Along, Batch, Lead
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
-from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.homology import Homology, class_id, integers
+from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
@@ -99,29 +100,16 @@ class Controller(Policy):
         self.method, self.name = SAMPLING[method], method
         if tree is None and self.method.most != 0:
             raise OptionError(f"the method {method!r} needs a tree")
-        if tree is not None and problem.scene.movers and not isinstance(tree.homology, TimedHomology):
-            raise OptionError(
-                f"{type(tree.steering).__name__} knows no times, and bodies move in the scene; grow the tree with "
-                "InTime.of(problem)"
-            )
-        zero = np.zeros(problem.dynamics.n)
-        if tree is not None and len(tree.steering.vertex_of(tree.homology.asked(zero, 0.0))) != tree.steering.n:
-            moves, bends = type(problem.dynamics).__name__, type(tree.steering).__name__
-            raise OptionError(
-                f"{bends} connects states of {tree.steering.n} numbers and {moves} has {problem.dynamics.n}; "
-                f"grow the tree with a Steering for {moves}"
-            )
+        if tree is not None:
+            check_fits(problem, tree)
         self.problem, self.space, self.tree, self.consistency = problem, space, tree, consistency
         self.predict = predict
         if homology is None:
             homology = homology_of(problem, space) if tree is None else tree.homology
         self.homology = homology
         self.path_integral = PathIntegral(problem, space, sampling, homology=homology)
-        if tree is not None and not (tree.steering.drives or self.path_integral.leads_itself):
-            raise OptionError(
-                f"{type(problem.dynamics).__name__} has no steering of its own, and its references no controls that "
-                'samples could follow: guide them by "feedback", not "open-loop"'
-            )
+        if tree is not None:
+            check_drives(problem, tree, guided=self.path_integral.leads_itself)
         self.polished, self.rng, self.between = polished, rng, between
         self.around = Around(problem, self.path_integral, homology, mixes=self.method.mixes)
         self.pool = ClassPool(problem) if between == "classes" else None
@@ -135,8 +123,7 @@ class Controller(Policy):
         if self.pool is not None:
             self.pool.forget()
         self.around.begin()
-        self._paths: dict[tuple[int, ...], Motions] = {}  # of the last references, by class of driven path and rest
-        self._unseen: dict[int, str] = {}  # names of earlier classes by key, where a plan has not looked at all
+        self._ways = Remembered()
         self._aim(self.homology.asked(x, time))
         self._way, self._pressed, self._pace = Way(), pressed_of(None), Pace()
 
@@ -237,7 +224,7 @@ class Controller(Policy):
             now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=partial(self._reversed, x)
         )
         batch = self.around.batch(x, references, self._from_start(references), moment)
-        return replace(batch, others=self._unseen)
+        return replace(batch, others=self._ways.unseen)
 
     def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
         """What samples say; None if none survives."""
@@ -270,27 +257,19 @@ class Controller(Policy):
 
     def _references(self, x: Array, most: int | None = None) -> list[Reference]:
         """The references at x (n,), cheapest first; those of so many classes, None: of all."""
-        self._unseen = {}
         if self.tree is None or self.method.most == 0:
             return []
-        driven = np.array(self.driven_class())
-        before = {integers(np.asarray(whole) - driven): path for whole, path in self._paths.items()}
-        found = self.tree.references(
+        found = self._ways.references(
+            self.tree,
+            self.homology,
             self.homology.asked(x, self.now),
+            self.driven_class(),
             polished=self.polished,
-            before=before,
             pressed=self._pressed,
             threads=self.path_integral.threads,
             most=most,
         )
-        classes, left_out = self._from_start(found), {}
-        if most is not None:
-            left_out = self._paths
-            self._unseen = {
-                self.homology.key(way): class_id(whole) for way, whole in zip(before, left_out, strict=True)
-            }
-        self._paths = left_out | {whole: one.path for whole, one in zip(classes, found, strict=True)}
-        kept = [] if self.method.most is not None else self._kept(x, set(classes))
+        kept = [] if self.method.most is not None else self._kept(x, set(self._from_start(found)))
         return self.method.around(found, kept)[:most]
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
