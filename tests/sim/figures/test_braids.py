@@ -17,7 +17,7 @@ from sim.figures.effort import Effort
 from sim.mjcf import load
 from sim.scenario import prepare
 
-SMALL = Effort(vertices=120, samples=20, max_time=0.1)
+SMALL = Effort(vertices=250, samples=20, max_time=0.1)
 plt = pytest.importorskip("matplotlib.pyplot")
 ROWS = [(0, 3, 1, 0), (4, 3, 5, 0)]
 
