@@ -4,8 +4,9 @@ The built-in scenes in which bodies move, one that is given, or random ones (`--
 a second after the last row of any motion, places stratified by clearance as those of `calibration`. Every plan begins a
 drive of its own, for which the tree gains some vertices at each state. `1 %` counts states where the mean of the plans'
 v is so near the grid's, and `worst` tells the farthest of them [%]. `contested` counts further states at which no class
-has nine tenths of the weight, and `shares off` is the greatest difference there between the mean share of a class in 40
-plans and how many of the grid's paths take it [points], `in s.e.` that of the likeliest class in standard errors.
+has nine tenths of the weight, and `shares off` is the greatest difference there between the share of a class in the
+samples of 40 plans together and how many of the grid's paths take it [points], `in s.e.` that of the likeliest class in
+standard errors; `a plan's off` takes the mean of what single plans say, a ratio of sums over few samples that weigh.
 `--png` draws coverage and errors over room, and one scene with its states.
 """
 
@@ -22,7 +23,7 @@ import numpy as np
 from benchmarks import calibration_plot
 from benchmarks.calibration_table import HEADER as COLUMNS
 from benchmarks.calibration_table import by_noise_and_scene, summary, text_of
-from benchmarks.contested import CANDIDATES, apart, contested, in_errors
+from benchmarks.contested import CANDIDATES, apart, contested, in_errors, mean_of, pooled_of
 from benchmarks.first_plan import first_plan
 from benchmarks.oblique_scene import oblique_scenario
 from benchmarks.scenes import places_of, random_states
@@ -38,7 +39,16 @@ NOISES, STATES, PLANS = (0.1, 0.2, 0.3), 20, 10
 AFTER = 0.5  # of the last row [s]
 FREE = 0.005  # clearance from what moves at least [m]
 NEAR = 0.01  # share of v
-HEADER = [f"{COLUMNS[0].split(',')[0]}, scene", *COLUMNS[1:], "1 %", "worst", "contested", "shares off", "in s.e."]
+HEADER = [
+    f"{COLUMNS[0].split(',')[0]}, scene",
+    *COLUMNS[1:],
+    "1 %",
+    "worst",
+    "contested",
+    "shares off",
+    "in s.e.",
+    "a plan's off",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,10 +73,11 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
         near = int(np.sum(np.abs(off) <= NEAR)) if off else 0
         worst = float(100.0 * max(off, key=abs)) if off else float("nan")
         there = [s for s in where if s["noise"] == noise and name in (s["scene"], "all")]
-        far = 100.0 * max(map(apart, there), default=float("nan"))
+        far = 100.0 * max((apart(pooled_of(one), one["shares"]) for one in there), default=float("nan"))
+        alone = 100.0 * max((apart(mean_of(one["plans"]), one["shares"]) for one in there), default=float("nan"))
         errors = max(map(in_errors, there), default=float("nan"))
-        more = {"near": near, "worst": worst, "contested": len(there), "shares": far, "shares_errors": errors}
-        values.append({"noise": noise, "scene": name, **summary(some), **more})
+        shares = {"contested": len(there), "shares": far, "shares_errors": errors, "shares_alone": alone}
+        values.append({"noise": noise, "scene": name, **summary(some), "near": near, "worst": worst, **shares})
         cells = text_of({**values[-1], "from": 0.0, "to": None})
         table.append(
             [
@@ -77,6 +88,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
                 str(len(there)),
                 f"{far:.1f}",
                 f"{errors:.1f}",
+                f"{alone:.1f}",
             ]
         )
     if options.png is not None:

@@ -42,11 +42,20 @@ def contested(
     """
     found: list[dict[str, Any]] = []
     for x, t in _candidates(scenario, places, seed, last):
-        few = [plan["shares"] for plan in _plans(controller, x, t, LOOKS)]
-        if not few or max(mean_of(few).values()) >= DECIDED:
+        made = _plans(controller, x, t, LOOKS)
+        if not made or max(mean_of([plan["shares"] for plan in made]).values()) >= DECIDED:
             continue
-        said = few + [plan["shares"] for plan in _plans(controller, x, t, plans - LOOKS)]
-        found.append({"x": x.tolist(), "t": t, "shares": truth.shares(x, PATHS, t=t), "plans": said})
+        made += _plans(controller, x, t, plans - LOOKS)
+        log_psi = [-plan["v"] / scenario.problem.temperature for plan in made]
+        found.append(
+            {
+                "x": x.tolist(),
+                "t": t,
+                "shares": truth.shares(x, PATHS, t=t),
+                "plans": [plan["shares"] for plan in made],
+                "log_psi": log_psi,
+            }
+        )
         if len(found) == MOST:
             break
     return found
@@ -57,18 +66,28 @@ def mean_of(shares: list[dict[str, float]]) -> dict[str, float]:
     return {name: float(np.mean([one.get(name, 0.0) for one in shares])) for name in set().union(*shares)}
 
 
-def apart(state: dict[str, Any]) -> float:
-    """The greatest difference between a class' share of the grid's paths and its mean share of the plans' samples."""
-    said, exact = mean_of(state["plans"]), state["shares"]
+def pooled_of(state: dict[str, Any]) -> dict[str, float]:
+    """Shares of all plans' samples together, which psi is the mean of: one plan's own are a ratio of few samples."""
+    psi = np.exp(np.subtract(state["log_psi"], max(state["log_psi"])))
+    return {
+        name: float(psi @ [one.get(name, 0.0) for one in state["plans"]] / psi.sum())
+        for name in set().union(*state["plans"])
+    }
+
+
+def apart(said: dict[str, float], exact: dict[str, float]) -> float:
+    """The greatest difference between shares that samples give a class and that the grid's paths do."""
     return max(abs(said.get(name, 0.0) - exact.get(name, 0.0)) for name in {*said, *exact})
 
 
 def in_errors(state: dict[str, Any]) -> float:
-    """The difference of the share that most of the grid's paths have, in standard errors of both."""
+    """The difference of the pooled share of the class most of the grid's paths take, in standard errors of both."""
     name = max(state["shares"], key=lambda one: state["shares"][one])
-    exact, said = state["shares"][name], np.array([one.get(name, 0.0) for one in state["plans"]])
-    variance = exact * (1.0 - exact) / PATHS + said.var(ddof=1) / len(said)
-    return float(abs(said.mean() - exact) / np.sqrt(variance))
+    exact, said = state["shares"][name], pooled_of(state).get(name, 0.0)
+    psi = np.exp(np.subtract(state["log_psi"], max(state["log_psi"])))
+    off = psi / psi.mean() * (np.array([one.get(name, 0.0) for one in state["plans"]]) - said)
+    variance = exact * (1.0 - exact) / PATHS + off @ off / (len(off) * (len(off) - 1))
+    return float(abs(said - exact) / np.sqrt(variance))
 
 
 def _candidates(scenario: Scenario, places: Array, seed: int, last: float) -> Iterator[tuple[Array, float]]:
@@ -79,5 +98,6 @@ def _candidates(scenario: Scenario, places: Array, seed: int, last: float) -> It
 
 
 def _plans(controller: Controller, x: Array, t: float, count: int) -> list[dict[str, Any]]:
+    """Plans that know nothing from before; none inside a body."""
     made = (first_plan(controller, x, t) for _ in range(count) if controller.space.crowd.clearance(x, t) > 0.0)
     return [plan for plan in made if plan is not None]

@@ -140,8 +140,31 @@ def test_random_bodies_cross_the_straight_way_when_the_robot_would_come_by_and_l
 
 
 def test_shares_of_classes_are_apart_by_the_greatest_difference_of_any():
-    plans = [{"0": 0.5, "1": 0.5}, {"0": 0.7, "other": 0.3}]
-    assert contested.apart({"shares": {"0": 0.9, "2": 0.1}, "plans": plans}) == pytest.approx(0.3)
+    said = contested.mean_of([{"0": 0.5, "1": 0.5}, {"0": 0.7, "other": 0.3}])
+    assert contested.apart(said, {"0": 0.9, "2": 0.1}) == pytest.approx(0.3)
+
+
+def test_pooled_shares_are_those_of_the_sums_of_psi_by_class():
+    psi = np.array([[0.3, 0.1], [0.02, 0.18]])  # of two plans, by class
+    state = {
+        "shares": {"0": 0.5, "1": 0.5},
+        "plans": [dict(zip("01", row / row.sum(), strict=True)) for row in psi],
+        "log_psi": np.log(psi.sum(axis=1)).tolist(),
+    }
+    pooled = contested.pooled_of(state)
+    assert [pooled["0"], pooled["1"]] == pytest.approx(psi.sum(axis=0) / psi.sum())
+
+
+def test_errors_of_pooled_shares_are_those_of_their_spread():
+    """Twenty plans, psi of two classes gamma distributed, 2000 times (seed 0): 31.7 % beyond one, within 4 points."""
+    rng, off = np.random.default_rng(0), []
+    for _ in range(2000):
+        psi = rng.gamma(4.0, size=(20, 2))
+        plans = [dict(zip("01", row / row.sum(), strict=True)) for row in psi]
+        paths = rng.binomial(contested.PATHS, 0.5) / contested.PATHS
+        state = {"shares": {"0": paths, "1": 1.0 - paths}, "plans": plans, "log_psi": np.log(psi.sum(axis=1)).tolist()}
+        off.append(contested.in_errors(state))
+    assert np.mean(np.array(off) > 1.0) == pytest.approx(0.317, abs=0.04)
 
 
 @pytest.mark.slow
@@ -153,7 +176,7 @@ def test_both_ways_contend_at_the_start_of_crossing_and_shares_there_are_those_o
     (one,) = contested.contested(scenario, scenario.truth(), controller, **given)
     assert (one["x"], one["t"]) == (scenario.start[:2].tolist(), 0.0)
     assert max(one["shares"].values()) < contested.DECIDED
-    assert contested.apart(one) < 0.09
+    assert contested.apart(contested.pooled_of(one), one["shares"]) < 0.09
     assert contested.in_errors(one) < 4.0
 
 
