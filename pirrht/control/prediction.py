@@ -17,7 +17,9 @@ from pirrht.control.plan import Plan
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.passages import Passages
+from pirrht.steering.along_legs import Legs
 from pirrht.steering.in_time import InTime
+from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 
@@ -131,12 +133,21 @@ class Way:
         """Take the way of a plan's favourite."""
         chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
         if chosen is not None:
-            way = chosen.trajectory
-            times = plan.time + np.concatenate([[0.0], np.cumsum(way.durations)])[: len(way.path.tails)]
-            self.rows = np.column_stack([way.path.tails[:, :2], times])
+            self.rows = _timed(chosen.trajectory, plan.time)
 
     def left(self, x: Array, time: float) -> Array | None:
         """What is left of it from x (n,) at a time [s] on, (k, 3) [m, m, s]."""
         if self.rows is None:
             return None
         return np.vstack([[*x[:2], time], self.rows[self.rows[:, 2] > time]])
+
+
+def _timed(way: Trajectory, begin: float) -> Array:
+    """Where a way that begins at a time [s] is when, its end included, (k, 3) [m, m, s]."""
+    if isinstance(way.path, Legs):
+        knots = way.path.knots
+        shift = np.array([0.0, 0.0, begin - knots[0, 2]])
+        return np.asarray(knots + shift)
+    places = np.vstack([way.path.tails[:, :2], way.path.heads[-1:, :2]])
+    times = begin + np.concatenate([[0.0], np.cumsum(way.durations)])
+    return np.column_stack([places, times])

@@ -13,7 +13,7 @@ from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import tables, warm
-from sim.cli.shared import check_outputs, planned, progress_bar, scenario_of, solving, unforeseen, wait
+from sim.cli.shared import as_they_stand, check_outputs, planned, progress_bar, scenario_of, solving, unforeseen, wait
 from sim.drawing.colors import title
 from sim.drive import episode
 from sim.drive.truth import Witness
@@ -40,6 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     tree, references = (None, []) if settings.method in TREELESS else planned(scenario)
     if references:
         print(tables.class_table(references, width(), scenario.homology))
+        as_they_stand(scenario)
     say(tables.odds(scenario))
     wait(compiling)
     with solving() as progress:

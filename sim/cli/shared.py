@@ -92,6 +92,15 @@ def solving() -> Iterator[Progress]:
         yield lambda share: bar.update(100.0 * share - bar.n)
 
 
+def as_they_stand(scenario: Scenario) -> None:
+    """Say that a table of classes knows what plans do not."""
+    if scenario.moving and scenario.settings.predict != "known":
+        say(
+            f"classes above are those of the motions as they stand in the scene; plans of --predict "
+            f"{scenario.settings.predict} find their own, and names may differ once bodies bend"
+        )
+
+
 def unforeseen(scenario: Scenario) -> None:
     """Say that the exact value knows what plans do not."""
     if scenario.moving and scenario.settings.predict != "known":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from thoroughly import thorough
 
 from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
-from pirrht.control.prediction import ByVelocity, straight_on
+from pirrht.control.prediction import ByVelocity, Way, straight_on
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
@@ -22,9 +23,11 @@ from pirrht.geometry.motion import Motion
 from pirrht.guidance.leads import Batch
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
+from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.driven import DrivenInTime
 from pirrht.tree.homology_tree import HURRIED, HomologyTree
+from pirrht.tree.reference import Reference
 
 START = np.array([1.0, 2.5])
 TURNING = [(0.0, 3.2, 0.6, 0.0), (1.0, 3.2, 1.4, 0.0), (2.0, 4.4, 1.4, 0.0), (3.0, 4.4, 1.4, 0.0)]
@@ -264,3 +267,24 @@ def test_where_all_classes_are_looked_at_no_other_has_a_name():
     for x in (START, START + np.array([0.3, 0.1])):
         plan = one.plan(x)
         assert list(plan.classes.values()) == list(plan.ids)
+
+
+def test_of_a_favourite_in_one_piece_its_end_is_known_again():
+    """Who hurries straight past a body is not of the class of the straight way at the best speed."""
+    steering = InTime()
+    path = steering.connect(np.array([[1.0, 2.5, 4.0]]), np.array([[5.2, 2.4, 5.5]]))
+    found = Reference(winding=(1,), signature=np.ones(1), trajectory=steering.trajectory(path))
+    way = Way()
+    assert way.left(START, 3.0) is None
+    way.note(SimpleNamespace(ids=("1",), references=(found,), favourite="1", time=7.0))
+    rest = way.left(np.array([2.0, 2.48]), 7.4)
+    np.testing.assert_allclose(rest, [[2.0, 2.48, 7.4], [5.2, 2.4, 8.5]])
+
+
+def test_the_end_of_a_way_along_curves_is_known_again_too():
+    lines = StraightLine(pace=1.0, cost_rate=2.0)
+    path = lines.connect(np.array([[1.0, 2.5]]), np.array([[4.0, 2.5]]))
+    found = Reference(winding=(0,), signature=np.ones(1), trajectory=lines.trajectory(path))
+    way = Way()
+    way.note(SimpleNamespace(ids=("0",), references=(found,), favourite="0", time=1.0))
+    np.testing.assert_allclose(way.left(START, 1.5), [[1.0, 2.5, 1.5], [4.0, 2.5, 4.0]])
