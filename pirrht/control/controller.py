@@ -123,7 +123,7 @@ class Controller(Policy):
         if self.pool is not None:
             self.pool.forget()
         self.around.begin()
-        self._ways = Remembered()
+        self._ways = Remembered(polished=self.polished, threads=self.path_integral.threads)
         self._aim(self.homology.asked(x, time))
         self._way, self._pressed, self._pace = Way(), pressed_of(None), Pace()
 
@@ -264,9 +264,7 @@ class Controller(Policy):
             self.homology,
             self.homology.asked(x, self.now),
             self.driven_class(),
-            polished=self.polished,
             pressed=self._pressed,
-            threads=self.path_integral.threads,
             most=most,
         )
         kept = [] if self.method.most is not None else self._kept(x, set(self._from_start(found)))

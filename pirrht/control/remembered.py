@@ -18,11 +18,16 @@ from pirrht.tree.reference import Reference
 class Remembered:
     """Asks a tree for references, and remembers their paths by class.
 
+    Args:
+        polished: shorten references inside their class.
+        threads: that do.
+
     Attributes:
         unseen: names of earlier classes by key, where the last plan has looked at some only.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, polished: bool, threads: int) -> None:
+        self._polished, self._threads = polished, threads
         self._known: dict[Whole, Motions] = {}
         self.unseen: dict[int, str] = {}
 
@@ -33,9 +38,7 @@ class Remembered:
         x: Array,
         driven: Sequence[int],
         *,
-        polished: bool,
         pressed: Callable[[], bool],
-        threads: int,
         most: int | None,
     ) -> list[Reference]:
         """The references at x (n,), cheapest first.
@@ -50,7 +53,9 @@ class Remembered:
         """
         self.unseen = {}
         before = {integers(np.subtract(whole, driven)): path for whole, path in self._known.items()}
-        found = tree.references(x, polished=polished, before=before, pressed=pressed, threads=threads, most=most)
+        found = tree.references(
+            x, polished=self._polished, before=before, pressed=pressed, threads=self._threads, most=most
+        )
         left_out: dict[Whole, Motions] = {}
         if most is not None:
             left_out = self._known

@@ -118,11 +118,12 @@ def _found(useful, box, goal, tries, out):  # type: ignore[no-untyped-def]
 
     They are uniform in the workspace off the goal, and in the time that is left.
     """
-    x, y, far_x, far_y, _, speed = box
+    x, y, far_x, far_y, horizon, speed = box
+    latest = min(useful.most / useful.q, horizon)
     for i in range(0, tries.shape[0], 4):
         px, py = x + (far_x - x) * tries[i], y + (far_y - y) * tries[i + 1]
         soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / speed
-        t = useful.begin + soonest + tries[i + 2] * max(useful.most / useful.q - soonest, 0.0)
+        t = useful.begin + soonest + tries[i + 2] * max(latest - soonest, 0.0)
         if _serves(useful, box, goal, px, py, t):
             out[0], out[1], out[2] = px, py, t
             return True
@@ -132,8 +133,9 @@ def _found(useful, box, goal, tries, out):  # type: ignore[no-untyped-def]
 @inlined
 def _found_beside(useful, traffic, box, goal, tries, out):  # type: ignore[no-untyped-def]
     """The same of places and times beside bodies, where these are then."""
+    latest = min(max(useful.most / useful.q, 0.0), box[4])
     for i in range(0, tries.shape[0], 4):
-        t, j = useful.begin + tries[i + 2] * max(useful.most / useful.q, 0.0), int(tries[i + 3] * traffic.J)
+        t, j = useful.begin + tries[i + 2] * latest, int(tries[i + 3] * traffic.J)
         px, py, _, _, _, _, _ = piece_of(traffic, j, t)
         angle = 2.0 * math.pi * tries[i]
         away = disc_of(traffic, j) + tries[i + 1] ** 2 * NEAR * traffic.robot

@@ -68,9 +68,9 @@ def mean_of(shares: list[dict[str, float]]) -> dict[str, float]:
 
 def pooled_of(state: dict[str, Any]) -> dict[str, float]:
     """Shares of all plans' samples together, which psi is the mean of: one plan's own are a ratio of few samples."""
-    psi = np.exp(np.subtract(state["log_psi"], max(state["log_psi"])))
+    weights = _weights(state)
     return {
-        name: float(psi @ [one.get(name, 0.0) for one in state["plans"]] / psi.sum())
+        name: float(np.mean(weights * [one.get(name, 0.0) for one in state["plans"]]))
         for name in set().union(*state["plans"])
     }
 
@@ -84,10 +84,15 @@ def in_errors(state: dict[str, Any]) -> float:
     """The difference of the pooled share of the class most of the grid's paths take, in standard errors of both."""
     name = max(state["shares"], key=lambda one: state["shares"][one])
     exact, said = state["shares"][name], pooled_of(state).get(name, 0.0)
-    psi = np.exp(np.subtract(state["log_psi"], max(state["log_psi"])))
-    off = psi / psi.mean() * (np.array([one.get(name, 0.0) for one in state["plans"]]) - said)
+    off = _weights(state) * (np.array([one.get(name, 0.0) for one in state["plans"]]) - said)
     variance = exact * (1.0 - exact) / PATHS + off @ off / (len(off) * (len(off) - 1))
     return float(abs(said - exact) / np.sqrt(variance))
+
+
+def _weights(state: dict[str, Any]) -> Array:
+    """psi of every plan over their mean, (plans,)."""
+    psi = np.exp(np.subtract(state["log_psi"], max(state["log_psi"])))
+    return np.asarray(psi / psi.mean())
 
 
 def _candidates(scenario: Scenario, places: Array, seed: int, last: float) -> Iterator[tuple[Array, float]]:

@@ -94,7 +94,7 @@ def solving() -> Iterator[Progress]:
 
 def as_they_stand(scenario: Scenario) -> None:
     """Say that a table of classes knows what plans do not."""
-    if scenario.moving and scenario.settings.predict != "known":
+    if _foretells(scenario):
         say(
             f"classes above are those of the motions as they stand in the scene; plans of --predict "
             f"{scenario.settings.predict} find their own, and names may differ once bodies bend"
@@ -103,11 +103,16 @@ def as_they_stand(scenario: Scenario) -> None:
 
 def unforeseen(scenario: Scenario) -> None:
     """Say that the exact value knows what plans do not."""
-    if scenario.moving and scenario.settings.predict != "known":
+    if _foretells(scenario):
         say(
             f"the exact value knows how bodies move, plans of --predict {scenario.settings.predict} do not: what they "
             "are off is what they cannot see"
         )
+
+
+def _foretells(scenario: Scenario) -> bool:
+    """Whether plans do not know how bodies move."""
+    return scenario.moving and scenario.settings.predict != "known"
 
 
 def progress_bar(what: str, total: float, unit: str) -> Any:

@@ -158,7 +158,7 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
     """Print what a drive came to; with a truth also how far from the optimal control it was."""
     executed = "no class" if drive.executed_class is None else f"class {title(drive.executed_class)}"
     so_far = " so far" if drive.outcome == "timeout" else ""
-    ms, late = drive.step_ms, "longer than the period" if drive.real_time is None else "late"
+    ms, late = drive.step_ms, "longer than the period (the plant waits)" if drive.real_time is None else "late"
     say(
         f"{drive.outcome} after {drive.time:.2f} s: cost {drive.cost:.3f}{so_far}, path of {drive.path_length:.2f} m "
         "smoothed over its jitter"

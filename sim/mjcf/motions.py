@@ -36,9 +36,11 @@ def read_motions(spec: mujoco.MjSpec, path: Path) -> dict[str, Motion]:
     for name, text in texts.items():
         label = f'{path}: custom text "{name}"'
         if name not in rows:
+            known = ", ".join(f'"{one}"' for one in rows)
+            there = f"the motions here are {known}: give it the name of one" if known else "remove it"
             raise SceneError(
-                f"{label} repeats a motion that is not there; add "
-                f'<numeric name="{name}" data="0 x y yaw  t x y yaw ..."/> or remove it'
+                f"{label} repeats a motion that is not there; {there}, or add "
+                f'<numeric name="{name}" data="0 x y yaw  t x y yaw ..."/>'
             )
         if text != "repeat":
             raise SceneError(f'{label} is "{text}"; write "repeat", or remove it: then the body stops at the last row')

@@ -179,3 +179,14 @@ def test_draws_are_of_use_from_the_start_on():
     away = np.hypot(*(states[:, :2] - [1.0, 2.5]).T)
     least = states[:, 2] + away**2 / np.maximum(states[:, 2], 1e-9) + 2.0 * np.hypot(*(states[:, :2] - [5.5, 2.5]).T)
     assert np.mean(least < 2.0 * 9.0) > 0.7
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("begun", [0.0, 3.0])
+def test_no_draw_is_later_than_a_motion_and_the_way_to_the_goal_after_it(scene, begun):
+    """What may cost a large multiple of the straight way is no later for it."""
+    space, steering = FreeSpace.of(SCENES[scene]()), InTime()
+    origin = np.array([*space.scene.start[:2], begun])
+    times = steering.draws(space, np.random.default_rng(1), 4000, origin)[:, 2]
+    assert begun < times.min()
+    assert times.max() <= begun + steering.horizon(space.scene)

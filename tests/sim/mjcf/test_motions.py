@@ -145,6 +145,11 @@ REFUSED = {  # world, custom, words of the message
         (f"text {CUSTOM}", '"loop"', '"repeat"'),
     ),
     "a text alone": (DISC, '<text name="pirrht_motion_b" data="repeat"/>', (f"text {CUSTOM}", "<numeric")),
+    "a text of another name": (
+        DISC,
+        rows("b", "0 2 0 0 1 3 0 0") + '<text name="pirrht_motion_d" data="repeat"/>',
+        ('text "pirrht_motion_d"', f"the motions here are {CUSTOM}"),
+    ),
     "one row that repeats": (DISC, rows("b", "0 2 0 0", repeat=True), (CUSTOM, "two or more")),
     "nothing to touch": (GHOST, rows("b", GOING), ('body "b"', "contype", "remove")),
     "nothing in reach": (HIGH, rows("b", GOING), ('body "b"', "height")),
