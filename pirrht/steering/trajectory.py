@@ -43,7 +43,7 @@ class Trajectory:
     def tape(self, times: Array) -> Array:
         """Mean control of each step of a grid (T+1,) [s], (T, m); zero after the end (the paper's footnote)."""
         out = np.zeros((len(times) - 1, self.controls.shape[1]))
-        _resample(self.controls, self.durations, times, out)
+        _resample(np.ascontiguousarray(self.controls), self.durations, times, out)  # compiled for one layout
         return out
 
 
