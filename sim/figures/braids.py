@@ -31,7 +31,7 @@ VIEW = {"elev": 26.0, "azim": -66.0}
 PIECES = 160  # of a braid
 LOOKS = 120  # places towards the eye that may hide one
 WALL = "#b4bac1"  # on the floor
-WIDE = 14  # letters of a line
+WIDE = 12  # letters of a line
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,8 +117,8 @@ def _braids(axes: Any, shown: Shown, solids: Sequence[Tube]) -> None:
             axes.plot(*piece.T, color="white", lw=3.4, zorder=2.4 if back else 6, solid_capstyle="butt")
             axes.plot(*piece.T, color=style.rgb(colors[reference.id]), lw=2.0, zorder=2.5 if back else 7)
         tell = {"color": style.rgb(colors[reference.id]), "fontsize": 7, "zorder": 9, "ha": "left", "va": "center"}
-        said = f"{fill(words[reference.id], WIDE)}\n{reference.cost:.2f}"
-        axes.text(*(line[-1] + (0.4, 0.0, 0.0)), said, linespacing=1.0, **tell)
+        said = fill(f"{words[reference.id]} {reference.cost:.2f}", WIDE)
+        axes.text(*(line[-1] + (0.25, 0.0, 0.0)), said, linespacing=1.0, **tell)
 
 
 def _words(shown: Shown) -> dict[str, str]:
