@@ -5,8 +5,9 @@ a second after the last row of any motion, places stratified by clearance as tho
 drive of its own, for which the tree gains some vertices at each state. `1 %` counts states where the mean of the plans'
 v is so near the grid's, and `worst` tells the farthest of them [%]. `contested` counts further states at which no class
 has nine tenths of the weight, and `shares off` is the greatest difference there between the share of a class in the
-samples of 40 plans together and how many of the grid's paths take it [points], `in s.e.` that of the likeliest class in
-standard errors; `a plan's off` takes the mean of what single plans say, a ratio of sums over few samples that weigh.
+samples of 40 to 600 plans together, until it is known to a point, and how many of the grid's paths take it [points],
+`in s.e.` that of the likeliest class in standard errors; `a plan's off` takes the mean of what single plans say, which
+is a ratio of sums over few samples that weigh.
 `--png` draws coverage and errors over room, and one scene with its states.
 """
 

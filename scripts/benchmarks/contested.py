@@ -19,8 +19,13 @@ from pirrht.exact.desirability import Desirability
 from sim.scenario import Scenario
 
 MOST, CANDIDATES = 4, 100  # states that are asked for, and how many are looked at in search of them
-LOOKS, MANY = 1, 40  # plans by which one sees whether a state is contested, and plans that are made if it is
-PATHS = 600  # of the grid's at each, whose own standard error is 2 points at most
+LOOKS, MANY, ALL = (
+    1,
+    40,
+    600,
+)  # plans by which one sees whether a state is contested, and made if it is: so many more ...
+SURE = 0.01  # ... until the standard error of the likeliest class's share in their samples is less, or there are all
+PATHS = 2400  # of the grid's at each, whose own standard error is 1 point at most
 
 
 def contested(
@@ -32,13 +37,15 @@ def contested(
     *,
     last: float,
     plans: int = MANY,
+    most: int = ALL,
 ) -> list[dict[str, Any]]:
     """Records of states at which classes contend: place, time, shares of the grid's paths and of each plan.
 
     Args:
         places: random ones (k, 2) [m] in free space.
         last: until when times are drawn [s].
-        plans: at each.
+        plans: at each, and again so many until their share of the likeliest class is sure, ...
+        most: ... or there are so many.
     """
     found: list[dict[str, Any]] = []
     for x, t in _candidates(scenario, places, seed, last):
@@ -46,16 +53,12 @@ def contested(
         if not made or max(mean_of([plan["shares"] for plan in made]).values()) >= DECIDED:
             continue
         made += _plans(controller, x, t, plans - LOOKS)
-        log_psi = [-plan["v"] / scenario.problem.temperature for plan in made]
-        found.append(
-            {
-                "x": x.tolist(),
-                "t": t,
-                "shares": truth.shares(x, PATHS, t=t),
-                "plans": [plan["shares"] for plan in made],
-                "log_psi": log_psi,
-            }
-        )
+        state = {"x": x.tolist(), "t": t, "shares": truth.shares(x, PATHS, t=t)}
+        state |= _told(made, scenario.problem.temperature)
+        while len(made) < most and _error_of(state, likeliest(state)) > SURE:
+            made += _plans(controller, x, t, plans)
+            state |= _told(made, scenario.problem.temperature)
+        found.append(state)
         if len(found) == MOST:
             break
     return found
@@ -80,13 +83,28 @@ def apart(said: dict[str, float], exact: dict[str, float]) -> float:
     return max(abs(said.get(name, 0.0) - exact.get(name, 0.0)) for name in {*said, *exact})
 
 
+def likeliest(state: dict[str, Any]) -> str:
+    """The class that most of the grid's paths take."""
+    return max(state["shares"], key=lambda name: state["shares"][name])
+
+
 def in_errors(state: dict[str, Any]) -> float:
-    """The difference of the pooled share of the class most of the grid's paths take, in standard errors of both."""
-    name = max(state["shares"], key=lambda one: state["shares"][one])
+    """The difference of the pooled share of the likeliest class, in standard errors of samples and paths together."""
+    name = likeliest(state)
     exact, said = state["shares"][name], pooled_of(state).get(name, 0.0)
+    return float(abs(said - exact) / np.hypot(np.sqrt(exact * (1.0 - exact) / PATHS), _error_of(state, name)))
+
+
+def _error_of(state: dict[str, Any], name: str) -> float:
+    """The standard error of the pooled share of a class: that of a ratio of means over plans."""
+    said = pooled_of(state).get(name, 0.0)
     off = _weights(state) * (np.array([one.get(name, 0.0) for one in state["plans"]]) - said)
-    variance = exact * (1.0 - exact) / PATHS + off @ off / (len(off) * (len(off) - 1))
-    return float(abs(said - exact) / np.sqrt(variance))
+    return float(np.sqrt(off @ off / (len(off) * (len(off) - 1))))
+
+
+def _told(made: list[dict[str, Any]], temperature: float) -> dict[str, Any]:
+    """What plans say of shares, and of psi."""
+    return {"plans": [plan["shares"] for plan in made], "log_psi": [-plan["v"] / temperature for plan in made]}
 
 
 def _weights(state: dict[str, Any]) -> Array:

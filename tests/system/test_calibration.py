@@ -169,15 +169,33 @@ def test_errors_of_pooled_shares_are_those_of_their_spread():
 
 @pytest.mark.slow
 def test_both_ways_contend_at_the_start_of_crossing_and_shares_there_are_those_of_the_grids_paths():
-    """b = 0.3, seed 0: standard errors of 2 points for 600 paths and about 2 for four plans."""
+    """b = 0.3, seed 0: standard errors of 1 point for 2400 paths and about 2 for four plans."""
     scenario = prepare("crossing", given={"noise": 0.3, "vertices": 300})
     controller = scenario.controller(scenario.grown_tree())
-    given = {"places": np.zeros((0, 2)), "seed": 0, "last": 4.5, "plans": 4}
+    given = {"places": np.zeros((0, 2)), "seed": 0, "last": 4.5, "plans": 4, "most": 4}
     (one,) = contested.contested(scenario, scenario.truth(), controller, **given)
     assert (one["x"], one["t"]) == (scenario.start[:2].tolist(), 0.0)
     assert max(one["shares"].values()) < contested.DECIDED
     assert contested.apart(contested.pooled_of(one), one["shares"]) < 0.09
     assert contested.in_errors(one) < 4.0
+
+
+def test_plans_are_made_until_a_share_is_known_to_a_point_or_there_are_enough():
+    scenario = prepare("crossing", given={"noise": 0.3, "vertices": 300})
+    controller = scenario.controller(scenario.grown_tree())
+    given = {"places": np.zeros((0, 2)), "seed": 0, "last": 4.5, "plans": 4, "most": 60}
+    (one,) = contested.contested(scenario, Halves(), controller, **given)
+    made = len(one["plans"])
+    assert made % 4 == 0
+    assert 4 < made <= 60
+    assert len(one["log_psi"]) == made
+
+
+class Halves:
+    """An exact law by which either way is as likely."""
+
+    def shares(self, x, paths, *, t):
+        return {"0": 0.5, "1": 0.5}
 
 
 def test_where_one_way_has_all_the_weight_nothing_contends():
