@@ -19,12 +19,9 @@ from pirrht.exact.desirability import Desirability
 from sim.scenario import Scenario
 
 MOST, CANDIDATES = 4, 100  # states that are asked for, and how many are looked at in search of them
-LOOKS, MANY, ALL = (
-    1,
-    40,
-    600,
-)  # plans by which one sees whether a state is contested, and made if it is: so many more ...
-SURE = 0.01  # ... until the standard error of the likeliest class's share in their samples is less, or there are all
+LOOKS, MANY = 1, 40  # plans by which one sees whether a state is contested, and that are made at once if it is ...
+SURE = 0.01  # ... until the standard error of the likeliest class's share in their samples is less ...
+ALL = 600  # ... or there are so many
 PATHS = 2400  # of the grid's at each, whose own standard error is 1 point at most
 
 
