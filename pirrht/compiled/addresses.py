@@ -47,7 +47,6 @@ def _loader(element: Any, machine: str) -> Any:
 
         return element(types.intp, types.intp), generate
 
-    load._set_uuid(f"pirrht.addresses.load {element}")  # not by chance: kernels that use it are looked up by it (`jit`)
     return load
 
 
@@ -78,7 +77,6 @@ def _storer(element: Any, machine: str) -> Any:
 
         return types.none(types.intp, types.intp, element), generate
 
-    store._set_uuid(f"pirrht.addresses.store {element}")
     return store
 
 

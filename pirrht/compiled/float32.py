@@ -31,7 +31,6 @@ def _cast(source: Any, target: Any, whole: bool) -> Any:
 
         return target(source), generate
 
-    cast._set_uuid(f"pirrht.float32.cast {target}")  # as in `addresses`
     return cast
 
 

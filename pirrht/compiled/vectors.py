@@ -37,7 +37,6 @@ def mixed(width: int) -> Any:
 
         return types.none(types.intp, types.intp, types.float64, types.intp, types.float64), generate
 
-    mix._set_uuid(f"pirrht.vectors.mixed {width}")  # not by chance, as in `addresses`
     return plain if DISABLED else mix
 
 
@@ -63,7 +62,6 @@ def summed(count: int, width: int) -> Any:
 
         return types.none(types.intp, types.intp, types.intp, types.intp), generate
 
-    add._set_uuid(f"pirrht.vectors.summed {count} {width}")
     return plain if DISABLED else add
 
 
@@ -86,7 +84,6 @@ def product(count: int, width: int) -> Any:
 
         return types.none(types.intp, types.intp, types.intp), generate
 
-    multiply._set_uuid(f"pirrht.vectors.product {count} {width}")
     return plain if DISABLED else multiply
 
 
@@ -111,7 +108,6 @@ def bounded(width: int) -> Any:
 
         return types.none(types.intp, types.float64), generate
 
-    bind._set_uuid(f"pirrht.vectors.bounded {width}")
     return plain if DISABLED else bind
 
 

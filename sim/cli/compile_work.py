@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from pirrht.compiled import jit
-from pirrht.compiled.identity import identity, name_of
+from pirrht.compiled import cache
+from pirrht.compiled.cache import identity
 from pirrht.problem import Problem
 from pirrht.rollouts.point.block import is_point
 from sim.systems import System
@@ -51,11 +51,11 @@ class Work:
     def done(self, *what: str) -> None:
         """Note that kernels for "plan" or "sample" have been compiled."""
         for one in what if self.key is not None else ():
-            jit.note(self._note(one))
+            cache.note(self._note(one))
 
     def noted(self, what: str) -> bool:
         """Whether kernels for "plan" or "sample" are noted to be there."""
-        return self.key is not None and jit.noted(self._note(what))
+        return self.key is not None and cache.noted(self._note(what))
 
     def _note(self, what: str) -> str:
         """The name of a note: among bodies that move the ways of all systems are the same."""
@@ -68,11 +68,10 @@ def _key(system: System, problem: Problem) -> str | None:
         [system.name if system.robots else "", str(problem.dynamics.n), str(problem.dynamics.m)],
     )
     for function in _functions(problem):
-        plain = getattr(function, "py_func", function)
-        name = identity(plain)
+        name = identity(function)
         if name is None:
             return None
-        names += [name_of(plain) if name_of(plain).startswith("pirrht.") else "", name]
+        names.append(name)
     names.append(str(d.stratonovich))
     if problem.scene.movers:
         names.append("among")

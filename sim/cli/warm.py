@@ -14,13 +14,13 @@ import subprocess
 import sys
 import threading
 import time
-from functools import cache
+import functools
 from typing import Any
 
 from numba.core import event
 from tqdm import tqdm
 
-from pirrht.compiled import jit
+from pirrht.compiled import cache
 from pirrht.problem import Problem
 from sim.cli.compile_work import Work
 from sim.mjcf.load import Loaded
@@ -50,10 +50,10 @@ class Notice(event.Listener):  # type: ignore[misc]
         self.told = True
         left = 0
         if self.work is None or not self.work.among:
-            left += PLANNING * (not jit.cached(PLANNER))
-            left += SAMPLING * (self.sampling and not any(map(jit.cached, (POINT, OTHERS))))
+            left += PLANNING * (not cache.cached(PLANNER))
+            left += SAMPLING * (self.sampling and not any(map(cache.cached, (POINT, OTHERS))))
         own = 0 if self.work is None else self.work.seconds(self.sampling)
-        kept = jit.kept() and (self.work is None or self.work.key is not None)
+        kept = cache.kept() and (self.work is None or self.work.key is not None)
         whose = f", most of them for {self.work.called}" if self.work is not None and own > left else ""
         often = "once" if kept else "every time"
         seconds = left + own or LITTLE
@@ -114,7 +114,7 @@ def _say(line: str) -> None:
     sys.stderr.flush()
 
 
-@cache
+@functools.cache
 def notice() -> Notice:
     """That of this process, which hears from now on what is compiled."""
     listener = Notice()
@@ -145,7 +145,7 @@ def shortening(dynamics_name: str) -> str:
 def start(loaded: Loaded, *, sampling: bool = True) -> subprocess.Popen[bytes] | None:
     """Begin to compile elsewhere what this process needs last; None if nothing is to compile, or cannot be kept."""
     dynamics_name = loaded.dynamics_name
-    if dynamics_name not in BUILT_IN or not jit.kept():
+    if dynamics_name not in BUILT_IN or not cache.kept():
         return None
     if loaded.scene.movers:  # paths in space and time are shortened by other kernels, which take little
         work, words = notice().work, ["--among"]
@@ -153,7 +153,7 @@ def start(loaded: Loaded, *, sampling: bool = True) -> subprocess.Popen[bytes] |
             return None
     else:
         words = ["--sampling"] if sampling else []
-        if jit.cached((sampler if sampling else shortening)(dynamics_name)):
+        if cache.cached((sampler if sampling else shortening)(dynamics_name)):
             return None
     notice().tell()
     command = [sys.executable, "-m", "sim.cli.warm", dynamics_name, *words]

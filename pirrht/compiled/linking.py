@@ -1,0 +1,331 @@
+"""How kernels are compiled and linked: the one module that uses numba's private interface.
+
+Numba turns every function that a kernel calls into machine code of its own, with a wrapper for Python, and optimises it
+again in each of its callers. Here a function that is called from kernels stays LLVM IR (`Part`); what Python calls
+(`Entry`) links the parts that it needs, is optimised once and becomes machine code. Both are kept on disk (`cache`).
+
+What is used of numba, and what a change of it breaks (`tests/unit/compiled/test_linking.py` says which):
+* `CPUDispatcher.compile`, `get_call_template`, `get_overload`, `add_overload`: which code a call means.
+* `CompilerBase`, `DefaultPassBuilder`, `NativeLowering`: where the library of a function is made.
+* `JITCodeLibrary`: its linking, its finalization and its form on disk.
+* `FunctionIdentity._unique_ids`: names of machine code.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import count
+from secrets import randbits
+from typing import Any
+
+from llvmlite import binding
+from numba import types
+from numba.core import event, sigutils
+from numba.core.bytecode import FunctionIdentity
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import register_pass
+from numba.core.environment import Environment
+from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.runtime import rtsys
+from numba.core.typed_passes import NativeLowering
+
+from pirrht.compiled import cache
+from pirrht.compiled.unbroken import unbroken
+
+BITS = 48  # among a thousand processes two share a count with a chance of one in a million
+
+
+def count_from_chance() -> None:
+    """Let this process count what it compiles from a number of its own.
+
+    Numba puts its count of compiled functions into the names of their code, and the linker takes the first code of a
+    name that it has seen: code of two processes that count alike would be mistaken for each other.
+    """
+    FunctionIdentity._unique_ids = count(randbits(BITS))
+
+
+count_from_chance()
+if hasattr(os, "register_at_fork"):  # not on Windows, where there is no fork
+    os.register_at_fork(after_in_child=count_from_chance)
+
+
+class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """LLVM IR of one function that other code links; it never becomes machine code by itself."""
+
+    _final_module: Any
+    _shared_module: Any
+
+    def finalize(self) -> None:
+        """Link what numba brings along; other parts are named, and linked where an entry is made."""
+        self._raise_if_finalized()
+        self.parts: list[PartLibrary] = []
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            if isinstance(library, PartLibrary):
+                self.parts.append(library)
+            elif library is not rtsys.library:  # every entry links that
+                self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._own = self._to_link_often()
+        self._finalized = True
+
+    def restore(self, bitcode: bytes, parts: list[PartLibrary], key: str) -> None:
+        """Be what an earlier process has kept."""
+        self._final_module = self._own = binding.parse_bitcode(bitcode)
+        self.parts, self.key, self._finalized = parts, key, True
+
+    def state(self) -> tuple[str, bytes, list[str], list[Any]]:
+        """What is kept on disk: name, IR of this function alone, names of parts that it links, what begins it."""
+        return self.name, self._own.as_bitcode(), [part.key for part in self.parts], list(self._reload_init)
+
+    def _to_link_often(self) -> Any:
+        """The module with its functions marked as those of which a linker keeps one."""
+        names = [f.name for f in self._final_module.functions if not f.is_declaration and f.linkage.name == "external"]
+        for name in names:
+            self._final_module.get_function(name).linkage = "linkonce_odr"
+        return self._final_module
+
+    def _get_module_for_linking(self) -> Any:
+        """The IR of this function and of all that it calls."""
+        self._ensure_finalized()
+        if self._shared_module is None:
+            module = self._own.clone()
+            for library in _closure(self):
+                if library is not self:
+                    module.link_in(library._own, preserve=True)
+            self._shared_module = module
+        return self._shared_module
+
+
+def _closure(library: PartLibrary) -> Iterator[PartLibrary]:
+    """A part and all parts below it, each once."""
+    seen, ahead = {library}, [library]
+    while ahead:
+        one = ahead.pop()
+        yield one
+        for part in one.parts:
+            if part not in seen:
+                seen.add(part)
+                ahead.append(part)
+
+
+class EntryLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Machine code that Python calls; on disk it leaves out the IR, since nothing links it."""
+
+    def serialize_using_object_code(self) -> tuple[str, str, tuple[bytes, bytes]]:
+        """Its name, the kind of what follows, machine code, and a module that names what it defines."""
+        self._ensure_finalized()
+        module = self._final_module
+        functions = [f'define void @"{f.name}"() {{ ret void }}' for f in module.functions if not f.is_declaration]
+        numbers = [f'@"{v.name}" = global i8 0' for v in module.global_variables if not v.is_declaration]
+        names = binding.parse_assembly("\n".join([*functions, *numbers]))
+        return self.name, "object", (self._get_compiled_object(), names.as_bitcode())
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Nothing is garbage while numba compiles, and looking for it would take a sixth of the time."""
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
+
+
+class Name:
+    """Stands for the code of a part where numba expects a function that Python may call."""
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class PartLowering(NativeLowering):  # type: ignore[misc]
+    """Numba's lowering to LLVM IR, at which it stops."""
+
+    _name = "native_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        """Lower into a `PartLibrary`, and register it for calls from other kernels."""
+        state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        state.library.finalize()
+        state.cr = state.cr._replace(cfunc=_registered(state.targetctx, state.cr.fndesc, state.library))
+        return True
+
+
+def _registered(context: Any, described: Any, library: PartLibrary) -> Name:
+    """The name by which calls of a part find its code."""
+    name = Name()
+    context.insert_user_function(name, described, [library])
+    return name
+
+
+class PartCompiler(CompilerBase):  # type: ignore[misc]
+    """Numba's compiler up to LLVM IR."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Numba's own passes but for the last that matters."""
+        passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.passes = [(PartLowering if one is NativeLowering else one, text) for one, text in passes.passes]
+        return [passes]
+
+
+class Part(CPUDispatcher):  # type: ignore[misc]
+    """A function as kernels call it: LLVM IR for each signature, taken from disk or compiled and kept there."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        super().__init__(function, {}, options | {"no_cpython_wrapper": True}, pipeline_class=PartCompiler)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Types of a call.
+
+        With a literal or a short whole number it is the call with any such number: otherwise a kernel would be compiled
+        once for 0, once for 2 and once for an index out of an array of 32 bits.
+        """
+        return super().get_call_template(tuple(map(_widened, args)), {name: _widened(kws[name]) for name in kws})
+
+    def compile(self, sig: Any) -> Any:
+        """The name of the code for a signature."""
+        args, _ = sigutils.normalize_signature(sig)
+        return self.result_of(tuple(args)).entry_point
+
+    def result_of(self, args: tuple[Any, ...]) -> Any:
+        """Code for argument types, and what is known of it."""
+        with global_compiler_lock:
+            if args not in self.overloads:
+                self.overloads[args] = self._found_or_compiled(args)
+            return self.overloads[args]
+
+    def _found_or_compiled(self, args: tuple[Any, ...]) -> Any:
+        key = cache.key_of(self.py_func, "part", args, self.targetoptions, self.targetctx)
+        with cache.locked(key):
+            result = cache.load(key, lambda data: _restored(data, str(key)))
+            if result is not None:
+                return result
+            with event.trigger_event("numba:compile", data={"dispatcher": self, "args": args, "return_type": None}):
+                result = self._compiler.compile(args, None)
+            if not self.targetoptions.get("_nrt", True) and _holds_array(result.signature.return_type):
+                raise TypeError(f"{self.py_func.__name__} is part of a kernel and returns an array; write into one")
+            library, described = result.library, result.fndesc
+            described.typemap = described.calltypes = None  # large, and of no use any more
+            cache.save(key, lambda: (library.state(), described, result.signature))
+        if key is not None:
+            library.key = key
+            _known[key] = library
+        return result
+
+
+_known: dict[str, PartLibrary] = {}  # parts of this process by their names on disk
+
+
+def _restored(data: Any, key: str) -> Any:
+    """A part from disk; None if another that it links is not there."""
+    state, described, signature = data
+    context, typing = cpu_target.target_context, cpu_target.typing_context
+    library = _library_of(key, state)
+    if library is None:
+        return None
+    return CompileResult(
+        target_context=context, typing_context=typing, library=library, fndesc=described, signature=signature,
+        entry_point=_registered(context, described, library), objectmode=False, lifted=(), typing_error=None,
+        environment=None, type_annotation=None, call_helper=None, metadata=None, reload_init=(), referenced_envs=(),
+    )  # fmt: skip
+
+
+def _library_of(key: str, state: Any = None) -> PartLibrary | None:
+    """The IR that is kept under a name, with all parts that it links."""
+    if key in _known:
+        return _known[key]
+    if state is None:
+        state = cache.load(key, lambda data: data[0])
+    if state is None:
+        return None
+    name, bitcode, below, begin = state
+    parts = [part for part in map(_library_of, below) if part is not None]
+    if len(parts) < len(below):
+        return None
+    for one in begin:
+        one()
+    library = PartLibrary(cpu_target.target_context.codegen(), name)
+    library.restore(bitcode, parts, key)
+    library._reload_init.update(begin)
+    _known[key] = library
+    return library
+
+
+class Entry(CPUDispatcher):  # type: ignore[misc]
+    """A function as Python calls it: machine code of a part and all that it calls; kernels link the part."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        super().__init__(function, {}, options)
+        self.part = Part(function, options)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Types of a call from a kernel."""
+        return self.part.get_call_template(args, kws)
+
+    def get_overload(self, sig: Any) -> Any:
+        """The code of a call from a kernel."""
+        return self.part.get_overload(sig)
+
+    def compile(self, sig: Any) -> Any:
+        """What Python calls for a signature."""
+        args, _ = sigutils.normalize_signature(sig)
+        with global_compiler_lock, _no_collection():
+            if tuple(args) not in self.overloads:
+                self.add_overload(self._found_or_linked(tuple(args)))
+            return self.overloads[tuple(args)].entry_point
+
+    def _found_or_linked(self, args: tuple[Any, ...]) -> Any:
+        self.targetctx.refresh()  # else code from disk would find nothing of numba's runtime
+        key = cache.key_of(self.py_func, "entry", args, self.targetoptions, self.targetctx)
+        result = cache.load(key, lambda data: CompileResult._rebuild(self.targetctx, *data))
+        if result is None:
+            with cache.locked(key):
+                result = cache.load(key, lambda data: CompileResult._rebuild(self.targetctx, *data))
+                if result is None:
+                    part = self.part.result_of(args)
+                    with unbroken("linking"):
+                        result = self._linked(part)
+                    cache.save(key, result._reduce)
+        return result
+
+    def _linked(self, part: Any) -> Any:
+        context = self.targetctx
+        described, library = part.fndesc, EntryLibrary(context.codegen(), self.py_func.__qualname__)
+        library.enable_object_caching()
+        library.add_linking_library(rtsys.library)
+        library.add_linking_library(part.library)
+        library._reload_init.update(part.library._reload_init)
+        environment = Environment.from_fndesc(described)
+        ours = context.subtarget(enable_nrt=self.targetoptions["_nrt"], environment=environment, fndesc=described)
+        ours.create_cpython_wrapper(library, described, environment, None, release_gil=True)
+        entry = context.get_executable(library, described, environment)
+        begin = list(library._reload_init)
+        return part._replace(
+            library=library, environment=environment, entry_point=entry, type_annotation="", reload_init=begin
+        )
+
+
+_parts: dict[Callable[..., Any], Part] = {}  # of functions that stay Python's: numba holds its types of them weakly
+
+
+def register(function: Callable[..., Any], options: dict[str, Any]) -> None:
+    """Let kernels call a Python function."""
+    part = _parts[function] = Part(function, options)
+    part.typingctx.insert_global(function, types.Dispatcher(part))
+
+
+def _widened(kind: Any) -> Any:
+    kind = types.unliteral(kind)
+    return types.int64 if kind in (types.int8, types.int16, types.int32) else kind
+
+
+def _holds_array(kind: types.Type) -> bool:
+    """Whether values of a type hold arrays."""
+    return isinstance(kind, types.Array) or any(_holds_array(one) for one in getattr(kind, "types", ()))
