@@ -17,6 +17,7 @@ import gc
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from copy import copy
 from itertools import count
 from secrets import randbits
 from typing import Any
@@ -138,6 +139,11 @@ def _no_collection() -> Iterator[None]:
             gc.enable()
 
 
+def _compiling(dispatcher: CPUDispatcher, args: tuple[Any, ...]) -> Any:
+    """The event by which others know that something is compiled, as numba's own dispatchers trigger it."""
+    return event.trigger_event("numba:compile", data={"dispatcher": dispatcher, "args": args, "return_type": None})
+
+
 class Name:
     """Stands for the code of a part where numba expects a function that Python may call."""
 
@@ -207,7 +213,7 @@ class Part(CPUDispatcher):  # type: ignore[misc]
             result = cache.load(key, lambda data: _restored(data, str(key)))
             if result is not None:
                 return result
-            with event.trigger_event("numba:compile", data={"dispatcher": self, "args": args, "return_type": None}):
+            with _compiling(self, args):
                 result = self._compiler.compile(args, None)
             if not self.targetoptions.get("_nrt", True) and _holds_array(result.signature.return_type):
                 raise TypeError(f"{self.py_func.__name__} is part of a kernel and returns an array; write into one")
@@ -289,26 +295,32 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
             with cache.locked(key):
                 result = cache.load(key, lambda data: CompileResult._rebuild(self.targetctx, *data))
                 if result is None:
-                    part = self.part.result_of(args)
-                    with unbroken("linking"):
-                        result = self._linked(part)
+                    with _compiling(self, args):
+                        result = self._linked(self.part.result_of(args))
                     cache.save(key, result._reduce)
         return result
 
     def _linked(self, part: Any) -> Any:
         context = self.targetctx
-        described, library = part.fndesc, EntryLibrary(context.codegen(), self.py_func.__qualname__)
+        described, library = copy(part.fndesc), EntryLibrary(context.codegen(), self.py_func.__qualname__)
+        described.env_name += "entry"  # where the wrapper keeps constants; the part's own is in other entries as well
         library.enable_object_caching()
         library.add_linking_library(rtsys.library)
         library.add_linking_library(part.library)
         library._reload_init.update(part.library._reload_init)
         environment = Environment.from_fndesc(described)
         ours = context.subtarget(enable_nrt=self.targetoptions["_nrt"], environment=environment, fndesc=described)
-        ours.create_cpython_wrapper(library, described, environment, None, release_gil=True)
-        entry = context.get_executable(library, described, environment)
+        with unbroken("linking"):
+            ours.create_cpython_wrapper(library, described, environment, None, release_gil=True)
+            entry = context.get_executable(library, described, environment)
         begin = list(library._reload_init)
         return part._replace(
-            library=library, environment=environment, entry_point=entry, type_annotation="", reload_init=begin
+            library=library,
+            fndesc=described,
+            environment=environment,
+            entry_point=entry,
+            type_annotation="",
+            reload_init=begin,
         )
 
 

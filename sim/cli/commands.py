@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Callable
 
 from tqdm import tqdm
@@ -10,7 +11,9 @@ from tqdm import tqdm
 from sim.cli import estimate_command, plan_command, run_command, sweep_commands, tables, warm
 from sim.cli.shared import check_outputs, progress_bar, scenario_of, wait
 from sim.mjcf import load, models_folder, scene_names
+from sim.mjcf.library import robot_names
 from sim.rehearsal import rehearse
+from sim.scenario import prepare
 from sim.systems import named
 from sim.text import say, width
 
@@ -41,6 +44,21 @@ def play(arguments: argparse.Namespace) -> int:
     status = play_command.play(arguments, scenario, built)
     warm.notice().done("sample")
     return status
+
+
+def compile_ahead(arguments: argparse.Namespace) -> int:
+    """Compile what later commands need of robots."""
+    for name in arguments.robots or robot_names():
+        began = time.perf_counter()
+        scenario = prepare("crossing" if arguments.moving else "slit", robot=name, known=warm.notice().known)
+        compiling = warm.start(scenario.loaded)
+        rehearse(scenario)
+        wait(compiling)
+        rehearse(scenario, driving=True)
+        warm.notice().done("plan", "sample")
+        where = "among moving obstacles" if arguments.moving else "in static scenes"
+        print(f"{name}: kernels for runs {where} are compiled ({time.perf_counter() - began:.0f} s)", flush=True)
+    return 0
 
 
 def import_world(arguments: argparse.Namespace) -> int:
@@ -100,6 +118,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "plan": plan_command.plan,
     "run": run_command.run,
     "play": play,
+    "warm": compile_ahead,
     "estimate": estimate_command.estimate,
     "sweep": sweep_commands.sweep,
     "report": sweep_commands.report,

@@ -40,7 +40,6 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
             f"--start has {counted(len(arguments.start), 'number')}; it must be X Y, and TH of what has a heading; "
             "drives begin at rest (`pirrht estimate --at` takes any state)"
         )
-    warm.notice().sampling = arguments.command != "plan"
     said = vars(arguments)
     scenario = prepare(
         arguments.scene, **options.task(said), given=given(arguments), known=warm.notice().known, loose=loose,
@@ -81,7 +80,7 @@ def planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
 
 def wait(compiling: Any) -> None:
     """Until what is compiled elsewhere is there."""
-    if compiling is not None and warm.notice().wait(compiling) == 0:
+    if compiling is not None and warm.wait(compiling) == 0:
         warm.notice().done("sample")
 
 

@@ -1,92 +1,72 @@
-"""Compiling on the second core: after installation the sampler's kernels are built while the planner's are.
+"""Compiling ahead and on the second core: the sampler's kernels are built while this process builds the planner's.
 
-`python -m sim.cli.warm DYNAMICS [--sampling|--among]` builds what shortens paths of one kind of dynamics, or what
-drives need beside that where nothing or something moves, and leaves it in the cache on disk: that takes about as long
-as what the process that plans has left to do.
-It ends with its standard input, so that it does not outlive whoever started it, however that one ends.
+`python -m sim.cli.warm ROBOT [--moving] [--plan]` builds what samples of a robot need, or what shortens its paths, and
+leaves it in the cache on disk. It ends with its standard input, so that it does not outlive whoever started it.
 """
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
-import functools
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 from numba.core import event
 from tqdm import tqdm
 
+import pirrht
 from pirrht.compiled import cache
 from pirrht.problem import Problem
-from sim.cli.compile_work import Work
 from sim.mjcf.load import Loaded
 from sim.systems import BUILT_IN, System, named
 
-# Modules of kernels that take long, by which one knows whether they have been compiled.
-PLANNER, POINT, OTHERS = "extend", "block", "loops"
-LATE, SLACK, ASKED = 1.5, 5.0, 1.0  # times what was said, and so much more, is late; how often one looks [s]
-PLANNING, SAMPLING, LITTLE = 20, 15, 5  # how long they take where nothing else runs, and anything else [s]
+ASKED = 0.5  # how often this process looks whether another has ended [s]
+LINE = "compiling kernels, {often} for each kind of robot and scene (`pirrht warm` does so ahead)"
 
 
 class Notice(event.Listener):  # type: ignore[misc]
-    """Tells in one line why the first command of an installation is slow, and adds up how long that was."""
+    """Reports why the first command of an installation is slow, and adds up how long that was."""
 
     def __init__(self) -> None:
         self.told = False
-        self.sampling = False  # whether this process will sample
-        self.work: Work | None = None  # of the system, once it is known
+        self.key: str | None = None  # of what moves, once it is known
         self.seconds = 0.0  # that it spent compiling
         self._depth, self._began = 0, 0.0
-        self._told_at, self._late = 0.0, 0.0  # when it was said how long it takes, and when that is said again [s]
+        self._bar: Any = None
 
     def tell(self) -> None:
-        """Say that kernels are being compiled; once per process."""
-        if self.told:
-            return
-        self.told = True
-        left = 0
-        if self.work is None or not self.work.among:
-            left += PLANNING * (not cache.cached(PLANNER))
-            left += SAMPLING * (self.sampling and not any(map(cache.cached, (POINT, OTHERS))))
-        own = 0 if self.work is None else self.work.seconds(self.sampling)
-        kept = cache.kept() and (self.work is None or self.work.key is not None)
-        whose = f", most of them for {self.work.called}" if self.work is not None and own > left else ""
-        often = "once" if kept else "every time"
-        seconds = left + own or LITTLE
-        self._told_at = time.perf_counter()
-        self._late = self._told_at + LATE * seconds + SLACK
-        _say(f"compiling kernels, {often}: about {seconds} s{whose}")
-
-    def tell_if_late(self) -> None:
-        """Say that it takes longer than was said, and again when it has taken twice as long as that."""
-        now = time.perf_counter()
-        if not self.told or now < self._late:
-            return
-        self._late = 2.0 * now - self._told_at
-        _say(
-            f"still compiling kernels: {now - self._told_at:.0f} s so far, more than this takes where nothing else runs"
-        )
-
-    def wait(self, compiling: subprocess.Popen[bytes]) -> int:
-        """The exit status of what is compiled elsewhere; tells if it is late."""
-        while True:
-            try:
-                return compiling.wait(ASKED)
-            except subprocess.TimeoutExpired:
-                self.tell_if_late()
+        """Report that kernels are being compiled: a line, and on a terminal how many there are so far."""
+        if not self.told:
+            self.told = True
+            _say(LINE.format(often="once" if cache.kept() else "every time"))
+            style = "compiling: {n_fmt} kernels, {elapsed}"
+            self._bar = tqdm(disable=None, leave=False, bar_format=style, file=sys.stderr)
 
     def known(self, system: System, problem: Problem) -> None:
         """Take note of what moves."""
-        self.work = Work.of(system, problem)
+        self.key = key_of(system, problem)
+
+    def noted(self, what: str) -> bool:
+        """Whether kernels for "plan" or "sample" of what moves are noted to be there."""
+        return self.key is not None and cache.noted(f"{what}-{self.key}")
 
     def done(self, *what: str) -> None:
-        """Remember that kernels for "plan" or "sample" of what moves have been compiled."""
-        if self.work is not None:
-            self.work.done(*what)
+        """Note that kernels for "plan" or "sample" of what moves have been compiled."""
+        self.close()
+        for one in what if self.key is not None else ():
+            cache.note(f"{one}-{self.key}")
+
+    def close(self) -> None:
+        """Remove the count from the terminal."""
+        if self._bar is not None:
+            self._bar.close()
 
     def clock(self) -> float:
         """A time [s] that stands still while kernels are compiled."""
@@ -96,7 +76,8 @@ class Notice(event.Listener):  # type: ignore[misc]
         """A kernel is compiled, maybe for another one that is."""
         if happening.data["dispatcher"].py_func.__module__.startswith("pirrht."):
             self.tell()
-            self.tell_if_late()
+            if self._bar is not None:
+                self._bar.update()
         if self._depth == 0:
             self._began = time.perf_counter()
         self._depth += 1
@@ -106,6 +87,38 @@ class Notice(event.Listener):  # type: ignore[misc]
         self._depth -= 1
         if self._depth == 0:
             self.seconds += time.perf_counter() - self._began
+
+
+def key_of(system: System, problem: Problem) -> str | None:
+    """What a note of compiled kernels is found by: the system's functions, what moves, and the sources of this package.
+
+    None if its kernels cannot be kept.
+    """
+    d = problem.dynamics
+    parts = [system.name, str((d.n, d.m, d.stratonovich, bool(problem.scene.movers))), _sources()]
+    for function in _functions(problem):
+        name = cache.identity(function)
+        if name is None:
+            return None
+        parts.append(name)
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:24]
+
+
+def _functions(problem: Problem) -> Iterator[Callable[..., Any]]:
+    """What somebody's system is made of, as far as kernels close over it."""
+    d = problem.dynamics
+    blocks = [None, None] if d.input_form else [d.control_block, d.diffusion_block]
+    for one in (d.drift, *blocks, d.input_matrix, d.homing, problem.q):
+        if callable(one):
+            yield one
+
+
+@functools.cache
+def _sources() -> str:
+    """Version, and when each source of the package was written: after an edit, notes say nothing."""
+    root = Path(pirrht.__file__).parent
+    written = [(path.relative_to(root).as_posix(), path.stat().st_mtime_ns) for path in sorted(root.rglob("*.py"))]
+    return f"{pirrht.__version__} {written}"
 
 
 def _say(line: str) -> None:
@@ -122,42 +135,33 @@ def notice() -> Notice:
     return listener
 
 
-def sampler(dynamics_name: str) -> str:
-    """The module of kernels that samples a system."""
-    from pirrht.rollouts.point.block import is_point
-
-    system = named(dynamics_name)
-    return POINT if is_point(system.dynamics(system.settings)) else OTHERS
-
-
-def shortening(dynamics_name: str) -> str:
-    """The module of kernels that shortens a system's paths."""
-    from pirrht.rollouts.point.block import is_point
-    from pirrht.systems.unicycle import Unicycle
-
-    system = named(dynamics_name)
-    dynamics = system.dynamics(system.settings)
-    if isinstance(dynamics, Unicycle):
-        return "dubins_shortcut"
-    return "polyline" if is_point(dynamics) else PLANNER  # paths of others are shortened by what made them
-
-
 def start(loaded: Loaded, *, sampling: bool = True) -> subprocess.Popen[bytes] | None:
     """Begin to compile elsewhere what this process needs last; None if nothing is to compile, or cannot be kept."""
-    dynamics_name = loaded.dynamics_name
-    if dynamics_name not in BUILT_IN or not cache.kept():
+    moving = bool(loaded.scene.movers)
+    if loaded.dynamics_name not in BUILT_IN or not cache.kept() or notice().noted("sample" if sampling else "plan"):
         return None
-    if loaded.scene.movers:  # paths in space and time are shortened by other kernels, which take little
-        work, words = notice().work, ["--among"]
-        if not sampling or work is None or work.noted("sample"):
-            return None
-    else:
-        words = ["--sampling"] if sampling else []
-        if cache.cached((sampler if sampling else shortening)(dynamics_name)):
-            return None
+    if moving and not sampling:  # paths in space and time are shortened by other kernels, which take little
+        return None
     notice().tell()
-    command = [sys.executable, "-m", "sim.cli.warm", dynamics_name, *words]
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return _helper(loaded.dynamics_name, moving=moving, sampling=sampling)
+
+
+def _helper(dynamics_name: str, *, moving: bool, sampling: bool = True) -> subprocess.Popen[bytes]:
+    # -P: nothing is imported from the current folder.
+    words = [dynamics_name] + ["--moving"] * moving + ["--plan"] * (not sampling)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "sim.cli.warm", *words],
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def wait(compiling: subprocess.Popen[bytes]) -> int:
+    """The exit status of what is compiled elsewhere."""
+    while True:
+        try:
+            return compiling.wait(ASKED)
+        except subprocess.TimeoutExpired:
+            continue
 
 
 class OneWay:
@@ -232,7 +236,7 @@ def _end_with_input() -> None:
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who holds the other end of the pipe decides
     threading.Thread(target=_end_with_input, daemon=True).start()
-    if "--among" in sys.argv:
+    if "--moving" in sys.argv:
         compile_among(sys.argv[1])
     else:
-        compile_rest(sys.argv[1], sampling="--sampling" in sys.argv)
+        compile_rest(sys.argv[1], sampling="--plan" not in sys.argv)

@@ -60,6 +60,17 @@ TASK = (
     _task("goal", "goal disc", kind=float, count=3, metavar=("X", "Y", "R"), unset="the scene's"),
 )  # fmt: skip
 
+WARM = (
+    Option(
+        name="robots", text="built-in robots or MJCF files; without any, all built-in ones", metavar="ROBOT",
+        commands=("warm",), positional=True, count="*",
+    ),
+    Option(
+        name="moving", text="for scenes with moving obstacles, in place of static ones", kind=bool, default=False,
+        commands=("warm",),
+    ),
+)  # fmt: skip
+
 PLAN = (
     _file("output", "save the tree for `--tree`", "TREE.npz", "plan", short="o"),
     _file("png", "draw tree and references (extra `figures`)", "FILE", "plan"),
@@ -192,4 +203,4 @@ OTHERS = (
     ),
 )  # fmt: skip
 
-COMMANDS = (*PLAN, *ESTIMATE, *RUN, *PLAY, *SWEEP, *OTHERS)
+COMMANDS = (*WARM, *PLAN, *ESTIMATE, *RUN, *PLAY, *SWEEP, *OTHERS)
