@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from mjcf_samples import FLOOR, SITES, mjcf
 from repository import ROOT
 
@@ -15,132 +17,82 @@ from pirrht.control import best_class, controller, mppi
 from pirrht.errors import OptionError
 from sim import memory
 from sim.cli import docs, main, parser
+from sim.options.record import Option
 from sim.options.settings import BETWEEN
-from sim.options.table import BY_SETTING, IDENTIFYING, NUMERICS, OPTIONS, check, options_of
+from sim.options.table import BY_SETTING, IDENTIFYING, OPTIONS, check, options_of
 from sim.scenario import prepare
 from sim.settings import PRESETS, Settings
 from sim.systems import named, names
 
 COMMANDS = tuple(parser.COMMANDS)
-HOSTILE = ("1e308", "-1e308", "1e40", "1000000000000", "-1", "0", "1e-308", "nan", "inf", "-inf", "1" + "0" * 400, "x")
 QUICK = ["--vertices", "30", "--samples", "4"]
-NUMBERS = list(  # each once, in the last of these commands that has it
-    {
-        option.dest: (command, option)
-        for command in ("plan", "sweep", "estimate", "run")
-        for option in options_of(command)
-        if option.number and option.name != "at"
-    }.values()
+PLACES = {"start", "goal", "at"}  # the scene knows what is too far
+NUMBERS = [option for option in OPTIONS if option.number]
+BOUNDED = [option for option in NUMBERS if option.bounds]
+ODD = st.one_of(st.floats(), st.integers(), st.sampled_from([10**400, -(10**400), "x", "", None]))
+WORDS = st.one_of(
+    st.floats().map(str), st.integers().map(str), st.sampled_from(["1" + "0" * 400, "x", "", "1e999", "0x1"])
 )
-GRIDS = ["--noise", "--seeds"]  # of a sweep, told as text
 
 
-def words_of(command: str, *more: str) -> list[str]:
-    """A command that ends at once, whatever else it is told."""
-    words = [command, "slit", *more]
-    for flag, value in zip(QUICK[::2], QUICK[1::2], strict=True):
-        words += [] if flag in more else [flag, value]
-    if command == "estimate":
-        words += ["--at", "1", "2.5"]
-    if command in ("run", "sweep") and "--max-time" not in more:
-        words += ["--max-time", "0.01"]
-    if command == "sweep":
-        words += [] if "--seeds" in more else ["--seeds", "0:1"]
-        words += [] if "--jobs" in more else ["--jobs", "1"]
-    return words
+# -- every number, however hostile, is refused in one line or admitted -------------------------------------------------
 
 
-def refused_or_done(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    status = main(words)
-    told = capsys.readouterr().err
-    assert "Traceback" not in told
-    if status == 2:
-        assert told.startswith("pirrht: ")
-        assert told.count("\n") == 1
-        assert len(told) < 1000
-    else:
-        assert status in (0, 1)
+def assert_one_line(error: OptionError, option: Option) -> None:
+    assert option.flag in str(error)
+    assert "\n" not in str(error)
+    assert len(str(error)) < 1000
 
 
-# -- every number, however hostile, is refused in one line or works ---------------------------------------------------
+@given(option=st.sampled_from(BOUNDED), value=ODD)
+def test_a_number_is_admitted_within_its_bounds_in_its_own_type_and_refused_in_one_line_elsewhere(option, value):
+    bounds = option.bounds
+    try:
+        admitted = option.check([value, value] if option.count else value)
+    except OptionError as error:
+        assert_one_line(error, option)
+        inside = isinstance(value, int | float) and bounds.admit(value)
+        assert not inside or (option.kind is int and value != int(value))
+        return
+    for one in admitted if option.count else [admitted]:
+        assert isinstance(one, option.kind | int)
+        assert bounds.admit(one)
+        assert one == value
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("value", HOSTILE)
-@pytest.mark.parametrize(("command", "option"), NUMBERS, ids=[f"{c}-{o.name}" for c, o in NUMBERS])
-def test_a_hostile_number_is_refused_in_one_line_or_works(command, option, value, capsys):
-    values = [value] * (option.count if isinstance(option.count, int) else 2 if option.count else 1)
-    if option.name == "goal":
-        values = ["5", "2.5", value]
-    refused_or_done(words_of(command, option.flag, *values), capsys)
+@given(command=st.sampled_from(["plan", "run", "estimate", "sweep"]), data=st.data())
+def test_a_number_as_it_is_typed_is_read_within_its_bounds_or_refused_in_one_line(command, data):
+    options = [option for option in options_of(command) if option.number]
+    option, word = data.draw(st.sampled_from(options)), data.draw(WORDS)
+    words = [word] * (option.count if isinstance(option.count, int) else 1)
+    needed = ["--at", "1", "2.5"] if command == "estimate" and option.name != "at" else []
+    try:
+        arguments = parser.read([command, "slit", *needed, f"--{option.name}", *words])
+    except OptionError as error:
+        assert_one_line(error, option)
+        return
+    value = getattr(arguments, option.dest)
+    for one in value if isinstance(value, list) else [value]:
+        assert isinstance(one, option.kind)
+        assert option.bounds is None or option.bounds.admit(one)
 
 
-@pytest.mark.parametrize("value", HOSTILE)
-@pytest.mark.parametrize("flag", GRIDS)
-def test_a_hostile_grid_is_refused_in_one_line_or_works(flag, value, capsys):
-    refused_or_done(words_of("sweep", flag, value), capsys)
-    refused_or_done(words_of("sweep", flag, f"0:{value}" if flag == "--seeds" else f"0.1,{value}"), capsys)
-
-
-@pytest.mark.parametrize("value", HOSTILE)
-def test_a_hostile_place_is_refused_in_one_line_or_works(value, capsys):
-    for words in (["--start", value, "2.5"], ["--start", "1", "2.5", value], ["--goal", value, "2.5", "0.3"]):
-        refused_or_done(words_of("plan", *words), capsys)
-    for place in ([value, "2.5"], ["1", "2.5", value]):
-        refused_or_done(["estimate", "slit", "--at", *place, *QUICK], capsys)
-
-
-@pytest.mark.parametrize("value", [v for v in HOSTILE if v != "x"])
-@pytest.mark.parametrize("name", NUMERICS)
-def test_a_hostile_numeric_of_a_scene_is_refused_in_one_line_or_works(name, value, capsys, tmp_path):
-    scene = tmp_path / "scene.xml"
-    numeric = f'<numeric name="pirrht_{name.replace("-", "_")}" data="{value}"/>'
-    scene.write_text(mjcf(FLOOR + SITES, head=f"<custom>{numeric}</custom>"))
-    own = [] if name in ("vertices", "samples") else QUICK
-    refused_or_done(["plan", str(scene), *own], capsys)
-
-
-@pytest.mark.parametrize("value", [v for v in HOSTILE if v != "x"])
-@pytest.mark.parametrize("site", ["goal", "workspace", "start"])
-def test_a_hostile_site_is_refused_in_one_line_or_works(site, value, capsys, tmp_path):
-    for attribute in ("size", "pos"):
-        text = SITES.replace(f'name="{site}"', f'name="{site}" data-{attribute}=""')
-        start = text.index(f"data-{attribute}")
-        whole = text[start:].split("/>")[0]
-        old = whole.split(f' {attribute}="')[1].split('"')[0] if f' {attribute}="' in whole else None
-        if old is None:
-            continue
-        first, _, rest = old.partition(" ")
-        bad = whole.replace(f' {attribute}="{first} {rest}"', f' {attribute}="{value} {rest}"')
-        scene = tmp_path / "scene.xml"
-        scene.write_text(mjcf(FLOOR + text.replace(whole, bad.split('""', 1)[1])))
-        refused_or_done(["plan", str(scene), *QUICK], capsys)
+@pytest.mark.parametrize("option", BOUNDED, ids=lambda option: f"{option.commands[0]}-{option.name}")
+def test_both_bounds_are_allowed(option):
+    pair = [option.kind(option.bounds.low), option.kind(option.bounds.high)]
+    for value in [pair] if option.count else pair:
+        assert option.check(value) == value
 
 
 # -- bounds -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("option", [o for o in OPTIONS if o.number], ids=lambda o: f"{o.commands[0]}-{o.name}")
-def test_every_number_has_bounds_with_a_reason(option):
-    places = {"start", "goal", "at"}  # the scene knows what is too far
-    if option.name in places:
-        return
-    assert option.bounds is not None
-    assert option.bounds.low < option.bounds.high < np.inf
-    assert len(option.bounds.why.split()) >= 5
-
-
-@pytest.mark.parametrize(
-    "option", [o for o in OPTIONS if o.number and o.bounds], ids=lambda o: f"{o.commands[0]}-{o.name}"
-)
-def test_bounds_are_allowed_and_what_is_beyond_is_not(option):
-    bounds = option.bounds
-    pair = [option.kind(bounds.low), option.kind(bounds.high)]
-    assert option.check(pair if option.count else pair[0]) == (pair if option.count else pair[0])
-    assert option.check(pair if option.count else pair[1]) == (pair if option.count else pair[1])
-    for wrong in (bounds.low - 1, bounds.high * 2, np.nan, -np.inf):
-        with pytest.raises(OptionError, match=option.flag):
-            option.check([wrong] if option.count else wrong)
+def test_every_number_but_places_has_bounds_with_a_reason():
+    for option in NUMBERS:
+        if option.name not in PLACES:
+            assert option.bounds is not None, option.name
+            assert option.bounds.low < option.bounds.high < np.inf, option.name
+            assert len(option.bounds.why.split()) >= 5, option.name
 
 
 def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made():
