@@ -94,24 +94,27 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
         """The IR of this function and of all that it calls."""
         self._ensure_finalized()
         if self._shared_module is None:
-            module = self._own.clone()
-            for library in _closure(self):
-                if library is not self:
-                    module.link_in(library._own, preserve=True)
-            self._shared_module = module
+            self._shared_module = self._own.clone()
+            for library in _callers_first(self)[1:]:
+                self._shared_module.link_in(library._own, preserve=True)
         return self._shared_module
 
 
-def _closure(library: PartLibrary) -> Iterator[PartLibrary]:
-    """A part and all parts below it, each once."""
-    seen, ahead = {library}, [library]
-    while ahead:
-        one = ahead.pop()
-        yield one
-        for part in one.parts:
-            if part not in seen:
-                seen.add(part)
-                ahead.append(part)
+def _callers_first(library: PartLibrary) -> list[PartLibrary]:
+    """A part and all parts below it, each before those that it calls.
+
+    A linker takes over only what is called by what it already has.
+    """
+    order: dict[PartLibrary, None] = {}
+
+    def visit(one: PartLibrary) -> None:
+        if one not in order:
+            for part in one.parts:
+                visit(part)
+            order[one] = None
+
+    visit(library)
+    return list(reversed(order))
 
 
 class EntryLibrary(JITCodeLibrary):  # type: ignore[misc]
@@ -125,6 +128,12 @@ class EntryLibrary(JITCodeLibrary):  # type: ignore[misc]
         numbers = [f'@"{v.name}" = global i8 0' for v in module.global_variables if not v.is_declaration]
         names = binding.parse_assembly("\n".join([*functions, *numbers]))
         return self.name, "object", (self._get_compiled_object(), names.as_bitcode())
+
+    def _verify_declare_only_symbols(self) -> None:
+        """Refuse code that calls a function of which there is none: it would end the process."""
+        lost = [f.name for f in self._final_module.functions if f.is_declaration and f.name.startswith("_ZN")]
+        if lost:
+            raise AssertionError(f"{self.name} calls {lost[0]}, which was not linked")
 
 
 @contextmanager
@@ -305,8 +314,8 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
         described, library = copy(part.fndesc), EntryLibrary(context.codegen(), self.py_func.__qualname__)
         described.env_name += "entry"  # where the wrapper keeps constants; the part's own is in other entries as well
         library.enable_object_caching()
-        library.add_linking_library(rtsys.library)
         library.add_linking_library(part.library)
+        library.add_linking_library(rtsys.library)
         library._reload_init.update(part.library._reload_init)
         environment = Environment.from_fndesc(described)
         ours = context.subtarget(enable_nrt=self.targetoptions["_nrt"], environment=environment, fndesc=described)
