@@ -10,8 +10,6 @@ from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import warm
 from sim.scenario import Scenario, prepare
 
-FIRST = ("test_cli.py", "test_among_movers.py", "test_own_system.py")  # each compiles other kernels: side by side
-
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What is asked of the suite beside what pytest knows."""
@@ -19,18 +17,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """What compiles comes first, then commands as a whole, whose files take longest: none is left to one worker."""
+    """Without `--thorough` leave out what is marked so."""
     if not config.getoption("thorough"):
         left = [item for item in items if item.get_closest_marker("thorough")]
         config.hook.pytest_deselected(items=left)
         items[:] = [item for item in items if item not in set(left)]
-    items.sort(key=_turn)
-
-
-def _turn(item: pytest.Item) -> int:
-    if item.path.name in FIRST:
-        return FIRST.index(item.path.name)
-    return len(FIRST) + ("/tests/system/" not in item.path.as_posix())
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,0 +1,86 @@
+"""Tasks for processes and clusters, and what is done with them; workers import this module by name."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from sim.sweeps.engine import LIBRARIES
+
+
+@dataclass(frozen=True)
+class Task:
+    scene: str
+    number: int
+    folder: str = ""
+    luggage: Any = None
+
+    @property
+    def point(self):
+        return (self.scene,)
+
+    def carrying(self, luggage):
+        return replace(self, luggage=luggage)
+
+
+def square(task: Task) -> int:
+    return task.number**2
+
+
+def process_of(task: Task) -> tuple[str, int]:
+    time.sleep(0.02)
+    return task.scene, os.getpid()
+
+
+def threads_of(task: Task) -> list[str | None]:
+    return [os.environ.get(name) for name in LIBRARIES]
+
+
+def held(task: Task) -> int:
+    """Leaves a mark and waits for leave to end."""
+    Path(task.folder, f"{task.number}-{os.getpid()}").touch()
+    while not Path(task.folder, "leave").exists():
+        time.sleep(0.02)
+    return task.number
+
+
+def gone(pid: int) -> bool:
+    """Whether a process has ended, even if nobody has asked for its status."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+def weigh(task: Task) -> tuple[str, int, int]:
+    time.sleep(0.01)
+    return task.scene, task.number, len(task.luggage)
+
+
+def die_at_first(task: Task) -> int:
+    """Ends its process the first time that number 2 is tried."""
+    mark = Path(task.folder) / "dead"
+    if task.number == 2 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return task.number
+
+
+def die_of_two(task: Task) -> int:
+    if task.number == 2:
+        os._exit(7)
+    return task.number
+
+
+def die_slowly_of_two(task: Task) -> int:
+    time.sleep(0.5 if task.number == 2 else 0.0)
+    return die_of_two(task)
+
+
+def slow(task: Task) -> int:
+    time.sleep(0.3)
+    return task.number

@@ -1,0 +1,155 @@
+"""Gazebo worlds become scenes: all stands where Gazebo has it, and what cannot be taken over is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from sdf_samples import BALL, PLANE, TASK, ball, collision, link, model, sdf
+
+from sim.importing.scene_file import Imported, import_world
+from sim.mjcf import load
+
+
+@pytest.fixture
+def run(tmp_path: Path):
+    def run(text: str | bytes, **task) -> Imported:
+        source = tmp_path / "maze.world"
+        source.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return import_world(source, tmp_path / "maze.xml", **(TASK | task))
+
+    return run
+
+
+def places(imported: Imported) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Position and rotation of every geom that was taken over."""
+    loaded = load(imported.path)
+    data = mujoco.MjData(loaded.model)
+    mujoco.mj_kinematics(loaded.model, data)
+    names = [(g, loaded.model.geom(g).name) for g in np.flatnonzero(~loaded.robot_geoms)]
+    return {name: (data.geom_xpos[g], data.geom_xmat[g].reshape(3, 3)) for g, name in names if name != "floor"}
+
+
+def place(imported: Imported) -> np.ndarray:
+    return next(iter(places(imported).values()))[0]
+
+
+def test_shapes_have_their_sizes_and_the_scene_its_defaults(run):
+    shapes = {
+        "box": "<box><size>1 2 3</size></box>",
+        "drum": "<cylinder><radius>0.3</radius><length>1</length></cylinder>",
+        "ball": "<sphere><radius>0.4</radius></sphere>",
+        "log": "<capsule><radius>0.2</radius><length>1</length></capsule>",
+        "egg": "<ellipsoid><radii>0.3 0.4 0.5</radii></ellipsoid>",
+    }
+    world = "".join(
+        model(f"<pose>{k + 2} 3 0 0 0 0</pose>" + link(collision(f"<geometry>{g}</geometry>")), name=name)
+        for k, (name, g) in enumerate(shapes.items())
+    )
+    imported = run(sdf(world), start=(0, 0, 1.5))
+    loaded = load(imported.path)
+    found = {o.name: (o.kind.value, *o.size.tolist()) for o in loaded.scene.obstacles}
+    assert found == {
+        "box": ("box", 0.5, 1, 1.5),
+        "drum": ("cylinder", 0.3, 0.5, 0),
+        "ball": ("sphere", 0.4, 0, 0),
+        "log": ("capsule", 0.2, 0.5, 0),
+        "egg": ("ellipsoid", 0.3, 0.4, 0.5),
+    }
+    assert (imported.geoms, imported.obstacles, loaded.robot) == (5, 5, "unicycle")
+    assert loaded.scene.defaults == load("clutter").scene.defaults
+    np.testing.assert_allclose(loaded.scene.start, [0, 0, 1.5])
+    np.testing.assert_allclose([*loaded.scene.lower, *loaded.scene.upper], [-1, -5, 9, 5])
+
+
+def test_nested_poses_follow_one_another(run):
+    crate = collision("<geometry><box><size>1 1 1</size></box></geometry>", pose="<pose>1 0 0 0 0 0</pose>")
+    inner = model("<pose>0 2 0 0 0 1.5707963267948966</pose>" + link(crate), name="inner", static="")
+    link_inside = '<link name="arm"><pose>0 0 0.5 0 0 0</pose></link>'
+    world = model(f"<pose>4 -3 0 0 0 1.5707963267948966</pose>{link_inside}{inner}", name="outer")
+    # outer turns (0, 2) into (-2, 0): inner is at (2, -3), half round, and its box 1 m further along -x
+    position, rotation = next(iter(places(run(sdf(world))).values()))
+    np.testing.assert_allclose(position, [1, -3, 0], atol=1e-9)
+    np.testing.assert_allclose(rotation, np.diag([-1, -1, 1]), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("pose", "axis"),
+    [
+        ("<pose>3 2 0.1 1.5707963267948966 0 0</pose>", [0, -1, 0]),
+        ("<pose>3 2 0.1 0 1.5707963267948966 0</pose>", [1, 0, 0]),
+        ("<pose>3 2 0.1 0 1.5707963267948966 1.5707963267948966</pose>", [0, 1, 0]),
+        ("<pose>3 2 0.1 1.5707963267948966 1.5707963267948966 0</pose>", [0, -1, 0]),
+        ('<pose degrees="true">3 2 0.1 0 90 90</pose>', [0, 1, 0]),
+        ('<pose rotation_format="quat_xyzw">3 2 0.1 0.5 0.5 0.5 0.5</pose>', [1, 0, 0]),
+    ],
+)
+def test_roll_pitch_and_yaw_turn_about_fixed_axes_in_that_order(run, pose, axis):
+    drum = "<geometry><cylinder><radius>0.3</radius><length>1</length></cylinder></geometry>"
+    position, rotation = next(iter(places(run(sdf(model(pose + link(collision(drum)))))).values()))
+    np.testing.assert_allclose(position, [3, 2, 0.1])
+    np.testing.assert_allclose(rotation[:, 2], axis, atol=1e-9)
+
+
+FRAMES = {
+    "model": '<pose relative_to="base">1 0 0 0 0 0</pose>',
+    "frame": '<pose relative_to="mark">1 0 0 0 0 0</pose>',
+    "link of a model": '<pose relative_to="base::l">1 0 0 0 0 0</pose>',
+    "its model": '<pose relative_to="base::__model__">1 0 0 0 0 0</pose>',
+}
+
+
+@pytest.mark.parametrize("case", FRAMES)
+def test_poses_are_relative_to_what_they_name(run, case):
+    base = model("<pose>2 3 0 0 0 1.5707963267948966</pose>" + link(""), name="base")
+    frame = '<frame name="mark" attached_to="base"/>'
+    np.testing.assert_allclose(place(run(sdf(ball(FRAMES[case]) + base + frame))), [2, 4, 0], atol=1e-9)
+
+
+def test_a_collision_may_refer_to_another_link_of_its_model(run):
+    here = link(collision(BALL, pose='<pose relative_to="far">0 1 0 0 0 0</pose>'), name="near")
+    far = '<link name="far"><pose>3 0 0 0 0 0</pose></link>'
+    np.testing.assert_allclose(place(run(sdf(model("<pose>1 2 0 0 0 0</pose>" + here + far)))), [4, 3, 0])
+
+
+STATES = {
+    "model": ('<model name="m"><pose>3 2 0 0 0 0</pose><scale>1 1 1</scale></model>', [4, 2, 0]),
+    "link": (
+        '<model name="m"><pose>3 2 0 0 0 0</pose><link name="l"><pose>6 1 0 0 0 0</pose></link></model>',
+        [6, 1, 0],
+    ),
+    "another": ('<model name="someone"><pose>3 2 0 0 0 0</pose></model>', [6, 3, 0]),
+    "nothing": ('<model name="m"/>', [6, 3, 0]),
+}
+
+
+@pytest.mark.parametrize("case", STATES)
+def test_the_state_block_has_the_last_word(run, case):
+    state, expected = STATES[case]
+    body = '<pose>5 3 0 0 0 0</pose><link name="l"><pose>1 0 0 0 0 0</pose>' + collision(BALL) + "</link>"
+    world = f'<state world_name="w"><sim_time>1 0</sim_time>{state}</state>' + model(body)
+    np.testing.assert_allclose(place(run(sdf(world))), expected)
+
+
+def test_shapes_of_one_model_get_names_of_their_own(run):
+    two = link(collision(BALL) + collision(BALL, name="d"), name="l")
+    odd = model("<pose>4 2 0 0 0 0</pose>" + two, name="a &quot;&lt;b>")
+    found = places(run(sdf(ball("<pose>6 3 0 0 0 0</pose>", name="floor") + odd)))
+    assert list(found) == ["floor 2", 'a "<b>::l::c', 'a "<b>::l::d']
+
+
+def test_ground_lights_and_what_does_not_collide_are_left_out(run):
+    ground = model(link(collision(PLANE.format(size="10 8"))), name="ground")
+    ghost = model(link('<visual name="v">' + BALL + "</visual>"), name="ghost", static="")
+    light = '<light name="sun" type="directional"><pose>0 0 10 0 0 0</pose></light>'
+    imported = run(sdf(ground + ghost + light + ball("<pose>4 2 0 0 0 0</pose>")))
+    assert (imported.geoms, imported.obstacles) == (1, 1)
+    assert list(places(imported)) == ["m"]
+
+
+def test_a_ground_plane_with_a_modest_size_is_the_workspace(run):
+    ground = model("<pose>4 1 0 0 0 0</pose>" + link(collision(PLANE.format(size="12 8"))), name="ground")
+    scene = load(run(sdf(ground), workspace=None).path).scene
+    np.testing.assert_allclose([*scene.lower, *scene.upper], [-2, -3, 10, 5])

@@ -1,0 +1,261 @@
+"""Drives that somebody interferes with: what is pushed gives way, what is moved stands there, and plans follow."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from repository import ROOT
+from thoroughly import thorough
+
+from pirrht.errors import OptionError
+from pirrht.outcome import Outcome
+from pirrht.tree.homology_tree import HomologyTree
+from sim.cli import main
+from sim.mjcf import load, scene_names
+from sim.play import builder, drive, events
+from sim.play.drive import LATENCY, Play, first
+from sim.play.events import Event, Move, Noise, Push
+from sim.play.world import World
+from sim.scenario import Scenario, prepare
+
+FEW = {"vertices": 150, "samples": 40, "max_time": 8.0}
+
+
+def scenario(robot: str = "puck", **given) -> Scenario:
+    return prepare("slit", robot=robot, loose=True, given={**FEW, **given})
+
+
+def played(known: Scenario, *script: Event, until: float = np.inf) -> tuple[Play, list, list[str]]:
+    """A drive step by step, its frames up to a time, and what was said."""
+    said: list[str] = []
+    play = Play(known, first(known), script=script, real_time=False, tell=said.append)
+    frames = []
+    for frame in play.drive():
+        frames.append(frame)
+        if frame.end_time >= until - 1e-9:
+            break
+    play.close()
+    return play, frames, said
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_a_loose_scene_is_the_same_scene(name):
+    fast, loose = load(name).scene, load(name, loose=True).scene
+    assert {o.name for o in fast.obstacles} == {o.name for o in loose.obstacles}
+    for solid in loose.obstacles:
+        same = next(o for o in fast.obstacles if o.name == solid.name)
+        for attribute in ("position", "rotation", "size"):
+            np.testing.assert_allclose(getattr(solid, attribute), getattr(same, attribute), atol=1e-12)
+    np.testing.assert_array_equal(fast.goal.center, loose.goal.center)
+    assert len(fast.movers) == len(loose.movers)
+
+
+def test_without_interference_a_loose_drive_is_that_of_run():
+    known = prepare("slit", given={**FEW, "max_time": 0.3})
+    tree = known.grown_tree()
+    plain = list(known.drive(known.plant(), known.driver(tree)))
+    _, frames, said = played(scenario(max_time=0.3))
+    assert said == []
+    for ours, theirs in zip(frames, plain, strict=True):
+        np.testing.assert_array_equal(ours.state, theirs.state)
+        assert (ours.cost, ours.length, ours.driven_class) == (theirs.cost, theirs.length, theirs.driven_class)
+        assert ours.clearance == pytest.approx(theirs.clearance, abs=1e-12)
+
+
+@pytest.mark.parametrize("robot", ["puck", thorough("hover")])
+def test_a_push_moves_the_robot_by_about_as_much_as_it_says(robot):
+    """A puck is carried at that speed meanwhile, a mass has it afterwards, less what the controls do against it."""
+    period = 0.05
+    quiet = scenario(robot, noise=1e-3, period=period)
+    _, still, _ = played(quiet, until=0.6)
+    _, pushed, said = played(quiet, Push(at=0.2, speed=(0.0, 0.5), lasts=0.2), until=0.6)
+    assert said == ["pushed by (0, 0.5) m/s for 0.2 s at 0.20 s"]
+    away = np.array([a.state[1] - b.state[1] for a, b in zip(pushed, still, strict=True)])
+    assert np.all(np.abs(away[:4]) < 1e-12)
+    assert 0.03 < away[7] < 0.11
+    if robot == "hover":
+        assert 0.2 < pushed[7].state[3] - still[7].state[3] < 0.55
+
+
+def test_a_moved_goal_is_driven_to_and_the_old_one_forgotten():
+    _, frames, said = played(scenario(), Move(at=0.5, what="goal", to=(5.0, 4.0)))
+    assert frames[-1].outcome is Outcome.GOAL
+    assert np.hypot(*(frames[-1].state[:2] - (5.0, 4.0))) <= 0.3
+    assert said[0] == "goal moved to (5, 4) at 0.50 s"
+
+
+def test_a_moved_obstacle_makes_the_tree_anew_while_the_drive_goes_on(monkeypatch):
+    threads, grown = [], []
+    grow = HomologyTree.grow
+
+    def watched(tree, *arguments, **named):
+        threads.append(threading.current_thread())
+        grow(tree, *arguments, **named)
+        grown.append(tree)
+
+    monkeypatch.setattr(HomologyTree, "grow", watched)
+    play, frames, _ = played(scenario(), Move(at=0.5, what="upper wall", to=(3.4, 2.45)), until=1.2)
+    assert len(grown) == 2
+    assert threads[0] is threading.main_thread()
+    assert threads[1] is not threading.main_thread()
+    spaces = [frame.plan.space for frame in frames]
+    change = next(i for i, space in enumerate(spaces) if space is not spaces[0])
+    assert frames[change].time == pytest.approx(0.5 + LATENCY)
+    moved = next(o for o in spaces[-1].scene.obstacles if o.name == "upper wall")
+    np.testing.assert_allclose(moved.position, [3.4, 2.45, 0.25])
+    assert len(frames[change].plan.references) == 2  # the slit is closed
+    assert [frame.step for frame in frames] == list(range(len(frames)))
+    assert np.all(np.diff([frame.cost for frame in frames]) > 0)
+    assert np.all(np.diff([frame.noisy_length for frame in frames]) > 0)
+    assert play.plant.executor.data.mocap_pos[play.plant._rows["upper wall"], 1] == pytest.approx(2.45)
+
+
+def test_a_wall_is_there_for_the_robot_before_plans_know_of_it(monkeypatch):
+    monkeypatch.setattr(drive, "LATENCY", 5.0)
+    _, frames, _ = played(scenario(noise=0.01), Move(at=1.0, what="lower wall", to=(3.6, 2.5)))
+    assert frames[-1].outcome is Outcome.COLLISION
+    assert frames[-1].state[0] == pytest.approx(2.7, abs=0.05)  # its end at 2.8, less the radius
+
+
+def test_another_noise_keeps_the_tree_and_shakes_robot_and_samples_alike():
+    play, frames, _ = played(scenario(noise=0.01), Noise(at=0.3, noise=0.3), until=1.0)
+    assert play.live.built.driver.problem.dynamics.b == 0.3
+    assert len({id(frame.plan.space) for frame in frames}) == 1
+    assert len({frame.vertices for frame in frames}) == 1
+    before, after = ([f for f in frames if (f.time < 0.3 - 1e-9) is early] for early in (True, False))
+    spread = [np.std(np.concatenate([f.advance.states[:, 1] for f in part])) for part in (before, after)]
+    assert spread[1] > 5 * spread[0]
+
+
+@pytest.mark.parametrize(
+    ("event", "reason"),
+    [
+        (Move(at=0.1, what="lamp", to=(1.0, 1.0)), "could be moved; there are upper wall, lower wall, goal"),
+        (Move(at=0.1, what="goal", to=(3.4, 2.8)), "on top of the goal"),
+        (Move(at=0.1, what="upper wall", to=(1.1, 2.5)), "on top of the robot"),
+        (Move(at=0.1, what="goal", to=(50.0, 2.5)), "outside the workspace"),
+    ],
+)
+def test_what_cannot_be_moved_stays_and_is_told(event, reason):
+    play, frames, said = played(scenario(), event, until=0.6)
+    assert len(said) == 1
+    assert reason in said[0]
+    assert play.plant.done == []
+    assert len({id(frame.plan.space) for frame in frames}) == 1
+
+
+def test_where_no_way_is_left_the_drive_goes_on_as_planned_and_says_so(monkeypatch):
+    def nothing(world: World, before: object) -> None:
+        raise OptionError("nothing can be planned here")
+
+    known = scenario()
+    built = first(known)
+    monkeypatch.setattr(builder, "build", nothing)
+    said: list[str] = []
+    script = [Move(at=0.1, what="goal", to=(5.0, 3.0))]
+    play = Play(known.with_settings(max_time=0.6), built, script=script, real_time=False, tell=said.append)
+    frames = list(play.drive())
+    play.close()
+    assert said[1] == "nothing can be planned here; the drive goes on as planned before"
+    assert frames[-1].outcome is Outcome.TIMEOUT
+
+
+def test_after_the_goal_a_drive_goes_on_to_where_the_goal_is_put():
+    known = scenario(noise=0.02)
+    play = Play(known, first(known), real_time=False)
+    assert list(play.drive())[-1].outcome is Outcome.GOAL
+    play.plant.asked.append(Move(at=0.0, what="goal", to=(1.0, 2.5)))
+    start = play.again(home=False)
+    assert start[0] > 5.0
+    again = list(play.drive(start))
+    play.close()
+    assert again[-1].outcome is Outcome.GOAL
+    assert again[-1].state[0] < 1.4
+
+
+def test_a_played_script_is_the_same_every_time_and_tells_what_was_done(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = re.search(r"```json\n(.*?)```", (ROOT / "docs" / "play.md").read_text(), re.S)[1]
+    Path("push.json").write_text(text)
+    line = "play slit --headless --script push.json --vertices 150 --samples 40 --json"
+    results = []
+    for name in ("a.json", "b.json"):
+        assert main([*line.split(), name]) == 0
+        results.append(json.loads(Path(name).read_text()))
+    assert "upper wall moved by (0, 0.3) at 1.00 s" in capsys.readouterr().out
+    timed = ("step_ms", "deadline_misses")
+    first_, second = ({k: v for k, v in one.items() if k not in timed} for one in results)
+    assert first_ == second
+    assert [one["kind"] for one in first_["events"]] == ["push", "move", "move", "noise"]
+    assert [one["at"] for one in first_["events"]] == [0.5, 1.0, 1.5, 2.0]
+
+
+def test_in_real_time_the_same_code_follows_a_goal_that_is_moved():
+    known = scenario(noise=0.02, real_time=True, samples=20)
+    said: list[str] = []
+    play = Play(
+        known, first(known), script=[Move(at=0.5, what="goal", to=(2.5, 3.8))], real_time=True, tell=said.append
+    )
+    frames = list(play.drive())
+    play.close()
+    assert said[0].startswith("goal moved to (2.5, 3.8) at 0.5")
+    assert frames[-1].outcome is Outcome.GOAL
+    assert np.hypot(*(frames[-1].state[:2] - (2.5, 3.8))) <= 0.3
+
+
+def test_without_a_display_one_line_says_what_would_work(monkeypatch, capsys):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["play", "slit"]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "no display" in err
+    assert "--headless" in err
+
+
+WRONG = [
+    ("{}", "no list of steps"),
+    ("[1]", "step 1 is not one of push, move and noise"),
+    ('[{"at": 1, "push": [1, 0], "noise": 1}]', "step 1 is not one of"),
+    ('[{"at": 1, "push": [1]}]', "two numbers"),
+    ('[{"push": [1, 0]}]', '"at" is null'),
+    ('[{"at": -1, "noise": 0.1}]', '"at" is -1'),
+    ('[{"at": 1, "noise": true}]', '"noise" is true'),
+    ('[{"at": 1, "noise": NaN}]', '"noise" is NaN'),
+    ('[{"at": 1, "move": "goal"}]', 'either "to"'),
+    ('[{"at": 1, "move": "goal", "to": [1, 1], "by": [1, 1]}]', 'either "to"'),
+    ('[{"at": 1, "move": "goal", "too": [1, 1]}]', 'has "too"'),
+    ("no", "no JSON"),
+]
+
+
+@pytest.mark.parametrize(("text", "reason"), WRONG)
+def test_a_script_that_is_none_is_refused_by_step_and_key(tmp_path, text, reason):
+    (tmp_path / "script.json").write_text(text)
+    with pytest.raises(OptionError, match=re.escape(reason)):
+        events.read(tmp_path / "script.json")
+
+
+def test_a_script_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(OptionError, match=r"--script .*missing.json: it .* give a JSON file like"):
+        events.read(tmp_path / "missing.json")
+
+
+def test_steps_of_a_script_come_in_the_order_of_their_times(tmp_path):
+    (tmp_path / "script.json").write_text('[{"at": 2, "noise": 0.2}, {"at": 1, "move": "goal", "by": [1, 0]}]')
+    assert events.read(tmp_path / "script.json") == (
+        Move(at=1.0, what="goal", to=(1.0, 0.0), relative=True), Noise(at=2.0, noise=0.2),
+    )  # fmt: skip
+
+
+def test_the_page_on_playing_runs(capsys):
+    page = (ROOT / "docs" / "play.md").read_text()
+    known: dict = {}
+    exec(re.search(r"```python\n(.*?)```", page, re.S)[1], known)
+    assert known["frames"][-1].outcome is Outcome.GOAL
+    assert "goal moved to (5, 3.5)" in capsys.readouterr().out

@@ -1,0 +1,237 @@
+"""A recording as a table: every column is described, holds what the frames held, and survives a broken recording."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from drives import Drive
+
+from sim.cli import main
+from sim.drive.truth import Truth
+from sim.recording import export, read
+from sim.recording.columns import COLUMNS, Column, described, explained
+
+FAKE = Truth(value=9.0, control=np.array([0.5, -0.5]))
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    file, drive = tmp_path_factory.mktemp("export") / "slit.rrd", Drive()
+    with drive.recorder(file, truth=True) as recorder:
+        frames = []
+        for frame in drive.frames():
+            recorder.log(frame, truth=FAKE)
+            frames.append(frame)
+    return file, frames
+
+
+@pytest.fixture(scope="module")
+def table(drive):
+    return export.table(read.read(drive[0]))
+
+
+def test_columns_hold_what_the_frames_held(drive, table):
+    frames = drive[1]
+    estimates = [frame.plan.estimate for frame in frames]
+
+    def same(names, values):
+        np.testing.assert_array_equal(np.column_stack([table[name] for name in names.split()]).squeeze(), values)
+
+    same("step", [f.step for f in frames])
+    np.testing.assert_allclose(table["time"], [f.time for f in frames], atol=2e-6)
+    same("duration", [f.advance.time for f in frames])
+    same("x y", [f.plan.state for f in frames])
+    same("end_x end_y", [f.state for f in frames])
+    same("control_1 control_2", [f.plan.control for f in frames])
+    same("noise_1 noise_2", [f.advance.noise.sum(axis=0) for f in frames])
+    same("cost length", [(f.cost, f.length) for f in frames])
+    same("vertices", [f.vertices for f in frames])
+    same("clearance", [f.clearance for f in frames])
+    same("value value_error", [(e.value, e.value_error) for e in estimates])
+    same("control_error_1 control_error_2", [e.control_error for e in estimates])
+    same("exact_value exact_control_1 exact_control_2", [(9.0, 0.5, -0.5)] * len(frames))
+    np.testing.assert_allclose(table["plan_ms"], [1e3 * f.plan_seconds for f in frames])
+    assert list(table["outcome"]) == [""] * (len(frames) - 1) + ["timeout"]
+    for name in {name for e in estimates for name in e.class_weights}:
+        same(f"weight:{name}", [e.class_weights.get(name, 0.0) for e in estimates])
+        same(f"ess:{name}", [e.class_ess.get(name, 0.0) for e in estimates])
+
+
+def test_the_table_replays_the_drive(table):
+    moved = np.diff(np.column_stack([table["x"], table["y"]]), axis=0)
+    noise = 0.3 * np.column_stack([table["noise_1"], table["noise_2"]])[:-1]
+    control = np.column_stack([table["control_1"], table["control_2"]])[:-1] * table["duration"][:-1, None]
+    np.testing.assert_allclose(moved, noise + control, atol=5e-3)  # the control follows the state within a step
+
+
+def test_both_formats_hold_the_same_columns_with_units_and_settings(drive, table, tmp_path):
+    for name in ("a.parquet", "a.npz"):
+        assert main(["export", str(drive[0]), "-o", str(tmp_path / name)]) == 0
+    parquet, packed = pq.read_table(tmp_path / "a.parquet"), np.load(tmp_path / "a.npz")
+    about = json.loads(str(packed["about"]))
+    assert parquet.column_names == list(table) == list(about["columns"]) == packed.files[:-1]
+    for name, values in table.items():
+        field = parquet.schema.field(name)
+        assert field.metadata[b"unit"].decode() == about["columns"][name]["unit"] == described(name).unit
+        assert field.metadata[b"description"].decode() == about["columns"][name]["text"] != ""
+        np.testing.assert_array_equal(parquet.column(name).to_numpy(), values)
+        np.testing.assert_array_equal(packed[name], values)
+    assert json.loads(parquet.schema.metadata[b"pirrht"]) == about["settings"]
+    assert (about["settings"]["scene"], about["settings"]["seed"]) == ("slit", 0)
+
+
+def test_help_describes_every_column(capsys):
+    with pytest.raises(SystemExit):
+        main(["export", "--help"])
+    said = capsys.readouterr().out
+    for column in COLUMNS:
+        assert f"  {column.name} " in said
+        assert column.text in said
+        assert f"[{column.unit}]" in said or not column.unit
+
+
+def test_a_car_has_a_heading_and_one_control(tmp_path):
+    small = ["--vertices", "80", "--samples", "20", "--noise", "0.1", "--max-time", "0.3"]
+    record = str(tmp_path / "a.rrd")
+    assert main(["run", "slit", "--robot", "unicycle", *small, "--record", record]) == 1
+    table = export.table(read.read(tmp_path / "a.rrd"))
+    assert {"heading", "end_heading", "control_1", "noise_1"} <= table.keys()
+    assert not {"control_2", "noise_2", "exact_value"} & table.keys()
+    assert all(described(name).text for name in table)
+
+
+@pytest.mark.parametrize("share", [0.45, 0.7, 0.99])
+def test_of_a_recording_that_breaks_off_the_whole_chunks_are_exported(drive, table, tmp_path, capsys, share):
+    cut = tmp_path / "cut.rrd"
+    cut.write_bytes(drive[0].read_bytes()[: int(share * drive[0].stat().st_size)])
+    assert main(["export", str(cut), "-o", str(tmp_path / "a.npz")]) == 0
+    said, packed = capsys.readouterr().out, np.load(tmp_path / "a.npz")
+    count = len(packed["step"])
+    assert count > 0
+    assert ("without an outcome" in said) == (count < len(table["step"]))
+    for name in packed.files[:-1]:
+        end = count - 1 if name.startswith("end_") else count
+        np.testing.assert_array_equal(packed[name][:end], table[name][:end])
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, drive):
+    (tmp_path / "text.rrd").write_text("hello")
+    (tmp_path / "start.rrd").write_bytes(drive[0].read_bytes()[:60_000])
+    (tmp_path / "whole.rrd").write_bytes(drive[0].read_bytes())
+    (tmp_path / "empty.rrd").touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("typed", "reason"),
+    [
+        ("none.rrd -o a.npz", "no such file"),
+        (". -o a.npz", "a folder"),
+        ("text.rrd -o a.npz", "no Rerun recording"),
+        ("empty.rrd -o a.npz", "no Rerun recording"),
+        ("start.rrd -o a.npz", "holds no"),
+        ("whole.rrd -o a.csv", ".parquet, .npz"),
+        ("whole.rrd -o no/a.npz", "does not exist"),
+        ("whole.rrd", "-o"),
+    ],
+)
+def test_wrong_input_costs_one_line(folder, capsys, typed, reason):
+    before = sorted(folder.iterdir())
+    assert main(["export", *typed.split()]) == 2
+    said = capsys.readouterr()
+    assert not said.out
+    assert said.err.count("\n") == 1
+    assert reason in said.err
+    assert sorted(folder.iterdir()) == before
+
+
+def test_what_was_there_stays_until_the_table_is_complete(folder, capsys, monkeypatch):
+    def fail(stream, **arrays):
+        stream.write(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", fail)
+    (folder / "a.npz").write_bytes(b"precious")
+    before = sorted(folder.iterdir())
+    assert main(["export", "whole.rrd", "-o", "a.npz"]) == 2
+    assert "No space left" in capsys.readouterr().err
+    assert (folder / "a.npz").read_bytes() == b"precious"
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("ids", "titles"),
+    [
+        (["0,0,0,0,1,0,0,0,0,0,0,1", "0,0,0,-1,0,0,0,0,0,0,0,0", "other"], ["+5 +12", "-4", "other"]),
+        (["0,1", "-1,0"], ["0,1", "-1,0"]),
+    ],
+)
+def test_columns_of_classes_bear_the_titles_of_tables_and_keep_the_whole_id_beside(tmp_path, ids, titles):
+    cells = {"classes": ids, "weights": [0.5, 0.3, 0.2][: len(ids)], "ess": [5.0, 3.0, 2.0][: len(ids)]}
+    known = read.Recording(settings={}, steps=[(0, 0.0, {**cells, "state": [1.0, 2.0]})], plan_ms={})
+    table = export.table(known)
+    assert [name for name in table if name.startswith(("weight:", "ess:"))] == [
+        f"{kind}:{title}" for kind in ("weight", "ess") for title in titles
+    ]
+    for name in ("a.parquet", "a.npz"):
+        export.write(tmp_path / name, table, known)
+    schema, about = pq.read_schema(tmp_path / "a.parquet"), json.loads(str(np.load(tmp_path / "a.npz")["about"]))
+    for title, whole in zip(titles, ids, strict=True):
+        assert schema.field(f"weight:{title}").metadata[b"class"].decode() == whole
+        assert about["columns"][f"ess:{title}"]["class"] == whole
+
+
+def test_one_more_row_in_the_table_of_columns_is_one_more_column_everywhere(tmp_path, monkeypatch, capsys):
+    more = Column("steps_taken", "1", "physics steps within the control step", lambda r: [len(r.states)], kind=int)
+    for module in ("columns", "export"):
+        monkeypatch.setattr(f"sim.recording.{module}.COLUMNS", (*COLUMNS, more))
+    drive, file = Drive(), tmp_path / "a.rrd"
+    with drive.recorder(file) as recorder:
+        frames = list(drive.frames(0.05))
+        for frame in frames:
+            recorder.log(frame)
+    table = export.table(read.read(file))
+    assert table["steps_taken"].tolist() == [len(frame.advance.states) for frame in frames]
+    assert described("steps_taken").text in explained()
+
+
+def test_a_column_that_no_step_has_is_left_out_only_if_drives_may_do_without_it():
+    table = export.table(read.Recording(settings={}, steps=[(0, 0.0, {"state": [1.0, 2.0, 0.5, 7.0]})], plan_ms={}))
+    assert table["state_4"] == 7.0
+    assert np.isnan(table["end_state_4"])
+    assert "exact_value" not in table
+    assert table["outcome"].tolist() == [""]
+    assert all(described(name).text for name in table)
+
+
+@pytest.mark.parametrize(
+    ("states", "names"),
+    [
+        ("x y vx vy", ["x", "y", "vx", "vy"]),
+        ("x y vy heading vx", ["x", "y", "heading", "vx", "vy"]),
+        ("x y surge heading", ["x", "y", "heading", "state_3"]),
+    ],
+)
+def test_states_are_columns_by_their_names_wherever_they_stand(states, names):
+    order = states.split()
+    row = {"state": [float(k) for k in range(len(order))], "end": [10.0 + k for k in range(len(order))]}
+    table = export.table(read.Recording(settings={"states": states}, steps=[(0, 0.0, row)], plan_ms={}))
+    assert [n for n in table if n in names or n.startswith("state_")] == names
+    for name in names:
+        at = order.index(name) if name in order else int(name.removeprefix("state_")) - 1
+        assert table[name] == float(at)
+        assert table[f"end_{name}"] == 10.0 + at
+
+
+@pytest.mark.parametrize("name", ["x" * 300, b"b\xff".decode("utf-8", "surrogateescape")])
+def test_names_that_no_system_takes_cost_one_line(folder, capsys, name):
+    for typed in (["whole.rrd", "-o", f"{name}.npz"], [f"{name}.rrd", "-o", "a.npz"]):
+        assert main(["export", *typed]) == 2
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert "name too long" in said or "not UTF-8" in said

@@ -1,0 +1,234 @@
+"""Recordings read back: what is in them, what they cost, and what happens when a run or a viewer dies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import rerun as rr
+from drives import MAX_TIME, Drive, columns, record, rerun
+from rerun.chunk import RrdReader
+
+from pirrht.compiled.cache import cached
+from pirrht.errors import OptionError
+from sim.cli import warm
+from sim.drawing import strokes
+from sim.drawing.colors import PALETTE, ClassColors, title
+from sim.drive.episode import run
+from sim.recording import geoms
+from sim.recording.step_row import Row
+from sim.recording.subject import telling
+
+STATIC_BYTES = 510_000  # scene, robot, tree, legend, the last picture, and 215 kB of blueprint
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    file = tmp_path_factory.mktemp("recording") / "slit.rrd"
+    return file, *record(file)
+
+
+def test_every_step_is_a_row_with_the_numbers_of_its_frame(recorded):
+    file, frames, _ = recorded
+    steps = columns(file)["/steps"]
+    assert steps["step"] == [frame.step for frame in frames]
+    assert np.allclose([t.total_seconds() for t in steps["sim_time"]], [f.time for f in frames], atol=2e-6)
+    assert np.array_equal(steps["state"], [frame.plan.state for frame in frames])
+    assert np.array_equal(steps["control"], [frame.plan.control for frame in frames])
+    assert np.array_equal(steps["noise"], [frame.advance.noise.sum(axis=0) for frame in frames])
+    assert np.array_equal(np.ravel(steps["cost"]), [frame.cost for frame in frames])
+    assert np.array_equal(np.ravel(steps["clearance"]), [frame.clearance for frame in frames])
+    assert np.array_equal(np.ravel(steps["value"]), [frame.plan.estimate.value for frame in frames])
+    assert np.array_equal(np.ravel(steps["value_error"]), [frame.plan.estimate.value_error for frame in frames])
+    assert np.array_equal(steps["control_error"], [frame.plan.estimate.control_error for frame in frames])
+    for i, frame in enumerate(frames):
+        named = dict(zip(steps["classes"][i], steps["weights"][i], strict=True))
+        assert named == frame.plan.estimate.class_weights
+        assert steps["ess"][i] == list(frame.plan.estimate.class_ess.values())
+
+
+def test_a_value_known_without_samples_is_recorded_without_error(recorded):
+    _, frames, _ = recorded
+    plan = replace(frames[0].plan, estimate=None, instead=frames[0].plan.tape, law=None)
+    for exact, value, error in ((8.5, 8.5, 0.0), (None, np.inf, np.inf)):
+        row = Row.of(replace(frames[0], plan=replace(plan, exact=exact)), False, None)
+        assert (row.value, row.value_error) == (value, error)
+        assert np.all(row.control_error == error)
+
+
+def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded):
+    file, frames, news = recorded
+    table = columns(file)
+    robot = table["/world/robot"]
+    assert np.allclose(np.array(robot["Transform3D:translation"])[-1, 0, :2], frames[-1].state, atol=1e-6)
+    assert robot["step"] == [0, *range(len(frames) + 1)]  # it is placed before there is anything to see
+    assert [text for line in table["/log"]["TextLog:text"] for text in line] == news
+    plots = ("weight", "value", "ess", "arriving", "clearance", "control", "cost")
+    for path in ("/world/path", *(f"/why/{name}" for name in plots)):
+        assert len(table[path]["step"]) == len(frames), path
+    assert len(table["/timing/plan"]["Scalars:scalars"]) == len(frames)
+    for path in ("/world/references", "/world/ways", "/why/page", "/tree/1/references", "/world/samples/dead"):
+        assert 2 <= len(table[path]["step"]) <= 2 + 5 * MAX_TIME, path
+    entities = {chunk.entity_path for chunk in RrdReader(str(file)).stream()}
+    for path in ("/world/scene/obstacles/boxes", "/world/robot/body/cylinders", "/tree/2/edges", "/about"):
+        assert path in entities
+    for path in ("/world/eyes/above", "/world/eyes/following"):
+        assert path in entities
+    timelines = {name for chunk in RrdReader(str(file)).stream() for name in chunk.timeline_names}
+    assert timelines == {"step", "sim_time"}
+    assert RrdReader(str(file)).blueprints()
+
+
+def test_class_weights_are_lines_that_add_up_to_one(recorded):
+    file, frames, _ = recorded
+    lines = np.array(columns(file)["/why/weight"]["Scalars:scalars"])
+    assert len(lines) == len(frames)
+    for frame, shares in zip(frames, lines, strict=True):
+        drawn = shares[np.isfinite(shares)]
+        assert drawn.sum() == pytest.approx(1.0, abs=1e-4)
+        weights = [w for name, w in frame.plan.estimate.class_weights.items() if name != "other"]
+        assert np.allclose(np.sort(drawn[1:]), np.sort(weights), atol=1e-4)
+
+
+def test_the_running_cost_and_the_room_are_plotted_as_the_frames_have_them(recorded):
+    file, frames, _ = recorded
+    table = columns(file)
+    cost = np.array(table["/why/cost"]["Scalars:scalars"])
+    np.testing.assert_allclose(cost[:, 0], [f.cost for f in frames], rtol=1e-4)
+    np.testing.assert_allclose(cost[:, 1], [f.cost + f.plan.estimate.value for f in frames], rtol=1e-4)
+    np.testing.assert_allclose(
+        np.ravel(table["/why/clearance"]["Scalars:scalars"]), [f.clearance for f in frames], rtol=1e-4
+    )
+
+
+def test_the_page_tells_the_moment_of_its_plan(recorded):
+    file, _, _ = recorded
+    pages = columns(file)["/why/page"]
+    for when, text in zip(pages["sim_time"], pages["TextDocument:text"], strict=True):
+        assert f"Plan and samples of {when.total_seconds():.2f} s" in text[0]
+        assert "between upper wall and lower wall" in text[0].lower()
+
+
+def test_a_closed_recording_is_whole(recorded):
+    result = rerun("rrd", "verify", recorded[0])
+    assert result.returncode == 0, result.stderr
+
+
+def test_two_runs_of_one_seed_differ_in_wall_time_only(recorded, tmp_path):
+    again = tmp_path / "again.rrd"
+    record(again)
+    timeless = []
+    for file in (recorded[0], again):
+        timeless.append(tmp_path / f"{file.stem}-timeless.rrd")
+        assert rerun("rrd", "filter", "--drop-entity", "/timing/plan", file, "-o", timeless[-1]).returncode == 0
+    result = rerun("rrd", "compare", *timeless)
+    assert result.returncode == 0, result.stderr[-2000:]
+
+
+def test_its_size_stays_within_bounds(recorded):
+    file, frames, _ = recorded
+    assert file.stat().st_size <= STATIC_BYTES + 450_000 * frames[-1].end_time
+
+
+def test_classes_keep_their_colours_and_have_short_titles():
+    colors = ClassColors()
+    assert colors.meet(("0,0", "0,-1"))
+    assert not colors.meet(("0,-1", "other"))
+    assert colors["0,0"] == PALETTE[0]
+    assert len({colors[str(i)] for i in range(16)}) == 16
+    assert title("0,-1") == "0,-1"
+    assert title("0,0,0,0,1,0,-1") == "+5 -7"
+
+
+def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side():
+    drive = Drive()
+    homology = drive.space.homology
+    for reference in drive.tree.references(drive.scene.start[:2]):
+        line = strokes.even(reference.trajectory.points, 32)
+        for k in range(homology.M):
+            height = strokes.remaining(homology, reference, line, k)
+            assert height[0] == reference.signature[k]
+            assert height[-1] == pytest.approx(1.0 + homology.straight(line[-1:])[0, k], abs=1e-9)
+            assert np.abs(np.diff(height)).max() < 0.25
+
+
+def test_late_classes_have_colours_that_no_early_one_has():
+    colors = ClassColors()
+    drawn = [colors[str(i)] for i in range(40)]
+    assert len(set(drawn[:18])) == 18
+    assert not set(drawn[:18]) & set(drawn[18:])
+
+
+def test_a_tree_that_grows_is_drawn_vertex_by_vertex_and_none_twice(tmp_path):
+    drive, file = Drive(), tmp_path / "grown.rrd"
+    before = drive.tree.size
+    with drive.recorder(file) as recorder:
+        for frame in run(drive.plant, drive.controller, drive.scene.start, drive.plant_rng, max_time=0.6, grow=3):
+            recorder.log(frame)
+            size = frame.vertices
+    assert size > before
+    for k in (0, 1):
+        rows = columns(file)[f"/tree/{k + 1}/growth"]["LineStrips3D:strips"]
+        ends, _ = strokes.tree_edges(drive.tree, k, 10_000, since=before)
+        gained = {tuple(tail) for tail in strokes.lift(ends[:, 0, :2], 0.0)[:, :2]}
+        drawn = [{tuple(strip[0, :2]) for strip in np.array(row)} for row in rows]
+        assert 2 <= len(rows) <= 5  # pictures are drawn five times a second
+        assert set().union(*drawn) <= gained
+        assert len(set().union(*drawn)) == sum(len(tails) for tails in drawn)
+        assert sum(len(tails) for tails in drawn) > 0.8 * len(gained)
+
+
+def test_edges_of_a_tree_are_those_of_its_first_vertices_and_of_the_later_ones():
+    tree = Drive().tree
+    whole, _ = strokes.tree_edges(tree, 0, 10_000)
+    first = len(whole) - len(strokes.tree_edges(tree, 0, 10_000, since=120)[0])
+    assert 0 < first < len(whole)
+    assert np.array_equal(whole[first:], strokes.tree_edges(tree, 0, 10_000, since=120)[0])
+
+
+def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_one_chooses(tmp_path):
+    drive = Drive()
+    x = drive.scene.start[:2]
+    lengths = drive.tree.lengths(x)
+    first, second, *_ = sorted(lengths, key=lambda winding: lengths[winding])
+    found = telling(drive.tree, x)
+    assert first[found[0]] != second[found[0]]
+    assert sorted(found) == [0, 1]
+    with drive.recorder(tmp_path / "chosen.rrd", lift=[2]) as recorder:
+        for frame in drive.frames(0.02):
+            recorder.log(frame)
+    paths = {chunk.entity_path for chunk in RrdReader(str(tmp_path / "chosen.rrd")).stream()}
+    assert "/tree/2/edges" in paths
+    assert "/tree/1/edges" not in paths
+    with pytest.raises(OptionError, match="--record-lift 3: slit has the obstacles 1 to 2"):
+        drive.recorder(lift=[3])
+
+
+def test_compiled_kernels_are_found_where_the_first_command_looks_for_them(recorded):
+    assert cached(warm.sampler("single_integrator"))
+    assert cached(warm.PLANNER)
+
+
+MESHES = """<mujoco>
+  <asset><mesh name="m" vertex="0 0 0  .3 0 0  0 .3 0  0 0 .6"/></asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="3 3 .1"/>
+    <geom name='my box/1 "x"' type="mesh" mesh="m" pos="0 0 .1"/>
+    <geom name='my box\\/1 "x"' type="mesh" mesh="m" pos="0 1 .1"/>
+    <geom name="3" type="mesh" mesh="m" pos="1 1 .1"/>
+    <geom type="mesh" mesh="m" pos="0 -1.5 .1"/>
+  </worldbody>
+</mujoco>"""
+
+
+def test_meshes_have_entity_paths_of_their_own_whatever_their_names(capfd):
+    model = mujoco.MjModel.from_xml_string(MESHES)
+    drawn = geoms.solids(model, geoms.shown(model))
+    assert len(drawn) == 4
+    stream = rr.RecordingStream("meshes")
+    for path, solid in drawn.items():
+        assert len(path.replace("\\\\", "").replace("\\/", "").split("/")) == 2  # `meshes` and one part, escaped
+        stream.log(f"/world/{path}", solid)
+    assert "WARN" not in capfd.readouterr().err

@@ -1,0 +1,90 @@
+"""How a recording ends: killed, without a viewer, late, or refused before it begins."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+
+import pytest
+from drives import Drive, columns
+
+from pirrht.errors import OptionError
+from sim.drive.urgent import URGENT
+from sim.recording import viewer
+from sim.recording.sink import NAP, ROOM
+from sim.recording.stream import Stream
+
+
+def test_a_viewer_that_is_not_there_is_refused(tmp_path):
+    drive, file = Drive(), tmp_path / "none.rrd"
+    with pytest.raises(OptionError, match=r"rerun\+http://127.0.0.1:9/proxy.*listens.*rerun --bind"):
+        drive.recorder(file, connect="rerun+http://127.0.0.1:9/proxy")
+    assert not file.exists()
+
+
+@pytest.mark.parametrize("url", ["localhost", "http://127.0.0.1:9876/proxy", "rerun+http://127.0.0.1:99999/proxy"])
+def test_an_address_that_is_no_viewers_is_refused_with_an_example(url):
+    with pytest.raises(OptionError, match=r"write one like rerun\+http://"):
+        viewer.probe(url)
+
+
+def test_a_viewer_needs_a_display(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    with pytest.raises(OptionError, match=r"display.*--record"):
+        viewer.spawn()
+
+
+def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
+    drive, release = Drive(), threading.Event()
+    frame = next(drive.frames())
+    monkeypatch.setattr(viewer, "probe", lambda url: None)
+    monkeypatch.setattr(Stream, "connect", lambda self, url, blueprint: release.wait())
+    monkeypatch.setattr("sim.recording.sink.GRACE", 0.1)
+    recorder = drive.recorder(tmp_path / "both.rrd", connect=viewer.EXAMPLE)
+    for _ in range(ROOM + 100):  # what waited for the viewer would wait for ever
+        recorder.log(frame)
+    recorder.close()
+    assert recorder.dropped == ROOM + 100
+    assert len(columns(tmp_path / "both.rrd")["/steps"]["step"]) == ROOM + 100
+
+
+def test_a_file_is_written_after_a_drive_against_the_clock_and_misses_nothing(tmp_path, monkeypatch):
+    drive = Drive()
+    frame = next(drive.frames())
+    recorder = drive.recorder(tmp_path / "late.rrd")
+    with URGENT.drive():
+        for _ in range(ROOM + 100):
+            recorder.log(frame)
+        time.sleep(5.0 * NAP)
+        assert recorder.waiting == ROOM + 100
+        monkeypatch.setattr("sim.recording.sink.KEPT", 0)  # no more room for what is kept
+        while recorder.waiting > ROOM:
+            time.sleep(NAP)
+    recorder.close()
+    assert recorder.waiting == 0
+    assert len(columns(tmp_path / "late.rrd")["/steps"]["step"]) == ROOM + 100
+
+
+def test_output_that_cannot_be_written_is_named_before_the_run(tmp_path):
+    drive = Drive()
+    for file, reason in ((tmp_path / "no" / "a.rrd", "does not exist"), (tmp_path, "is a folder")):
+        with pytest.raises(OptionError, match=reason) as caught:
+            drive.recorder(file)
+        assert str(file) in str(caught.value)
+
+
+def test_a_run_without_frames_leaves_the_old_file_alone(tmp_path):
+    file = tmp_path / "old.rrd"
+    file.write_bytes(b"precious")
+    with pytest.raises(ZeroDivisionError), Drive().recorder(file):
+        raise ZeroDivisionError
+    assert file.read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize(("option", "value"), [("hz", 0.0), ("hz", float("nan")), ("samples", "few")])
+def test_options_that_cannot_work_are_refused(option, value):
+    with pytest.raises(OptionError, match="--record-"):
+        Drive().recorder(**{option: value})

@@ -1,0 +1,116 @@
+"""The file of a recording: full disks, links, pipes and odd names cost one line and never what was there before."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from drives import record
+from rerun import recording_stream
+
+from pirrht.errors import OptionError
+from sim.cli import main
+from sim.recording import read, relay, viewer
+from sim.recording.sinks import Sinks
+from sim.recording.stream import Stream
+
+SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
+
+
+@pytest.fixture
+def planned(monkeypatch):
+    """Whether a command has come to plan."""
+    begun: list[str] = []
+    for command in ("plan", "run", "estimate"):
+        monkeypatch.setattr(f"sim.cli.{command}_command.planned", lambda *_: begun.append("planned"))
+    return begun
+
+
+def test_without_descriptors_as_files_rerun_writes_the_draft_itself(tmp_path, monkeypatch):
+    monkeypatch.setattr(relay, "DOORS", tmp_path / "none")
+    file = tmp_path / "a.rrd"
+    frames, _ = record(file)
+    assert len(read.read(file).steps) == len(frames)
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_device_that_forgets_takes_a_recording():
+    frames, _ = record(file=Path(os.devnull))
+    assert frames
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes as POSIX has them")
+def test_a_pipe_is_refused_by_name_before_the_plan(tmp_path, capsys, planned):
+    os.mkfifo(tmp_path / "pipe")
+    assert main([*SHORT, "--record", str(tmp_path / "pipe")]) == 2
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert "pipe is a pipe" in said.err
+    assert not planned
+
+
+@pytest.mark.parametrize(
+    ("typed", "reason"),
+    [
+        (["--connect", "rerun+http://127.0.0.1:9/proxy"], "no viewer listens"),
+        (["--view"], "display"),
+        (["--record-lift", "3"], "slit has the obstacles 1 to 2"),
+        (["--record-hz", "0"], "--record-hz"),
+        (["--record", "x" * 300], "too long"),
+        (["--record", os.fsdecode(b"b\xff.rrd")], "not UTF-8"),
+    ],
+)
+def test_what_cannot_be_recorded_or_shown_is_refused_before_the_plan(monkeypatch, capsys, planned, typed, reason):
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setenv("DISPLAY", ":4711")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert main([*SHORT, *typed]) == 2
+    said = capsys.readouterr()
+    assert not said.out
+    assert said.err.count("\n") == 1
+    assert reason in said.err
+    assert not planned
+
+
+def test_a_viewer_that_is_not_installed_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv("RERUN_CLI_PATH", str(tmp_path / "rerun"))
+    with pytest.raises(OptionError, match="--serve: there is no viewer"):
+        Sinks(serve=True).check()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "address"),
+    [
+        ("DISPLAY", ":1.0", "/tmp/.X11-unix/X1"),
+        ("DISPLAY", "far:10", ("far", 6010)),
+        ("WAYLAND_DISPLAY", "wayland-0", "/run/user/7/wayland-0"),
+    ],
+)
+def test_displays_are_asked_where_they_listen(monkeypatch, name, value, address):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", "/run/user/7")
+    assert viewer._display(name, value)[1][0] == address
+
+
+def test_ctrl_c_while_a_stream_is_made_is_only_an_interruption(monkeypatch):
+    made, complaints = recording_stream.bindings.new_recording, []
+
+    def interrupted(**options):
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(0.1)
+        return made(**options)
+
+    monkeypatch.setattr(recording_stream.bindings, "new_recording", interrupted)
+    monkeypatch.setattr(sys, "unraisablehook", complaints.append)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            Stream("application", "id", orderly=True)
+        gc.collect()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert not complaints

@@ -1,0 +1,259 @@
+"""Recordings of scenes with moving bodies: where plans take them to be, and the tab with time upward."""
+
+from __future__ import annotations
+
+import warnings
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from drives import Drive, Moving, columns, record, timed
+from moving_scenes import body, moving_scene, rows
+from rerun.chunk import RrdReader
+
+from pirrht.arrays import Array
+from pirrht.geometry.scene import Scene
+from pirrht.plotting.ground import MOMENTS, outline
+from sim.drawing.colors import ClassColors
+from sim.drawing.strokes import timed as in_time
+from sim.mjcf import load
+from sim.recording.bystanders import Bystanders
+from sim.recording.layout import layout
+from sim.recording.legend import legend
+from sim.recording.look import Look
+from sim.recording.reasons import reasons, words_of
+from sim.recording.spacetime import SpaceTime
+from sim.recording.subject import Subject
+from sim.scenario import prepare
+
+MAX_TIME = 0.6
+
+
+ROUNDING = 0.5 / 256 + 1e-6
+
+
+PICTURED = ("/world/foreseen", *(f"/spacetime/{name}" for name in ("braids", "names", "samples", "foreseen")))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    file = tmp_path_factory.mktemp("space_time") / "drive.rrd"
+    drive = Moving("closing_door", vertices=100, samples=60)
+    with drive.recorder(file) as recorder:
+        frames = []
+        for frame in timed(drive.frames(MAX_TIME)):
+            recorder.log(frame)
+            frames.append(frame)
+    return columns(file), drive, frames
+
+
+def pictured(known: dict[str, list], frames: list) -> list:
+    """The frames of the pictures of an entity."""
+    return [frames[step] for step in known["step"]]
+
+
+def strips(cells: list) -> list[Array]:
+    return [np.array(strip, dtype=float) for strip in cells]
+
+
+def subject_of(drive: Drive, **look) -> Subject:
+    integral = drive.controller.path_integral
+    return Subject(loaded=drive.loaded, tree=drive.tree, path_integral=integral, look=Look(**look), settings={})
+
+
+def tabs(subject: Subject) -> list[str]:
+    return [tab.name for tab in layout(subject, live=False).root_container.contents]
+
+
+def rise(drive: Drive) -> float:
+    """Meters of a second."""
+    return float(np.sqrt(2.0 * 1.0 / 2.0))  # the best speed of q = 1, r = 2
+
+
+def test_outlines_on_the_map_are_where_the_body_is_going_to_be(recorded):
+    table, drive, frames = recorded
+    known = table["/world/foreseen"]
+    assert len(known["step"]) == 1 + round(5 * MAX_TIME)
+    (mover,) = drive.scene.movers
+    for frame, cells in zip(pictured(known, frames), known["LineStrips3D:strips"], strict=True):
+        drawn = strips(cells)
+        times = [after for after in MOMENTS if frame.time + after - MOMENTS[0] < mover.motion.last]
+        assert len(drawn) == len(times)
+        for ring, after in zip(drawn, times, strict=True):
+            (solid,) = mover.at(frame.time + after)
+            np.testing.assert_allclose(ring[:-1, :2], outline(solid), atol=ROUNDING)
+
+
+def test_every_picture_has_its_braids_their_names_and_samples(recorded):
+    table, _, frames = recorded
+    steps = table["/world/references"]["step"]
+    for path in PICTURED:
+        assert table[path]["step"] == steps, path
+    assert steps == [k for k, frame in enumerate(frames) if frame.step in steps]
+
+
+def test_braids_are_the_references_of_all_classes_with_their_times_upward(recorded):
+    table, drive, frames = recorded
+    known = table["/spacetime/braids"]
+    goal = drive.scene.goal
+    for frame, cells in zip(pictured(known, frames), known["LineStrips3D:strips"], strict=True):
+        drawn = strips(cells)
+        assert len(drawn) == len(frame.plan.references)
+        for line, reference in zip(drawn, frame.plan.references, strict=True):
+            way = in_time(reference, frame.time)
+            np.testing.assert_allclose(line[0], [*frame.plan.state, rise(drive) * frame.time], atol=ROUNDING)
+            assert line[-1, 2] == pytest.approx(rise(drive) * way[-1, 2], abs=ROUNDING)
+            assert way[-1, 2] - frame.time == pytest.approx(reference.trajectory.durations.sum())
+            assert np.linalg.norm(line[-1, :2] - goal.center) <= goal.radius + 0.02
+            assert np.all(np.diff(line[:, 2]) >= 0.0)
+
+
+def test_the_tube_of_a_body_is_where_it_is_at_every_time(recorded):
+    table, drive, _ = recorded
+    (mover,) = drive.scene.movers
+    known = table["/spacetime/bodies/door"]
+    corners = np.vstack([np.array(cell) for cell in known["Mesh3D:vertex_positions"]])
+    heights = np.unique(corners[:, 2])
+    assert heights[0] == 0.0
+    assert heights[-1] >= rise(drive) * 4.0
+    for z in heights:
+        (solid,) = mover.at(z / rise(drive))
+        ring = corners[corners[:, 2] == z][:, :2]
+        true = outline(solid)
+        gap = np.linalg.norm(ring[:, None] - true, axis=2).min(axis=1)
+        assert gap.max() < 2 * ROUNDING
+
+
+def test_tubes_walls_and_seconds_reach_above_every_braid(recorded):
+    table, drive, _ = recorded
+    top = max(line[-1][2] for cells in table["/spacetime/braids"]["LineStrips3D:strips"] for line in cells)
+    for path in ("/spacetime/bodies/door", "/spacetime/walls", "/spacetime/goal"):
+        corners = np.vstack([np.array(cell) for cell in table[path]["Mesh3D:vertex_positions"]])
+        assert corners[:, 2].max() >= top - ROUNDING, path
+    labels = [label for cell in table["/spacetime/axis/names"]["Points3D:labels"] for label in cell]
+    assert labels[0] == "0 s"
+    assert len(labels) > 3
+    marks = np.vstack([np.array(cell) for cell in table["/spacetime/axis/names"]["Points3D:positions"]])
+    np.testing.assert_allclose(marks[:, 2], [rise(drive) * float(label[:-2]) for label in labels], atol=ROUNDING)
+
+
+def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
+    table, drive, frames = recorded
+    known = table["/spacetime/path"]
+    assert known["step"] == list(range(len(frames)))
+    for frame, cells in zip(frames, known["LineStrips3D:strips"], strict=True):
+        (piece,) = strips(cells)
+        np.testing.assert_allclose(piece[0], [*frame.plan.state, rise(drive) * frame.time], atol=ROUNDING)
+        end = [*frame.advance.states[-1], rise(drive) * frame.end_time]
+        np.testing.assert_allclose(piece[-1], end, atol=ROUNDING)
+    heights = [cell[0][2] for cell in table["/spacetime/now"]["Transform3D:translation"]]
+    times = [frame.time for frame in frames] + [frames[-1].end_time]
+    np.testing.assert_allclose(heights, rise(drive) * np.array(times), atol=1e-5)
+
+
+def test_samples_go_up_from_where_the_robot_is_and_arrive_at_the_goal(recorded):
+    table, drive, frames = recorded
+    known, goal = table["/spacetime/samples"], drive.scene.goal
+    counted = 0
+    for frame, cells in zip(pictured(known, frames), known["LineStrips3D:strips"], strict=True):
+        for line in strips(cells or []):
+            counted += 1
+            np.testing.assert_allclose(line[0], [*frame.plan.state, rise(drive) * frame.time], atol=2 * ROUNDING)
+            assert np.all(np.diff(line[:, 2]) >= 0.0)
+            assert np.linalg.norm(line[-1, :2] - goal.center) < goal.radius + 0.15
+    assert counted > 20
+
+
+def test_a_moving_body_bears_its_name_wherever_it_goes(recorded, tmp_path):
+    _, drive, _ = recorded
+    file = tmp_path / "named.rrd"
+    with drive.recorder(file) as recorder:
+        recorder.log(next(drive.frames(0.02)))
+    labels = {}
+    for chunk in RrdReader(str(file)).stream():
+        if chunk.is_static and "Points3D:labels" in chunk.to_record_batch().schema.names:
+            labels[chunk.entity_path] = chunk.to_record_batch().column("Points3D:labels").to_pylist()[0]
+    assert labels["/world/scene/movers/door/name"] == ["door"]
+    assert labels["/spacetime/bodies/door/name"] == ["door"]
+
+
+def test_where_plans_see_velocities_only_bodies_are_foreseen_to_go_straight_on():
+    scenario = prepare("closing_door", given={"predict": "velocity", "vertices": 60, "samples": 10, "max_time": 0.5})
+    driver = scenario.driver(scenario.grown_tree())
+    (mover,) = scenario.loaded.scene.movers
+    bent = 0
+    for frame in scenario.drive(scenario.plant(), driver):
+        (taken,) = frame.plan.movers
+        now, later = mover.motion.pose(frame.time), frame.time + 1.5
+        np.testing.assert_allclose(taken.motion.pose(frame.time), now, atol=0.006)
+        straight = now + 1.5 * mover.motion.velocity(frame.time)
+        np.testing.assert_allclose(taken.motion.pose(later), straight, atol=0.1)
+        bent += bool(np.linalg.norm(taken.motion.pose(later) - mover.motion.pose(later)) > 0.3)
+    assert bent > 10  # the door rests at first, and nobody knows that it will close
+
+
+def test_a_plan_that_knows_the_motions_foresees_them_as_they_are(recorded):
+    _, drive, frames = recorded
+    assert all(frame.plan.movers == drive.scene.movers for frame in frames)
+
+
+def test_samples_that_hit_a_moving_body_are_told_to_have_hit_it():
+    drive = Moving("crossing", vertices=100, samples=200)
+    start = drive.scene.start[:2]
+    drive.controller.begin(start)
+    plan, integral = drive.controller.plan(start), drive.controller.path_integral
+    others = Bystanders(drive.scene.movers, drive.scene.footprint)
+    found = reasons(plan, integral, (), words_of(plan, integral, ()), None, others)
+    hit = [what for reason in found for what, _ in reason.where]
+    assert hit
+    assert set(hit) == {"crosser"}
+
+
+def test_the_nearest_body_is_named_with_the_distance_that_the_crowd_tells():
+    scene: Scene = load("pincer").scene
+    from pirrht.geometry.crowd import Crowd
+
+    others, crowd = Bystanders(scene.movers, scene.footprint), Crowd(scene.movers, scene.footprint)
+    rng = np.random.default_rng(0)
+    places, times = rng.uniform(scene.lower, scene.upper, (30, 2)), rng.uniform(0, 3, 30)
+    found = others.nearest(scene.movers, places, times)
+    for place, time, (free, name) in zip(places, times, found, strict=True):
+        assert free == pytest.approx(crowd.clearance(place, float(time)), abs=1e-9)
+        upper = max(scene.movers, key=lambda mover: float(mover.motion.pose(0.0)[1])).name
+        assert (name == upper) == (place[1] > 2.55) or abs(place[1] - 2.55) < 0.1
+
+
+def test_where_bodies_move_time_upward_takes_the_place_of_the_tree_unless_that_is_asked_for(recorded):
+    _, drive, _ = recorded
+    assert tabs(subject_of(drive)) == ["Drive", "Why", "Space-time", "About"]
+    assert tabs(subject_of(drive, lift=(1,))) == ["Drive", "Why", "Space-time", "Tree", "About"]
+    assert tabs(subject_of(Drive())) == ["Drive", "Why", "Tree", "About"]
+
+
+def test_the_words_about_tubes_and_outlines_stand_only_where_there_are_any(recorded):
+    _, drive, _ = recorded
+    assert "Space-time" in legend(subject_of(drive))
+    assert "Pale outlines" in legend(subject_of(drive))
+    assert "Space-time" not in legend(subject_of(Drive()))
+
+
+def test_a_recording_of_what_stands_has_nothing_of_it(tmp_path):
+    record(tmp_path / "slit.rrd")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        paths = {chunk.entity_path for chunk in RrdReader(str(tmp_path / "slit.rrd")).stream()}
+    assert "/world/references" in paths
+    assert not [path for path in paths if path.startswith("/spacetime") or "foreseen" in path or "movers" in path]
+
+
+def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_path):
+    world = body("b", 'type="box" size=".3 .1 .2"', "2 2 0.1")
+    drive = Moving(moving_scene(tmp_path, world, rows("b", "0 2 2 0  0.4 3 2 3", repeat=True)))
+    logged = []
+    stream = SimpleNamespace(log=lambda path, *rest: logged.append((path, rest[-1])))
+    shown = SpaceTime(stream, subject_of(drive), ClassColors())
+    for time in (1.3, 1.9, 3.2):
+        shown._reach(time, (0, 0.0))
+    tubes = [picture for path, picture in logged if path == "/spacetime/bodies/b"]
+    spans = [np.array(one.vertex_positions.as_arrow_array().to_pylist())[:, 2] / rise(drive) for one in tubes]
+    assert [(span.min(), span.max()) for span in spans] == [(0.0, 2.0), (2.0, 4.0)]

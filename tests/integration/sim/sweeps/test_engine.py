@@ -1,0 +1,111 @@
+"""Errands on processes: each is done once, whatever happens to those who do them."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from tasks import Task, gone, held, process_of, square, threads_of
+
+from sim.sweeps.engine import LIBRARIES, Agenda, Pool, Stop, _hand_out, in_turn, interruptible
+
+TASKS = [Task(scene, number) for scene in ("a", "b", "c") for number in range(4)]
+
+
+def results(work, tasks, size=2, stop=None, lost=lambda task, why: why):
+    with Pool(size) as pool:
+        return [r for r in pool.run(work, Agenda(tasks), stop or Stop(), lost) if r is not None]
+
+
+def test_everything_is_done_once_in_processes_and_in_turn():
+    expected = sorted(square(task) for task in TASKS)
+    assert sorted(results(square, TASKS)) == expected
+    assert sorted(in_turn(square, Agenda(TASKS), Stop())) == expected
+
+
+def test_two_processes_keep_to_scenes_of_their_own_while_there_are_some():
+    done = results(process_of, TASKS)
+    switches = 0
+    for pid in {pid for _, pid in done}:
+        scenes = [scene for scene, own in done if own == pid]
+        switches += sum(a != b for a, b in zip(scenes, scenes[1:], strict=False))
+    assert switches <= 2  # three scenes and two processes: one more scene each at most
+
+
+def test_processes_do_linear_algebra_in_one_thread_each_unless_told_otherwise(monkeypatch):
+    for name in LIBRARIES:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(LIBRARIES[0], "3")
+    assert results(threads_of, TASKS[:1]) == [["3", *["1"] * (len(LIBRARIES) - 1)]]
+    assert threads_of(TASKS[0]) == ["3", *[None] * (len(LIBRARIES) - 1)]
+
+
+class Hand:
+    """A process that is idle after an item of a scene, and takes note of what it is given."""
+
+    def __init__(self, scene: str) -> None:
+        self.item, self.last = None, (scene,)
+
+    def give(self, work, item):
+        self.item, self.last = item, item.point
+
+
+def test_who_is_idle_at_the_same_time_keeps_its_scene():
+    hands = [Hand("a"), Hand("b")]
+    _hand_out(hands, square, Agenda([task for task in TASKS if task.scene != "a"]), Stop())
+    assert [hand.last for hand in hands] == [("c",), ("b",)]
+
+
+def test_an_item_goes_to_a_point_that_nobody_is_at():
+    agenda = Agenda(TASKS)
+    assert agenda.take(None, [("a",)]).scene == "b"
+    assert agenda.take(("b",), [("a",)]).scene == "b"
+    assert agenda.take(("x",), [("a",), ("b",)]).scene == "c"
+
+
+def test_one_wish_to_stop_waits_for_what_is_under_way(tmp_path):
+    stop = Stop()
+    tasks = [Task(str(number), number, str(tmp_path)) for number in range(5)]
+    done = []
+    with Pool(2) as pool:
+        for result in pool.run(held, Agenda(tasks), stop, lambda task, why: None):
+            if stop.asked == 0 and len(list(tmp_path.iterdir())) == 2:
+                stop.ask()
+                (tmp_path / "leave").touch()
+            done += [] if result is None else [result]
+    assert sorted(done) == [0, 1]
+    assert len(list(tmp_path.glob("*-*"))) == 2
+
+
+def test_two_wishes_to_stop_end_it_at_once_and_leave_no_process(tmp_path):
+    stop, done = Stop(), []
+    with Pool(2) as pool:
+        for result in pool.run(held, Agenda([Task("a", 9, str(tmp_path))]), stop, lambda task, why: None):
+            done += [] if result is None else [result]
+            if list(tmp_path.iterdir()):
+                stop.ask(2)
+    assert done == []  # nobody gave it leave to end
+    assert all(gone(int(mark.name.split("-")[1])) for mark in tmp_path.iterdir())
+
+
+def test_in_turn_a_second_wish_is_an_interrupt():
+    stop = Stop()
+    results = in_turn(square, Agenda(TASKS), stop)
+    assert next(results) == 0
+    with pytest.raises(KeyboardInterrupt):
+        stop.ask(2)
+    assert list(results) == []
+
+
+def test_ctrl_c_is_a_wish_and_afterwards_an_interrupt_again():
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background ignores it
+    try:
+        with interruptible() as stop:
+            signal.raise_signal(signal.SIGINT)  # in this thread, so that it is heard before the next line
+            assert stop.asked == 1
+            signal.raise_signal(signal.SIGTERM)
+            assert stop.asked == 3
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,184 @@
+"""What README and docs show is run as it stands, links lead somewhere, and what is said twice is the same."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import documents
+import numpy as np
+import pytest
+from documents import NAMES, PAGES, blocks, commands, links, models, named
+from repository import ROOT, environment
+
+from sim import cli
+from sim.cli import parser
+from sim.cli.demo import LEVELS, sentences
+from sim.mjcf import load, scene_names
+
+WORLD = """<sdf version="1.6"><world name="posts"><model name="post"><static>true</static><pose>-2.2 8 0 0 0 0</pose>
+<link name="post"><collision name="post">
+<geometry><cylinder><radius>0.3</radius><length>1</length></cylinder></geometry>
+</collision></link></model></world></sdf>"""
+
+
+def run(code: str, folder: Path) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        env={**environment(folder), "MPLBACKEND": "Agg"},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with all that pages tell their reader to save, and a map and a world to import."""
+    place = tmp_path_factory.mktemp("reader")
+    for name, text in models().items():
+        (place / f"{name}.xml").write_text(text)
+    for file in (ROOT / "scripts" / "examples").iterdir():
+        if file.is_file():
+            shutil.copy(file, place)
+    balloon, boat = (
+        next(t for p in PAGES for t in blocks(p, "python") if f"class {n}(" in t) for n in ("Balloon", "Boat")
+    )
+    (place / "balloon.py").write_text(balloon)
+    system = next(text for text in blocks(named("bring-your-own.md"), "") if text.startswith("BOAT = "))
+    steps = boat[: boat.index("loaded = load(")]
+    (place / "my_boat.py").write_text(f"{steps}\nfrom sim.systems import System\n\n{system}")
+    cells = np.full((100, 120), 254, np.uint8)
+    cells[40:60, 50:60] = 0
+    (place / "map.pgm").write_bytes(b"P5 120 100 255\n" + cells.tobytes())
+    (place / "map.yaml").write_text(
+        "image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    (place / "WORLD.world").write_text(WORLD)
+    (place / "worlds.json").write_text(blocks(named("moving.md"), "json")[0])
+    return place
+
+
+# -- commands ----------------------------------------------------------------------------------------------------
+
+ALL = [pytest.param(line, id=f"{page.name}: {line}") for page in PAGES for line in dict.fromkeys(commands(page))]
+
+
+def test_pages_show_commands():
+    assert len(ALL) > 40
+
+
+@pytest.mark.parametrize("line", ALL)
+def test_every_command_of_the_pages_is_one_that_is_understood(line):
+    arguments = parser.read(shlex.split(line)[1:])
+    assert arguments.command in line
+
+
+def test_the_demo_drives_twice_and_ends_with_two_sentences(monkeypatch, capsys):
+    monkeypatch.setattr("sim.cli.demo.MORE", ("--vertices", "60", "--samples", "10", "--max-time", "0.03"))
+    assert cli.main(["demo"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if "noise: pirrht run" in line] == [
+        f"{word} noise: pirrht run slit --noise {noise:g}" for word, noise in LEVELS
+    ]
+    assert [line[:2] for line in lines[-2:]] == ["1.", "2."]
+
+
+def test_what_the_demo_says_is_what_its_drives_did():
+    first, second = sentences(
+        [{"outcome": "goal", "executed_class": "0,0"}, {"outcome": "goal", "executed_class": "-1,0"}]
+    )
+    assert "b = 0.1 the robot went through the slit, with b = 0.3 around the slit, above" in first
+    assert "exp(-cost / lambda)" in second
+    (first, _) = sentences([{"outcome": "collision"}, {"outcome": "timeout"}])
+    assert "went into a wall, with b = 0.3 nowhere in time" in first
+
+
+@pytest.mark.parametrize("command", ["demo", "scenes", "plan", "run", "estimate", "sweep", "import"])
+def test_every_command_explains_itself(command, capsys):
+    with pytest.raises(SystemExit) as end:
+        cli.main([command, "--help"])
+    assert end.value.code == 0
+    assert command in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("scene", ["gate", "garden"])
+def test_a_scene_of_ones_own_has_a_class_for_each_way_around(scene, folder, capsys):
+    assert cli.main(["plan", str(folder / f"{scene}.xml"), "--vertices", "300"]) == 0
+    assert len(re.findall(r"^-?\d+(?:,-?\d+)+ ", capsys.readouterr().out, re.M)) >= 2
+
+
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
+
+
+def test_there_are_two_notebooks():
+    assert [path.stem for path in NOTEBOOKS] == ["first_drive", "your_own_system"]
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_is_of_the_form_that_jupyter_reads(notebook):
+    known = json.loads(notebook.read_text())
+    assert known["nbformat"] == 4
+    assert len({cell["id"] for cell in known["cells"]}) == len(known["cells"])
+    for cell in known["cells"]:
+        assert cell["cell_type"] in ("code", "markdown")
+        assert ("outputs" in cell) == (cell["cell_type"] == "code")
+    assert not [target for target in documents.links(notebook) if not (notebook.parent / target).exists()]
+
+
+# -- words, links, pictures --------------------------------------------------------------------------------------
+
+
+def test_the_readme_is_short_and_opens_with_a_moving_picture():
+    text = named("README.md").read_text()
+    assert len(text.encode()) < 6_500
+    image = pytest.importorskip("PIL.Image")
+    first = re.findall(r"!\[[^\]]*\]\((.*?)\)", text)[0]
+    with image.open(ROOT / first) as picture:
+        assert picture.n_frames > 10
+    assert text.index("scripts/demo.sh") < text.index("scripts/test.sh") < text.index("pirrht run")
+
+
+@pytest.mark.parametrize("page", NAMES)
+def test_links_and_pictures_are_there(page):
+    file = named(page)
+    made = {"changelog.md"}  # by scripts/site_hook.py
+    missing = [target for target in links(file) if target not in made and not (file.parent / target).exists()]
+    assert not missing
+
+
+def test_no_picture_is_shown_nowhere_and_all_together_are_small():
+    folder = ROOT / "docs"
+    pictures = {path for path in folder.rglob("*") if path.suffix in (".png", ".webp", ".gif", ".mp4")}
+    shown = {(page.parent / target).resolve() for page in PAGES for target in links(page)}
+    assert not pictures - shown
+    assert sum(path.stat().st_size for path in pictures) < 3_000_000
+
+
+def test_every_page_is_in_the_navigation_and_on_the_way_from_the_readme():
+    listed = set(re.findall(r"([\w-]+\.md)", (ROOT / "mkdocs.yml").read_text()))
+    assert listed == {page.name for page in PAGES[1:]} | {"changelog.md"}
+    reached, waiting = set(), ["README.md"]
+    while waiting:
+        name = waiting.pop()
+        reached.add(name)
+        found = {Path(target).name for target in links(named(name)) if target.endswith(".md")}
+        waiting += [other for other in found & set(NAMES) if other not in reached]
+    assert set(NAMES) - reached <= {"index.md"}
+
+
+def test_the_gallery_shows_every_scene_with_its_own_sentence():
+    import gallery
+
+    assert named("gallery.md").read_text() == gallery.page()
+    for name in scene_names():
+        assert load(name).about.endswith((".", "?", ")."))
+        assert 20 < len(load(name).about) <= 120

@@ -1,0 +1,127 @@
+"""The grid of a mass on a line against plain Monte Carlo, against what it tends to without noise, and against ours."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from benchmarks import mass_line
+from thoroughly import first, thorough
+
+from pirrht.errors import OptionError
+from pirrht.exact.mass_on_line import MassOnLine, mass_on_line
+
+Q, R = 1.0, 2.0
+QUIET = ((0.2, 0.0), (0.5, -0.3), (0.3, 0.8), (0.9, -0.5))  # states from which the best way is not near the wall
+
+
+@cache
+def solved(b: float, spacing: float = 0.01, fastest: float = 3.0, phi: float = np.inf) -> MassOnLine:
+    return mass_on_line(b=b, q=Q, r=R, phi=phi, spacing=spacing, fastest=fastest)
+
+
+def simulated(p: float, v: float, b: float, phi: float, paths: int, step: float, seed: int) -> tuple[float, float]:
+    """Mean of exp(-(q t + phi at the wall) / lambda) over passive paths, and its error; position is v's exact integral.
+
+    Within a step a path is a parabola: it is in the wall if that is, and in the goal where the chord crosses p = 1.
+    """
+    rng, lam = np.random.default_rng(seed), R * b * b
+    x, y, found, t = np.full(paths, p), np.full(paths, v), np.zeros(0), 0.0
+    while len(x) and t < 40.0 * lam / Q:
+        one, other = rng.standard_normal((2, len(x)))
+        faster = y + b * np.sqrt(step) * one
+        moved = x + 0.5 * step * (y + faster) + b * np.sqrt(step**3 / 12.0) * other
+        turned = (y < 0.0) & (faster > 0.0)
+        lowest = np.where(turned, x - 0.5 * step * y**2 / np.where(turned, faster - y, 1.0), moved)
+        crashed = np.minimum(lowest, moved) <= 0.0
+        arrived = ~crashed & (moved >= 1.0)
+        share = (1.0 - x[arrived]) / (moved - x)[arrived]
+        found = np.concatenate([
+            found,
+            np.exp(-(Q * (t + step) + phi) / lam) * np.ones(crashed.sum()),
+            np.exp(-Q * (t + step * share) / lam),
+        ])  # fmt: skip
+        inside = ~(crashed | arrived)
+        x, y, t = moved[inside], faster[inside], t + step
+    found = np.concatenate([found, np.zeros(len(x))])
+    return float(found.mean()), float(found.std() / np.sqrt(paths))
+
+
+def best_without_noise(p: float, v: float) -> tuple[float, float]:
+    """Least cost of q + r u^2 / 2 to the goal at any velocity, and what u begins with; the wall is not in the way."""
+    T = np.geomspace(0.01, 20.0, 400_001)
+    off = 1.0 - p - v * T
+    J = Q * T + 1.5 * R * off**2 / T**3
+    k = int(np.argmin(J))
+    return float(J[k]), float(3.0 * off[k] / T[k] ** 2)
+
+
+@pytest.mark.parametrize("phi", [np.inf, 1.0])
+@pytest.mark.parametrize("x", [(0.5, 0.0), *(thorough(x) for x in ((0.2, 0.3), (0.4, -0.6), (0.8, 0.5)))])
+def test_psi_is_that_of_plain_monte_carlo(x, phi):
+    """b = 0.7, 20 000 paths of steps of 0.002 s, seed 1; within 3 standard errors and the grid's own error."""
+    truth = solved(0.7, fastest=6.0, phi=phi)
+    psi, error = simulated(*x, 0.7, phi, 20_000, 0.002, 1)
+    assert error < 0.03 * psi
+    assert np.exp(truth.log_psi(*x)) == pytest.approx(psi, abs=3.0 * error + psi * truth.error(*x) / truth.temperature)
+
+
+@pytest.mark.parametrize("x", QUIET)
+def test_without_noise_the_value_is_the_cost_of_the_two_point_optimum(x):
+    """v - J falls fourfold as b halves, and the control tends to the optimum's."""
+    cost, control = best_without_noise(*x)
+    off = {b: solved(b).value(*x) - cost for b in (0.1, 0.2)}
+    assert 0.0 < off[0.1] < 0.01 * cost
+    unsure = solved(0.1).error(*x) + solved(0.2).error(*x)
+    assert off[0.2] / off[0.1] == pytest.approx(4.0, abs=0.3 + 4.0 * unsure / off[0.1])
+    assert solved(0.1).control(*x) == pytest.approx(control, abs=0.03)
+
+
+@pytest.mark.parametrize("b", [0.1, 0.3])
+def test_the_error_that_a_coarse_grid_claims_holds_for_a_finer_one(b):
+    """At 40 random states, those that graze the wall included."""
+    coarse, fine = solved(b, spacing=0.03), solved(b)
+    off, claimed = np.array([
+        (abs(coarse.value(p, v) - fine.value(p, v)), coarse.error(p, v) + fine.error(p, v))
+        for p, v in mass_line.random_line_states(40, 7)
+    ]).T  # fmt: skip
+    assert np.all(off <= claimed)
+    assert np.median(claimed) < 0.01
+
+
+def test_where_a_mass_leaves_it_has_arrived_or_is_lost_and_where_it_comes_in_neither():
+    truth = solved(0.3)
+    assert truth.value(1.0, 0.5) == pytest.approx(0.0, abs=1e-9)
+    assert truth.value(1.0, -0.5) > 1.0
+    assert truth.value(0.0, -0.5) > 100.0
+    assert truth.value(0.0, 1.0) < 2.0
+    assert solved(0.7, fastest=6.0, phi=1.0).value(0.0, -0.5) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_what_cannot_be_solved_is_refused_with_what_can():
+    for name, number in (("b", 0.0), ("q", -1.0), ("r", np.nan), ("fastest", np.inf), ("spacing", 0.0)):
+        with pytest.raises(OptionError, match=f"{name} is"):
+            mass_on_line(**{"b": 0.1, name: number})
+    with pytest.raises(OptionError, match="phi is -1"):
+        mass_on_line(b=0.1, phi=-1.0)
+    with pytest.raises(OptionError, match=r"choose a spacing of 0\.011 or more"):
+        mass_on_line(b=0.003, spacing=0.005)
+    with pytest.raises(OptionError, match="beside the grid"):
+        solved(0.3).value(0.5, 4.0)
+
+
+@pytest.mark.parametrize("b", first(mass_line.NOISES))
+def test_the_value_that_samples_give_a_mass_is_the_grids(b):
+    """At 20 random states within 1 %, 2000 samples each, seed 0."""
+    truth, integral = solved(b, spacing=0.005), mass_line.sampler(b, threads=1)
+    for p, v in mass_line.random_line_states(20, 0):
+        assert mass_line.sampled(integral, p, v, 2000, 0).value == pytest.approx(truth.value(p, v), rel=0.01)
+
+
+def test_samples_along_a_tape_tell_the_grids_value_as_well():
+    """Within 3 standard errors and 0.1 %; 200 000 samples at b = 0.3, seed 3."""
+    truth, integral = solved(0.3, spacing=0.005), mass_line.sampler(0.3, threads=1)
+    for p, v in mass_line.random_line_states(4, 3):
+        said = mass_line.sampled(integral, p, v, 200_000, 3, guide=False)
+        assert said.value == pytest.approx(truth.value(p, v), abs=3.0 * said.value_error + 0.001 * truth.value(p, v))

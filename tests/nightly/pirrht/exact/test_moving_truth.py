@@ -1,0 +1,304 @@
+"""psi among moving bodies against closed forms, against standing worlds, against samples and against itself."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from discs import block, disc
+from moving import SCENES, START, as_mesh, moved
+from moving_samples import sampled_log_psi
+from scipy.stats import norm
+from thoroughly import first, thorough
+
+from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
+from pirrht.errors import OptionError
+from pirrht.exact.bridges import Room, Step
+from pirrht.exact.desirability import Desirability
+from pirrht.exact.domain import frame_at
+from pirrht.exact.march import march, taps_along
+from pirrht.geometry.bodies import bodies_of, frames_of, poses_at
+from pirrht.geometry.motion import Mover
+
+V = {  # of an independent march, to 0.002: at b = 0.1, 0.2, 0.3
+    "crossing": (8.578, 8.752, 9.000),
+    "closing_door": (8.852, 9.410, 9.918),
+    "pincer": (8.833, 9.155, 9.531),
+}
+SHARES = {  # the same; in front, through the gap, and between, below, above
+    "crossing": [{"0": 0.93}, {"0": 0.69}, {"0": 0.61}],
+    "closing_door": [{"0,0": 1.00}, {"0,0": 0.46}, {"0,0": 0.06}],
+    "pincer": [
+        {"0,0": 0.97, "1,0": 0.03, "0,-1": 0.0},
+        {"0,0": 0.31, "1,0": 0.60, "0,-1": 0.10},
+        {"0,0": 0.16, "1,0": 0.62, "0,-1": 0.22},
+    ],
+}
+
+
+def room(*movers: Mover, goal: tuple[float, float] = (4.3, 0.6), radius: float = 0.2, standing: tuple = ()) -> Scene:
+    """5 x 3 m, for a robot so large that the grid is coarse."""
+    return Scene(
+        name="room",
+        lower=np.zeros(2),
+        upper=np.array([5.0, 3.0]),
+        obstacles=standing,
+        goal=Goal(center=np.array(goal), radius=0.3),
+        start=np.array([0.6, 1.5, 0.0]),
+        robot_radius=radius,
+        movers=movers,
+    )
+
+
+def solved(scene: Scene, b: float = 0.3, phi: float = np.inf, q: float = 1.0, **options: float) -> Desirability:
+    problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), phi=phi, q=q)
+    return Desirability.of(problem, FreeSpace.of(scene), **options)
+
+
+def crosser(repeat: bool = False) -> Mover:
+    rows = [(0.0, 2.0, 0.6, 0.0), (1.5, 2.2, 2.2, 0.0), (2.0, 2.0, 0.6, 0.0)]
+    return moved("crosser", rows, disc("disc", 0.0, 0.0, 0.3), repeat=repeat)
+
+
+def places(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return rng.uniform([0.1, 0.1], [4.9, 2.9], (count, 2)), rng.uniform(0.0, 3.0, count)
+
+
+@pytest.fixture(scope="module")
+def crossed() -> Desirability:
+    return solved(room(crosser()))
+
+
+@pytest.mark.parametrize("speed", first([0.4, -0.4, 1.0]))
+def test_before_a_wall_at_constant_speed_a_path_pays_what_girsanov_says(speed):
+    """With psi = 1 on it, psi = exp(-z (sqrt(c^2/b^4 + 2 q/(lambda b^2)) - c/b^2)) at z before a wall of speed c."""
+    b, q, phi = 0.3, 1.0, 0.0
+    wall = moved("wall", [(0.0, 2.5 - 0.4 * speed, 1.5, 0.0), (2.0, 2.5 + 1.6 * speed, 1.5, 0.0)],
+                 block("wall", 0.0, 0.0, (0.1, 1.5)))  # fmt: skip
+    grid = solved(room(wall), b, phi, q)
+    for z in (0.05, 0.15, 0.3, 0.45):
+        x = np.array([2.5 + 0.3 + z, 1.5])
+        drift = speed / b**2
+        rate = math.sqrt(drift**2 + 2.0 * q / (grid.problem.temperature * b * b)) - drift
+        assert -grid.log_psi(x, 0.4) == pytest.approx(rate * z, rel=5e-3, abs=5e-3)
+        assert grid.control(x, 0.4) == pytest.approx([-(b**2) * rate, 0.0], rel=0.01, abs=0.01)
+
+
+@pytest.mark.parametrize("speed", [0.5, -0.5])
+def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
+    """E[exp(k X_T); not met] of a Brownian path beside a wall of speed c: tilted, its drift is k b^2 - c."""
+    b, steps, dt, k = 0.3, 12, 0.03, 8.0
+    T = steps * dt
+    wall = moved("wall", [(0.0, 2.0, 1.5, 0.0), (T, 2.0 + speed * T, 1.5, 0.0)], block("wall", 0.0, 0.0, (0.1, 2.0)))
+    scene = room(wall)
+    step = Step(dt, b * math.sqrt(dt), b, 0.0, math.inf, 9.0 * b * math.sqrt(dt))
+    h = 0.04
+    frame = frame_at(np.zeros(2), h, scene.goal)
+    walls = Room(frame, 0.0, 0.0, 5.0, 3.0, bodies_of(scene, step.reach))
+    x = h * np.arange(126)
+    now = np.broadcast_to((k * x)[:, None], (126, 76)).copy()
+    now[x < 2.3 + speed * T + 1e-9] = -np.inf
+    taps = taps_along(126, 0.0, h, 0.0, 5.0, step), taps_along(76, 0.0, h, 0.0, 3.0, step)
+    poses = frames_of(poses_at(scene.movers, dt * np.arange(steps + 1)))
+    for n in range(steps - 1, -1, -1):
+        out = np.empty_like(now)
+        march(now, out, walls, poses[n], poses[n + 1], *taps, np.zeros_like(now), step)
+        now = out
+    z = x - 2.3
+    some = (z > 0.02) & (z < 0.6)
+    drift, s = k * b * b - speed, b * math.sqrt(T)
+    alive = norm.cdf((z + drift * T) / s) - np.exp(-2.0 * drift * z / b**2) * norm.cdf((drift * T - z) / s)
+    exact = k * x + 0.5 * k * k * b * b * T + np.log(alive, where=some, out=np.zeros(126))
+    assert now[some, 37] == pytest.approx(exact[some], abs=0.01)
+
+
+@pytest.mark.parametrize(("phi", "accuracy"), [(np.inf, 1e-3), thorough(3.0, 2e-3)])
+def test_a_mover_that_stands_still_is_an_obstacle(phi, accuracy):
+    solids = disc("disc", 0.0, 0.0, 0.3), block("box", 0.0, 0.0, (0.15, 0.5))
+    rows = [(0.0, 2.0, 1.7, 0.3), (0.5, 2.0, 1.7, 0.3)], [(0.0, 3.2, 1.0, -0.4), (1.5, 3.2, 1.0, -0.4)]
+    movers = [moved(solid.name, row, solid) for solid, row in zip(solids, rows, strict=True)]
+    standing = tuple(solid for mover in movers for solid in mover.at(0.0))
+    moving = solved(room(*movers, radius=0.1), phi=phi)
+    still = solved(room(standing=standing, radius=0.1), phi=phi, spacing=0.02)
+    x, _ = places(200)
+    away = still.space.collision.clearance(x) > 0.02
+    assert moving.value(x[away]) == pytest.approx(still.value(x[away]), rel=accuracy, abs=1e-3)
+
+
+def test_psi_behind_a_wall_is_not_lost_beside_a_psi_that_is_a_thousand_nats_greater():
+    """A long wall, and the way around its end: 4.5 m there and as much back, at 100 nats a meter."""
+    rows = [(0.0, 2.3, 0.355, 0.0), (0.05, 2.3, 0.355, 0.0)]
+    scene = Scene(
+        name="hairpin", lower=np.zeros(2), upper=np.array([5.0, 0.8]), obstacles=(), robot_radius=0.05,
+        goal=Goal(center=np.array([0.2, 0.6]), radius=0.1), start=np.array([0.2, 0.2, 0.0]),
+        movers=(moved("wall", rows, block("wall", 0.0, 0.0, (2.35, 0.002))),),
+    )  # fmt: skip
+    grid = solved(scene, 0.1)
+    x = np.column_stack([np.linspace(0.1, 1.0, 40), np.full(40, 0.298)])
+    assert grid.value(x) == pytest.approx(grid.value(x, 0.06), rel=1e-3)
+    assert np.all(grid.log_psi(x[:20]) < -800.0)
+    assert np.all(grid.log_psi(x[:20] + np.array([0.0, 0.12])) > -60.0)
+
+
+def test_after_the_last_row_nothing_changes_any_more(crossed):
+    x, _ = places(100)
+    assert np.array_equal(crossed.log_psi(x, 2.1), crossed.log_psi(x, 9.0))
+    close = np.isfinite(crossed.log_psi(x, 2.1))
+    assert crossed.log_psi(x, 1.999)[close] == pytest.approx(crossed.log_psi(x, 2.001)[close], rel=2e-3, abs=0.02)
+
+
+def test_psi_is_at_most_one_and_falls_as_the_rate_of_cost_grows(crossed):
+    x, t = places(200)
+    dear = solved(room(crosser()), q=1.2)
+    free = np.isfinite(crossed.log_psi(x, t))
+    assert np.all(crossed.log_psi(x, t) <= 0.0)
+    assert free.sum() > 150
+    assert np.all(dear.value(x, t)[free] >= crossed.value(x, t)[free])
+
+
+def test_value_is_zero_in_the_goal_and_phi_in_a_moving_wall():
+    grid = solved(room(crosser()), phi=2.0)
+    assert grid.value(np.array([4.3, 0.6]), 0.7) == 0.0
+    assert grid.value(np.array([2.1, 1.4]), 0.75) == pytest.approx(2.0)
+    assert grid.value(np.array([2.1 - 0.5 - 1e-3, 1.4]), 0.75) == pytest.approx(2.0, abs=0.02)
+    assert grid.value(np.array([2.1, 1.4]), 0.0) != pytest.approx(2.0, abs=0.1)
+    assert np.all(grid.control(np.array([4.3, 0.6]), 0.7) == 0.0)
+
+
+def test_close_to_a_moving_wall_the_control_grows_as_one_over_the_distance(crossed):
+    """log psi behaves as log(distance): u . normal x distance = b^2, however the wall moves."""
+    for c in (0.01, 0.003, 0.0005):
+        u = crossed.control(np.array([2.1 - 0.5 - c, 1.4]), 0.75)
+        assert -u[0] * c == pytest.approx(0.09, rel=0.15)
+
+
+def test_the_control_is_the_gradient_of_the_value_at_any_time(crossed):
+    x, t = places(60, seed=3)
+    free = np.isfinite(crossed.log_psi(x, t)) & (crossed.value(x, t) > 0.0) & (t < 2.0)
+    x, t, step = x[free], t[free], 1e-5
+    slope = [(crossed.value(x + step * e, t) - crossed.value(x - step * e, t)) / (2.0 * step) for e in np.eye(2)]
+    assert crossed.control(x, t) == pytest.approx(-0.5 * np.array(slope).T, rel=1e-3, abs=1e-3)
+
+
+def test_many_states_give_what_each_gives_at_its_time(crossed):
+    x, t = places(6, seed=1)
+    assert crossed.value(x, t) == pytest.approx([crossed.value(a, b) for a, b in zip(x, t, strict=True)])
+    assert crossed.control(x, t) == pytest.approx(np.array([crossed.control(a, b) for a, b in zip(x, t, strict=True)]))
+
+
+def test_a_mesh_is_as_far_as_the_box_that_it_is():
+    rows = [(0.0, 2.0, 1.0, 0.0), (1.5, 2.2, 1.9, 2.0)]
+    box = block("box", 0.1, 0.0, (0.15, 0.4), yaw=0.3)
+    x, t = places(100)
+    grids = [solved(room(moved("body", rows, solid))) for solid in (box, as_mesh(box))]
+    a, b = (grid.log_psi(x, 0.5 * t) for grid in grids)
+    both = np.isfinite(a) & np.isfinite(b)
+    assert both.sum() > 80
+    assert a[both] == pytest.approx(b[both], abs=0.01)
+
+
+@pytest.mark.thorough
+def test_a_motion_that_starts_over_is_one_of_many_rows():
+    """Six periods from now the way is done: psi does not know whether there is a seventh."""
+    turn = crosser(repeat=True)
+    rows = turn.motion.rows
+    many = np.vstack([rows[:1], *(rows[1:] + np.array([2.0 * k, 0.0, 0.0, 0.0]) for k in range(6))])
+    once = moved("crosser", many, *turn.solids)
+    x, t = places(60)
+    again, unrolled = solved(room(turn)), solved(room(once))
+    for late in (0.0, 2.0):
+        a, b = again.log_psi(x, t + late), unrolled.log_psi(x, t)
+        free = np.isfinite(a) & np.isfinite(b)
+        assert free.sum() > 45
+        assert a[free] == pytest.approx(b[free], abs=5e-3)
+    started = replace(turn, motion=turn.motion.after(0.7))
+    shifted = solved(room(started)).log_psi(x, t)
+    a = again.log_psi(x, t + 0.7)
+    free = np.isfinite(a) & np.isfinite(shifted)
+    assert shifted[free] == pytest.approx(a[free], abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"dt": 0.1}, "leave out dt"),
+        ({"spacing": 0.5}, "too coarse"),
+    ],
+)
+def test_what_the_march_cannot_do_is_refused_with_what_it_can(options, message):
+    with pytest.raises(OptionError, match=message):
+        solved(room(crosser()), **options)
+
+
+def test_periods_without_a_common_multiple_are_refused():
+    odd = moved("odd", [(0.0, 3.0, 1.0, 0.0), (math.pi, 3.0, 2.0, 0.0)], disc("odd", 0.0, 0.0, 0.2), repeat=True)
+    with pytest.raises(OptionError, match="no common multiple"):
+        solved(room(crosser(repeat=True), odd))
+
+
+def test_a_car_among_moving_bodies_is_refused_by_name():
+    scene = room(crosser())
+    problem = Problem(dynamics=Unicycle(), scene=scene, R=np.eye(1))
+    with pytest.raises(OptionError, match="Unicycle among moving bodies; it takes SingleIntegrator"):
+        Desirability.of(problem, FreeSpace.of(scene))
+
+
+def test_optimal_paths_pass_a_crossing_disc_on_both_sides(crossed):
+    shares = crossed.shares(np.array([0.6, 1.5]), 500, t=0.2)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert len([share for share in shares.values() if share > 0.02]) == 2
+
+
+@pytest.mark.parametrize("b", first([0.2, 0.1, 0.3]))
+@pytest.mark.parametrize("name", first(["pincer", "closing_door", "crossing"]))
+def test_values_and_shares_are_those_of_an_independent_march(name, b):
+    """Values within 0.3 %, shares within 3 points; their standard errors are 1.1 at most, seed 0.
+
+    At b = 0.1, where paths take longest to draw, shares are near 0 or 1, and 600 paths tell as much.
+    """
+    row, paths = round(10 * b) - 1, 600 if b == 0.1 else 2000
+    grid = solved(SCENES[name](), b)
+    assert grid.value(START) == pytest.approx(V[name][row], rel=3e-3)
+    shares = grid.shares(START, paths)
+    for winding, share in SHARES[name][row].items():
+        assert shares.get(winding, 0.0) == pytest.approx(share, abs=0.03)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("b", [0.2, 0.3])
+def test_among_oblique_ways_and_a_turning_bar_psi_is_what_plain_simulation_says(b):
+    grid, rng = solved(SCENES["oblique"](), b), np.random.default_rng(7)
+    judged = 0
+    while judged < 4:
+        x, t = rng.uniform([0.1, 0.1], [4.9, 4.9]), rng.uniform(0.0, 4.0)
+        if not 0.3 < grid.value(x, t) < np.inf:
+            continue
+        log_psi, error = sampled_log_psi(grid, x, t, 600)
+        assert error < 0.1
+        assert grid.log_psi(x, t) == pytest.approx(log_psi, abs=4.0 * error)
+        judged += 1
+
+
+def test_a_passage_between_bodies_that_slide_past_each_other_has_two_walls():
+    """They are longer than the workspace, so that what they leave, 0.12 m for the robot's centre, stays as it is."""
+
+    def corridor(speed: float) -> Scene:
+        walls = [
+            moved(f"wall{side:g}", [(0.0, 1.5, y, 0.0), (2.0, 1.5 + 2.0 * side * speed, y, 0.0)],
+                  block("wall", 0.0, 0.0, (5.0, 0.2)))
+            for side, y in ((1.0, 0.86), (-1.0, 0.14))
+        ]  # fmt: skip
+        solids = tuple(solid for wall in walls for solid in wall.at(0.0))
+        return Scene(
+            name="corridor", lower=np.zeros(2), upper=np.array([3.0, 1.0]), robot_radius=0.1,
+            obstacles=() if speed else solids, movers=tuple(walls) if speed else (),
+            goal=Goal(center=np.array([2.5, 0.5]), radius=0.05), start=np.array([0.5, 0.5, 0.0]),
+        )  # fmt: skip
+
+    x = np.array([[0.4, 0.5], [1.0, 0.46], [1.6, 0.53], [2.2, 0.5], [2.9, 0.48]])
+    moving, still = solved(corridor(0.4), 0.2), solved(corridor(0.0), 0.2, spacing=0.01)
+    assert moving.value(x) == pytest.approx(still.value(x), rel=3e-3)
+    assert moving.control(x) == pytest.approx(still.control(x), rel=0.02, abs=0.01)

@@ -1,0 +1,247 @@
+"""At any size the clearance field errs as little as in a small world, or says which size it can do."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from discs import block, disc
+from solved import around_post
+from tilted import cluttered, solid
+from warehouses import warehouse
+
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.blocks import build_blocks
+from pirrht.geometry.certify import FREE, certify_segment
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, clearance, interpolate, nearest_label, with_slope
+from pirrht.geometry.flat import CURVED
+from pirrht.geometry.passages import find_passages
+from pirrht.geometry.scene import Footprint, Goal, Kind, Obstacle, Scene
+from pirrht.geometry.survey import build_field
+from pirrht.steering.straight_line import StraightLine
+from pirrht.tree.homology_tree import HomologyTree
+
+ROBOT = 0.2
+ROUNDING = 1e-6  # the field is kept in single precision [m]
+
+
+def hall(width: float, depth: float, obstacles: list[Obstacle], radius: float = ROBOT) -> Scene:
+    """A workspace from the origin, start and goal half way up at its ends."""
+    return Scene(
+        name="hall", lower=np.zeros(2), upper=np.array([width, depth]), obstacles=tuple(obstacles),
+        goal=Goal(center=np.array([width - 1.0, 0.5 * depth]), radius=0.3),
+        start=np.array([1.0, 0.5 * depth, 0.0]), robot_radius=radius,
+    )  # fmt: skip
+
+
+def pillars(size: float, count: int) -> list[Obstacle]:
+    """Round and square ones of all widths, turned at random, some of which touch."""
+    rng = np.random.default_rng(int(size))
+    found = []
+    for k in range(count):
+        (x, y), half = rng.uniform(4.0, size - 4.0, 2), np.exp(rng.uniform(-2.5, 1.0, 2))
+        round_one = k % 2 == 0
+        found.append(disc(f"p{k}", x, y, half[0]) if round_one else block(f"p{k}", x, y, half, rng.uniform(0.0, np.pi)))
+    return found
+
+
+@cache
+def space_of(kind: str) -> FreeSpace:
+    if kind == "warehouse":
+        return FreeSpace.of(warehouse(60.0))
+    size, count = {"60 m": (60.0, 40), "200 m": (200.0, 150), "2 km": (2000.0, 150)}[kind]
+    return FreeSpace.of(hall(size, size, pillars(size, count)))
+
+
+def places(space: FreeSpace, count: int) -> Array:
+    """Half of them anywhere, half around the obstacles."""
+    rng, scene = np.random.default_rng(4), space.scene
+    spots = rng.choice(np.array([o.position[:2] for o in scene.obstacles]), count // 2)
+    around = spots + rng.normal(0.0, 1.2, spots.shape)
+    points = np.vstack([rng.uniform(scene.lower, scene.upper, (count - count // 2, 2)), around])
+    return points[np.all((points > scene.lower) & (points < scene.upper), axis=1)]
+
+
+def field_at(field: Field, points: Array) -> Array:
+    return np.array([clearance(field, x, y) for x, y in points])
+
+
+@pytest.mark.parametrize("kind", ["60 m", "warehouse", "200 m", "2 km"])
+def test_the_field_is_never_too_high_and_near_walls_hardly_too_low_at_any_size(kind: str):
+    space = space_of(kind)
+    points, h = places(space, 10_000), space.field.spacing
+    exact, found = space.collision.clearance(points), field_at(space.field, points)
+    shallow = exact > -0.5 * ROBOT
+    assert h == ROBOT / 8.0
+    assert space.field.blocks is not None
+    assert np.all(found[shallow] <= exact[shallow] + ROUNDING)
+    assert np.all(found[~shallow] < -0.4 * ROBOT)
+    near = shallow & (exact < 2.0 * h)
+    lost = (exact - found)[near]
+    assert near.sum() > 100
+    assert np.median(lost) < 2.0 * h**2 / (4.0 * ROBOT)
+    assert lost.max() < h
+    far = exact > 0.05
+    assert np.all((np.minimum(exact, REACH) - found)[far] < 0.25 * exact[far] + 1.5 * h)
+
+
+@pytest.mark.parametrize("kind", [None, Kind.MESH, Kind.ELLIPSOID], ids=lambda kind: kind.value if kind else "all")
+def test_tilted_solids_in_blocks_are_never_farther_than_fcl_says(kind: Kind | None):
+    space = cluttered(kind)
+    field = build_blocks(space.collision, range(len(space.scene.obstacles)), space.field.spacing)
+    r, points = space.scene.robot_radius, places(space, 3000)
+    exact, found = space.collision.clearance(points), field_at(field, points)
+    shallow = exact > -0.5 * r
+    assert np.all(found[shallow] <= exact[shallow] + ROUNDING + 4e-6)
+    assert np.all(found[~shallow] < -0.4 * r)
+    assert np.median((exact - found)[shallow & (exact < 0.05)]) < 2.0 * field.spacing**2 / (4.0 * 0.5 * r)
+
+
+def test_no_segment_through_a_thin_wall_is_free_in_a_long_corridor():
+    """With a spacing that grows with the workspace, a path went 0.15 m through such walls."""
+    walls = [block(f"wall{k}", 20.0 * (k + 1), 2.0, (0.05, 2.0)) for k in range(120)]
+    field = FreeSpace.of(hall(2500.0, 6.0, walls)).field
+    rng = np.random.default_rng(0)
+    for wall in walls:
+        x, y = wall.position[0], rng.uniform(0.3, 4.0 + 0.9 * ROBOT)
+        assert certify_segment(field, x - 1.0, y, x + 1.0, y) != FREE
+        assert certify_segment(field, x - 1.0, 4.3, x + 1.0, 4.3) == FREE
+
+
+@pytest.mark.parametrize("size", [(200_000.0, 6.0), (5000.0, 5000.0)])
+def test_a_workspace_beyond_single_precision_is_refused_with_the_size_that_works(size: tuple[float, float]):
+    with pytest.raises(
+        SceneError, match=r"hall: the workspace of .* m is too large for a robot of radius 0.2 m"
+    ) as told:
+        FreeSpace.of(hall(*size, []))
+    assert "\n" not in str(told.value)
+    works = float(re.search(r"up to (\d+) m works", str(told.value)).group(1))
+    space = FreeSpace.of(hall(works, 6.0, []))
+    assert clearance(space.field, 0.5 * works, 2.0) == pytest.approx(2.0)
+    assert find_passages(space.field, space.collision).count == 0
+
+
+def test_a_warehouse_beyond_memory_is_refused_with_a_size_and_a_radius():
+    with pytest.raises(SceneError, match=r"among these \d+ obstacles; up to about \d+ m x \d+ m works, or a radius of"):
+        FreeSpace.of(warehouse(300.0, radius=0.05))
+
+
+def test_too_many_solids_without_a_closed_form_are_refused_before_they_are_asked():
+    rng = np.random.default_rng(0)
+    solids = [solid(Kind.ELLIPSOID, f"e{k}", rng.uniform(5.0, 95.0, 2), rng) for k in range(400)]
+    collision = Collision(hall(100.0, 100.0, solids).world, Footprint(ROBOT, 0.1))
+    with pytest.raises(SceneError, match="among these 400 obstacles"):
+        build_field(collision, range(400))
+    assert collision.calls < 10_000
+
+
+def packed(field: Field, space: FreeSpace) -> Field:
+    """The same grid in blocks of 8 cells, all of them of the finest level."""
+    cells, arrays = 8, []
+    rows, columns = (-(-(n - 1) // (cells << (LEVELS - 1))) << (LEVELS - 1) for n in (field.nx, field.ny))
+    for values in field.arrays:
+        wide = np.pad(values, [(0, rows * cells + 1 - field.nx), (0, columns * cells + 1 - field.ny)], mode="edge")
+        blocks = np.lib.stride_tricks.sliding_window_view(wide, (cells + 1, cells + 1))[::cells, ::cells]
+        arrays.append(np.ascontiguousarray(blocks.reshape(-1, cells + 1, cells + 1)))
+    table = (np.arange(rows * columns, dtype=np.int32) << LEVEL_BITS).reshape(rows, columns)
+    return Field.in_blocks(space.scene.world, field.spacing, table, (arrays[0], arrays[1], arrays[2]))
+
+
+def test_paths_are_the_same_bit_for_bit_whether_a_grid_lies_in_columns_or_in_blocks():
+    solved = around_post(0.3)
+    weights = []
+    for field in (solved.space.field, packed(solved.space.field, solved.space)):
+        integral = PathIntegral(solved.problem, replace(solved.space, field=field), Sampling(dt=0.1, samples=700))
+        weights.append(integral.estimate(integral.rollout(solved.batch(integral, 700, 700), 5)).rollouts.log_weight)
+    np.testing.assert_array_equal(*weights)
+
+
+def by_hand(field: Field, x: float, y: float) -> tuple[float, float, float, int]:
+    """Value and slope of the nearest wall, and its label, from the blocks themselves."""
+    assert field.blocks is not None
+    cells, h = field.stride - 1, field.spacing
+    entry = int(field.blocks[int(x / h) // cells, int(y / h) // cells])
+    number, level = entry >> LEVEL_BITS, entry % (1 << LEVEL_BITS)
+    width = h * 2**level
+    s, t = (x % (cells * width)) / width, (y % (cells * width)) / width
+    i, j = int(s), int(t)
+    u, v = s - i, t - j
+    (a, b), (c, d) = field.arrays[0][number, i : i + 2, j : j + 2].astype(float)
+    value = (1 - u) * ((1 - v) * a + v * b) + u * ((1 - v) * c + v * d)
+    slope = ((1 - v) * (c - a) + v * (d - b)) / width, ((1 - u) * (b - a) + u * (d - c)) / width
+    return value, *slope, int(field.arrays[2][number, i + round(u), j + round(v)])
+
+
+def test_look_ups_find_the_cell_of_whatever_level():
+    space = space_of("60 m")
+    field = space.field
+    levels = set()
+    for x, y in places(space, 2000):
+        value, *slope, label = by_hand(field, x, y)
+        assert interpolate(field, field.nearest, x, y) == pytest.approx(value, abs=1e-6)
+        np.testing.assert_allclose(with_slope(field, field.nearest, x, y), (value, *slope), atol=1e-5)
+        assert nearest_label(field, x, y) == label
+        levels.add(int(field.blocks[int(x / field.spacing) // 8, int(y / field.spacing) // 8]) % 4)
+    assert levels == set(range(LEVELS))
+
+
+def test_cells_that_are_called_flat_err_by_nothing_at_any_width():
+    scene = hall(12.0, 12.0, [block("one", 4.0, 6.0, (0.7, 2.0), 0.3), block("two", 8.0, 6.0, (0.7, 2.0), -0.8)])
+    collision, rng = FreeSpace.of(scene).collision, np.random.default_rng(2)
+    S, width = 9, 0.2
+    corners = rng.uniform(0.5, 9.5, (200, 2))
+    steps = np.stack(np.meshgrid(np.arange(S), np.arange(S), indexing="ij"), axis=-1) * width
+    points = corners[:, None, None] + steps
+    walls = collision.nearest_walls(points.reshape(-1, 2), [0, 1], 3.0)
+    found = walls._replace(
+        first=walls.first.reshape(points.shape[:3]), which=walls.which.reshape(points.shape[:3]),
+        away=walls.away.reshape(points.shape),
+    )  # fmt: skip
+    outside = np.lib.stride_tricks.sliding_window_view(found.first, (2, 2), axis=(1, 2)).min(axis=(3, 4)) > 0.0
+    kind = collision.flat_cells(points, found, [0, 1], 3.0)
+    b, i, j = np.nonzero((kind != CURVED) & outside)
+    assert len(b) > 500
+    u, v = rng.random((2, len(b)))
+    exact = collision.distance(points[b, i, j] + width * np.column_stack((u, v)))
+    a, c, d, e = found.first[b, i, j], found.first[b, i + 1, j], found.first[b, i, j + 1], found.first[b, i + 1, j + 1]
+    line = (1 - u) * ((1 - v) * a + v * d) + u * ((1 - v) * c + v * e)
+    assert np.all(line <= exact + 1e-9)
+    one = kind[b, i, j] == 2
+    np.testing.assert_allclose(line[one], exact[one], atol=1e-9)
+
+
+@pytest.mark.parametrize("gap", [0.42, 0.6, 1.2])
+def test_a_gap_is_as_wide_a_passage_in_a_large_world_as_it_is(gap: float):
+    middle, yaw = np.array([77.7, 91.3]), 0.4
+    along = np.array([np.cos(yaw), np.sin(yaw)])
+    ends = [middle + side * (4.0 + 0.5 * gap) * along for side in (-1, 1)]
+    space = FreeSpace.of(hall(200.0, 150.0, [block(f"wall{k}", *end, (4.0, 0.3), yaw) for k, end in enumerate(ends)]))
+    found = find_passages(space.field, space.collision)
+    assert space.field.blocks is not None
+    assert found.count == 1
+    assert abs((found.place[0] - middle) @ along) < 3e-3
+    assert np.hypot(*(found.place[0] - middle)) < 0.35
+    assert found.width[0] == pytest.approx(gap, abs=4e-3)
+
+
+def test_a_detour_in_a_large_world_is_as_short_as_it_can_be():
+    """With a spacing that grew with the workspace this one came out 4e-4 too long."""
+    half, far, r = 10.0, 40.0, ROBOT
+    scene = hall(500.0, 500.0, [block("block", 250.0, 250.0, (half, half))])
+    space = FreeSpace.of(replace(scene, start=np.array([250.0 - far, 250.0, 0.0]),
+                                 goal=Goal(center=np.array([250.0 + far, 250.0]), radius=0.4)))  # fmt: skip
+    problem = replace(around_post(0.3).problem, scene=space.scene)
+    tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
+    tree.grow(400)
+    corner = np.hypot(far - half, half)
+    turn = np.arctan2(half, far - half) + np.arcsin(r / corner)
+    shortest = 2.0 * (np.sqrt(corner**2 - r**2) + r * turn + half) - 0.4
+    assert tree.references(space.scene.start[:2])[0].length < 1.0002 * shortest

@@ -1,0 +1,118 @@
+"""Sampled paths whose noise enters through inputs: psi is plain simulation's, whatever was followed, in either form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+from by_inputs import PushedMass, driven
+from thoroughly import thorough
+
+from pirrht.arrays import Array
+from pirrht.estimation.estimate import Rollouts
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.guidance.any_guides import AnyGuidance
+from pirrht.guidance.following import Follow
+from pirrht.guidance.leads import Batch, Proposal, Tape
+from pirrht.problem import Problem
+from pirrht.steering.trajectory import Trajectory
+from pirrht.systems.double_integrator import DoubleIntegrator
+from sim.mjcf import load
+
+PLAIN = Sampling(dt=0.01, exit="endpoint", steps="uniform", draws="independent", threads=1)
+FINE = Sampling(dt=0.1, draws="independent", threads=1)
+# (speed [m/s], turn rate [rad/s], how long [s]), held
+TAPES = ((0.0, 0.0, 0.0), (1.0, 0.3, 0.4), (1.5, 0.5, 0.3))
+
+
+@cache
+def car(sampling: Sampling, stratonovich: bool) -> PathIntegral:
+    problem = driven(stratonovich=stratonovich)
+    return PathIntegral(problem, FreeSpace.of(problem.scene), sampling)
+
+
+def drawn(integral: PathIntegral, tape: Sequence[float], count: int, seed: int, horizon: float = 20.0) -> Rollouts:
+    """Samples around a control that is held for a while."""
+    times = integral.steps(horizon)
+    controls = np.zeros((len(times) - 1, 2))
+    controls[times[1:] <= tape[2] + 1e-9] = tape[:2]
+    proposal = Proposal(lead=Tape(times, controls), count=count)
+    return integral.rollout(Batch(state=np.array([0.0, 0.0, 0.4]), times=times, proposals=(proposal,)), seed)
+
+
+def mean(weight: Array) -> tuple[float, float]:
+    """And its standard error."""
+    return float(weight.mean()), float(weight.std() / np.sqrt(len(weight)))
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("tape", TAPES)
+def test_psi_of_the_chain_is_plain_simulations_whatever_tape_is_followed(tape):
+    """0.047975(68) of 10^7 paths: steps of 0.01 s along the heading of their start, exits at their ends."""
+    psi, error = mean(np.exp(drawn(car(PLAIN, False), tape, 60_000, 3).log_weight))
+    assert psi == pytest.approx(0.047975, abs=3.0 * np.hypot(error, 68e-6))
+
+
+@pytest.mark.parametrize("stratonovich", [thorough(False), True])
+def test_the_likelihood_ratio_integrates_to_one(stratonovich):
+    rollouts = drawn(car(PLAIN if not stratonovich else FINE, stratonovich), (1.0, -0.6, 0.2), 20_000, 5)
+    one, error = mean(np.exp(-rollouts.paths.log_ratio[:, 0]))
+    assert one == pytest.approx(1.0, abs=3.0 * error)
+    assert error < 0.02
+
+
+@pytest.mark.parametrize("tape", TAPES)
+def test_exits_along_a_step_are_those_of_continuous_time(tape):
+    """0.05422(15), from 10^6 straight steps of 2 ms, whose first exit along their line was drawn exactly."""
+    psi, error = mean(np.exp(drawn(car(FINE, True), tape, 60_000, 3).log_weight))
+    assert psi == pytest.approx(0.05422, abs=3.0 * np.hypot(error, 145e-6))
+
+
+def test_a_path_that_enters_the_goal_ends_on_its_rim_where_its_line_meets_it():
+    """And its last step has the share of control, time and likelihood ratio that led there."""
+    integral = car(FINE, True)
+    rollouts = drawn(integral, (1.5, 0.5, 0.6), 400, 9)
+    arrived = np.flatnonzero(rollouts.paths.outcome == 1)
+    states, steps = integral.replay.trace(rollouts, arrived)
+    ends = np.array([path[k] for path, k in zip(states, steps, strict=True)])
+    assert len(arrived) > 50
+    np.testing.assert_allclose(np.hypot(ends[:, 0] - 0.8, ends[:, 1] - 0.2), 0.3, atol=1e-6)
+
+
+@cache
+def in_slit(partition: bool) -> PathIntegral:
+    """A mass in `slit`, in one form or the other."""
+    dynamics = DoubleIntegrator(b=0.1) if partition else PushedMass()
+    problem = Problem(dynamics=dynamics, scene=load("slit", robot="puck").scene, R=2 * np.eye(2))
+    return PathIntegral(problem, FreeSpace.of(problem.scene), Sampling(dt=0.1, threads=1))
+
+
+@pytest.mark.thorough
+def test_a_mass_is_the_same_in_input_form_as_in_the_papers_partition():
+    """Guide, likelihood ratios, paths and controls agree to rounding."""
+    x, key = np.array([1.0, 2.5, 0.0, 0.0]), None
+    push = Trajectory(
+        controls=np.array([[0.7, 0.2], [-0.2, -0.1]]), durations=np.array([2.5, 2.5]), path=None, cost=5.0, length=5.0
+    )
+    found = []
+    for partition in (True, False):
+        integral = in_slit(partition)
+        assert isinstance(integral.guidance, AnyGuidance)
+        times = integral.steps(12.0)
+        key = integral.space.homology.key((0,) * len(integral.space.obstacles))
+        guide = integral.guidance.improve(x, times, key, push)
+        assert guide is not None
+        leads = (Follow(guide), Tape(times, push.tape(times)))
+        proposals = tuple(Proposal(lead=lead, count=100) for lead in leads)
+        rollouts = integral.rollout(Batch(state=x, times=times, proposals=proposals), 7)
+        found.append((guide, rollouts, integral.estimate(rollouts)))
+    (one, first, told), (other, second, again) = found
+    np.testing.assert_allclose(other.modes, one.modes, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(second.paths.log_ratio, first.paths.log_ratio, rtol=1e-6, atol=1e-5)
+    np.testing.assert_array_equal(second.paths.outcome, first.paths.outcome)
+    np.testing.assert_allclose(again.control, told.control, rtol=1e-5, atol=1e-6)
+    assert again.value == pytest.approx(told.value, rel=1e-6)

@@ -1,0 +1,45 @@
+"""The long tests of unit/pirrht/shortening/test_chain.py."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from discs import scattered
+from unit.pirrht.shortening.test_chain import Foreign, by_class, grown
+
+from pirrht.freespace import FreeSpace
+from pirrht.shortening.chain import cheapest_chain
+from pirrht.steering.dubins import Dubins
+from pirrht.steering.straight_line import StraightLine
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(seed: int):
+    """Free, of the same class, never longer, and hardly longer than what is made for Dubins curves."""
+    space = FreeSpace.of(scattered(seed))
+    car = Dubins(rho=0.4)
+    tree = grown(space, Foreign(car), 250)
+    x = space.scene.start[:3]
+    rough, fine = tree.references(x, polished=False), by_class(tree.references(x))
+    special = grown(space, car, 250).references(x)
+    assert len(rough) >= 2
+    for before in rough:
+        after = fine[before.winding]
+        points = after.trajectory.points
+        assert after.length <= before.length * (1 + 1e-9)
+        assert space.collision.clearance(points).min() > -1e-3
+        assert space.homology.winding(points) == before.winding
+    lengths = {reference.winding: reference.length for reference in special}
+    ratios = [fine[w].length / lengths[w] for w in fine.keys() & lengths.keys()]
+    assert np.median(ratios) < 1.02
+    assert max(ratios) < 1.1
+
+
+def test_a_chain_around_a_corner_is_hardly_longer_than_the_taut_line():
+    space = FreeSpace.of(scattered(4))
+    tree = grown(space, StraightLine(), 200)
+    for rough in tree.references(space.scene.start[:2], polished=False):
+        chained = cheapest_chain(rough.path, StraightLine(), space)
+        taut = by_class(tree.references(space.scene.start[:2]))[rough.winding]
+        assert float(chained.cost.sum()) <= float(rough.path.cost.sum())
+        assert float(chained.cost.sum()) == pytest.approx(taut.cost, rel=0.012)

@@ -1,0 +1,170 @@
+"""The double integrator's two-point optimum, its cubic paths, and trees of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from discs import scattered
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.problem import Problem
+from pirrht.steering.double_integrator import MassSteering
+from pirrht.steering.edges import EdgeChecker
+from pirrht.steering.two_point import optimum
+from pirrht.systems.double_integrator import DoubleIntegrator
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.tree.homology_tree import HomologyTree
+
+MASS = MassSteering(q=1.0, r=2.0, top=2.0)
+
+
+def coefficients(tail: Array, head: Array, r: float) -> tuple[float, float, float]:
+    """A, B, C of J(T) = q T + A / T^3 + B / T^2 + C / T, from next to nothing but the closed forms."""
+    gap, before, after = head[:2] - tail[:2], tail[2:], head[2:]
+    if np.isnan(after[0]):
+        return 1.5 * r * gap @ gap, -3.0 * r * gap @ before, 1.5 * r * before @ before
+    shared = before @ before + before @ after + after @ after
+    return 6.0 * r * gap @ gap, -6.0 * r * gap @ (before + after), 2.0 * r * shared
+
+
+def turned(points: Array, markers: Array) -> Array:
+    """Angle (M,) [turns] that a fine polyline (k, 2) turns through as seen from markers (M, 2)."""
+    gap = points[:, None] - markers
+    angle = np.unwrap(np.arctan2(gap[..., 1], gap[..., 0]), axis=0)
+    return np.asarray((angle[-1] - angle[0]) / (2.0 * np.pi))
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_the_duration_is_the_best_of_all_roots_of_the_quartic(free: bool):
+    """2000 random pairs at scales from 0.1 to 3 against NumPy's roots; some have two minima."""
+    rng, twice = np.random.default_rng(5), 0
+    for _ in range(2000):
+        tail, head = (rng.normal(size=4) * rng.choice([0.1, 1.0, 3.0]) for _ in range(2))
+        if free:
+            head[2:] = np.nan
+        q, r = rng.uniform(0.2, 3.0, 2)
+        A, B, C = coefficients(tail, head, r)
+        roots = np.roots([q, 0.0, -C, -2.0 * B, -3.0 * A])
+        real = roots[(np.abs(roots.imag) < 1e-7 * np.abs(roots)) & (roots.real > 0)].real
+        costs = q * real + A / real**3 + B / real**2 + C / real
+        twice += len(real) > 1
+        T, cost = optimum(tuple(tail), tuple(head), q, r)
+        assert cost == pytest.approx(costs.min(), rel=1e-9)
+        assert cost == pytest.approx(q * T + A / T**3 + B / T**2 + C / T, rel=1e-9)
+    assert twice > 20
+
+
+def test_a_target_a_hair_behind_costs_thousands_of_times_one_a_hair_ahead():
+    drive = np.array([0.0, 0.0, 1.0, 0.0])
+    near = [np.array([s, 0.0, 1.0, 0.0]) for s in (1e-3, -1e-3)]
+    assert MASS.distance(drive, near[0]) == pytest.approx(1e-3, rel=1e-3)
+    assert MASS.distance(drive, near[1]) == pytest.approx(6.93, abs=0.01)
+
+
+def test_motions_end_where_they_should_and_cost_the_integral_of_their_acceleration():
+    rng = np.random.default_rng(0)
+    tails, heads = rng.normal(size=(50, 4)), rng.normal(size=(50, 4))
+    motions = MASS.connect(tails, heads)
+    for i in range(50):
+        s = np.linspace(0.0, motions.duration[i], 4001)
+        states = motions.states_at(i, s)
+        assert states[[0, -1]] == pytest.approx(np.array([tails[i], heads[i]]), abs=1e-9)
+        force = np.gradient(states[:, 2:], s, axis=0, edge_order=2)
+        rate = 1.0 + np.sum(force**2, axis=1)
+        assert motions.cost[i] == pytest.approx(np.trapezoid(rate, s), rel=1e-5)
+        assert motions.length()[i] == pytest.approx(np.hypot(*np.diff(states[:, :2], axis=0).T).sum(), rel=3e-3)
+
+
+def test_a_free_velocity_at_the_end_costs_no_more_than_any_fixed_one():
+    rng = np.random.default_rng(1)
+    tail, gap = rng.normal(size=4), rng.normal(size=2)
+    free = MASS.distance(tail, np.array([*gap, np.nan, np.nan]))
+    fixed = [MASS.distance(tail, np.array([*gap, *rng.normal(size=2) * 2]))[()] for _ in range(200)]
+    assert free <= min(fixed)
+    assert MASS.distance(np.array([*gap, np.nan, np.nan]), tail) == np.inf
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_the_nearest_are_those_of_least_cost(forward: bool):
+    rng = np.random.default_rng(2)
+    states, x = rng.normal(size=(300, 4)), rng.normal(size=4)
+    states[7, 2:] = np.nan
+    cost = MASS.distance(x, states) if forward else MASS.distance(states, x)
+    assert np.array_equal(MASS.nearest(states, x, 12, forward=forward), np.argsort(cost, kind="stable")[:12])
+
+
+def test_free_motions_keep_clear_and_turn_as_their_points_do():
+    """Random motions among solids: FREE ones never touch, others do, and turns are those of a dense polyline."""
+    rng, space = np.random.default_rng(3), FreeSpace.of(scattered(1))
+    low, high = space.scene.lower, space.scene.upper
+    tails, heads = (np.hstack([rng.uniform(low, high, (400, 2)), rng.normal(size=(400, 2))]) for _ in range(2))
+    motions = MASS.connect(tails, heads)
+    edges = EdgeChecker(space=space, motion=MASS.motion).inspect(motions, np.zeros(400, bool))
+    goal = space.scene.goal
+    seen = {True: 0, False: 0}
+    for i in range(400):
+        points = motions.states_at(i, np.linspace(0.0, motions.duration[i], 3000))[:, :2]
+        clear = space.collision.clearance(points).min()
+        apart = np.hypot(*(points - goal.center).T).min() - goal.radius
+        seen[bool(edges.free[i])] += 1
+        if not edges.free[i]:
+            assert min(clear, apart) < 1e-2
+            continue
+        assert clear > 0.0
+        assert apart > 0.0
+        first, last = (space.homology.straight(p[None])[0] for p in (points[0], points[-1]))
+        whole = turned(points, space.homology.markers) + last - first
+        assert edges.turns.dense(i, space.homology.M) == pytest.approx(whole, abs=1e-6)
+    assert min(seen.values()) > 30
+
+
+def test_a_tree_of_masses_finds_the_classes_of_points_and_pulls_their_paths_taut():
+    space = FreeSpace.of(scattered(2))
+    problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=space.scene, R=2.0 * np.eye(2))
+    tree = HomologyTree(space, MassSteering.of(problem), limit=0.8, rng=np.random.default_rng(0))
+    tree.grow(600)
+    x = np.array([*space.scene.start[:2], 0.0, 0.0])
+    rough = {reference.winding: reference for reference in tree.references(x, polished=False)}
+    for reference in tree.references(x):
+        points = reference.trajectory.points
+        assert space.collision.clearance(points).min() > -1e-3
+        assert space.homology.winding(points) == reference.winding
+        assert reference.cost <= rough[reference.winding].cost * (1.0 + 1e-9)
+        tape = reference.trajectory
+        p, v = x[:2].copy(), x[2:].copy()
+        for u, dt in zip(tape.controls, tape.durations, strict=True):
+            p, v = p + v * dt + 0.5 * u * dt**2, v + u * dt
+        assert math.dist(p, points[-1]) < 0.02
+    assert len(rough) >= 2
+
+
+def test_paths_go_on_over_the_corners_of_earlier_ones_in_their_class_and_hardly_dearer():
+    space = FreeSpace.of(scattered(3))
+    problem = Problem(dynamics=DoubleIntegrator(), scene=space.scene, R=2.0 * np.eye(2))
+    tree = HomologyTree(space, MassSteering.of(problem), limit=0.9, rng=np.random.default_rng(0))
+    tree.grow(300)
+    x = problem.dynamics.state_of(space.scene.start)
+    known = {found.winding: found for found in tree.references(x)}
+    paths = {winding: found.path for winding, found in known.items()}
+    moved = x + np.array([0.02, -0.01, 0.05, 0.02])
+    anew = {found.winding: found for found in tree.references(moved)}
+    again = {found.winding: found for found in tree.references(moved, before=paths)}
+    assert set(again) == set(anew)
+    shared = set(again) & set(known)
+    assert shared
+    for winding in shared:
+        assert again[winding].cost <= 1.05 * anew[winding].cost
+        assert len(again[winding].path.cost) <= len(known[winding].path.cost) + 1
+        np.testing.assert_array_equal(again[winding].path.tails[0], moved)
+
+
+def test_what_cubic_motions_cannot_steer_is_refused():
+    scene = scattered(0)
+    with pytest.raises(OptionError, match="steer a DoubleIntegrator, not SingleIntegrator"):
+        MassSteering.of(Problem(dynamics=SingleIntegrator(), scene=scene, R=2.0 * np.eye(2)))
+    with pytest.raises(OptionError, match="top is 0"):
+        MassSteering(top=0.0)

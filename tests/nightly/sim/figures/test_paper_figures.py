@@ -1,0 +1,183 @@
+"""The paper's figures: each is made whole, with units on its axes and the colours that recordings have."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from repository import ROOT
+from thoroughly import first
+
+from sim.drawing.colors import ClassColors, title
+from sim.figures import gallery, lengths, lifted, shares, snapshots, style
+from sim.figures.effort import Effort
+
+SCRIPT = ROOT / "scripts" / "reproduce_figures.py"
+SMALL = Effort(vertices=250, samples=30, max_time=0.15, noises=(0.05, 0.3), draws=100, estimates=2, paths=20)
+plt = pytest.importorskip("matplotlib.pyplot")
+
+
+def ticks():
+    done = []
+    return done, lambda: done.append(1)
+
+
+@pytest.fixture(scope="module")
+def tree():
+    return lifted.work(SMALL, lambda: None)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return snapshots.drive(SMALL.scenario("slit", noise=0.3), (0.0, 0.5))
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+def colored(axes):
+    """Colours of the lines of an axes."""
+    return [line.get_color() for line in axes.get_lines()]
+
+
+def legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def palette(ids):
+    colors = ClassColors()
+    colors.meet(ids)
+    return [style.rgb(colors[name]) for name in ids]
+
+
+@pytest.mark.parametrize("number", gallery.FIGURES)
+def test_every_figure_is_a_file_and_tells_each_piece_of_its_work(number, tmp_path):
+    done, tick = ticks()
+    open_before = plt.get_fignums()  # of other tests in this process
+    file = gallery.make(number, tmp_path, "png", SMALL, tick)
+    assert [path.name for path in tmp_path.iterdir()] == [f"{gallery.FIGURES[number].name}.png"]
+    assert file.read_bytes().startswith(b"\x89PNG")
+    assert len(done) == gallery.FIGURES[number].pieces(SMALL)
+    assert plt.get_fignums() == open_before
+
+
+@pytest.mark.parametrize("format", style.FORMATS)
+def test_a_seed_means_a_file(format, tmp_path, tree):
+    files = []
+    for folder in (tmp_path / "a", tmp_path / "b"):
+        folder.mkdir()
+        with plt.rc_context(style.RULES):
+            style.save(lifted.draw(plt, tree), style.check(folder, "tree", format))
+        files.append((folder / f"tree.{format}").read_bytes())
+    assert files[0] == files[1]
+
+
+def test_the_lifted_tree_has_a_panel_per_obstacle_and_a_path_per_class_from_its_signature_to_the_goal(tree):
+    figure = lifted.draw(plt, tree)
+    ids = [reference.id for reference in tree.references]
+    assert len(figure.axes) == len(tree.scenario.space.obstacles) == 2
+    assert [text for text in legend(figure) if text.startswith("class")] == [
+        f"class {title(r.id)}: cost {r.cost:.2f}" for r in tree.references
+    ]
+    for k, axes in enumerate(figure.axes):
+        assert [axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()] == [
+            "$x$ [m]",
+            "$y$ [m]",
+            f"$H_{k + 1}$ [turns]",
+        ]
+        assert all(colored(axes).count(color) == 1 for color in palette(ids))
+        for reference in tree.references:
+            line, _ = lifted._raised(tree, reference, k)
+            assert line[0, 2] == pytest.approx(reference.signature[k])
+            assert line[-1, 2] == pytest.approx(1.0, abs=0.05)  # the straight rest to the goal's centre is short
+
+
+def test_a_snapshot_has_a_reference_per_class_in_its_colour_and_weights_that_fill_its_bar(drive):
+    figure = snapshots.draw(plt, [drive], labels=["$b$ = 0.3, "], width=7.0, whole=False)
+    assert len(figure.axes) == len(drive.shown) == 2
+    for axes, step in zip(figure.axes, drive.shown, strict=True):
+        plan = drive.frames[step].plan
+        assert [color for color in colored(axes) if color in palette(plan.ids)] == palette(plan.ids)[::-1]
+        bar = [patch for patch in axes.patches if patch.get_zorder() == 12]
+        assert sum(patch.get_width() for patch in bar) == pytest.approx(1.0)
+        assert axes.get_aspect() == 1.0
+        assert axes.get_xlabel() == "$x$ [m]"
+    assert figure.axes[0].get_ylabel() == "$y$ [m]"
+    assert figure.axes[1].get_title(loc="left") == f"(b) $b$ = 0.3, $t$ = {drive.frames[drive.shown[1]].time:.1f} s"
+
+
+def test_the_driven_path_of_a_snapshot_ends_where_the_robot_is(drive):
+    for step in drive.shown:
+        assert np.allclose(drive.driven(step)[-1], drive.frames[step].plan.state[:2])
+
+
+def test_lengths_never_rise_and_end_at_or_above_those_of_the_references():
+    shown = lengths.work(SMALL, lambda: None)
+    figure = lengths.draw(plt, shown)
+    left, right = figure.axes
+    assert "iteration" in left.get_xlabel()
+    assert left.get_ylabel().endswith("[m]")
+    assert right.get_aspect() == 1.0
+    ids = [reference.id for reference in shown.references]
+    assert len(legend(figure)) == len(ids) > 0
+    assert set(colored(left)) == set(palette(ids))
+    for reference in shown.references:
+        history = shown.history(reference)
+        known = history[np.isfinite(history)]
+        assert np.all(np.diff(known) <= 0)
+        assert known[-1] >= reference.length - 1e-6
+
+
+def test_shares_of_the_classes_sum_to_one_and_only_a_solved_grid_is_shown():
+    found = shares.work(SMALL, lambda: None)
+    assert np.allclose(found.sampled.sum(axis=1), 1.0, atol=0.02)  # the rest belongs to paths that wind more
+    assert np.all(np.isnan(found.exact[0]))  # a grid fine enough for b = 0.05 is refused
+    assert found.exact[1].sum() == pytest.approx(1.0, abs=0.05)
+    figure = shares.draw(plt, found)
+    axes = figure.axes[0]
+    assert "b" in axes.get_xlabel()
+    assert "probability" in axes.get_ylabel()
+    assert [line.get_color() for line in axes.get_lines() if len(line.get_xdata()) == 2] == palette(found.ids)
+
+
+def script(*arguments, **options):
+    return subprocess.run(
+        [sys.executable, str(SCRIPT), *arguments], capture_output=True, text=True, timeout=120, **options
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    first(
+        [
+            (["--only", "9"], "--only: there is no figure '9'; name some of 1,2,3,4,5"),
+            (["--only", ""], "--only: there is no figure ''"),
+            (["--format", "gif"], "gif"),
+            (["--dpi", "5"], "from 50 to 1200"),
+            (["-o", "/dev/null/figures"], "-o /dev/null/figures: no folder can be made there"),
+            (["--seed", "-1"], "seed"),
+        ]
+    ),
+)
+def test_bad_options_are_refused_in_one_line(arguments, told, tmp_path):
+    done = script(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert told in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not list(tmp_path.rglob("*.pdf"))
+
+
+def test_without_matplotlib_the_script_says_how_to_get_it(tmp_path):
+    (tmp_path / "matplotlib.py").write_text("raise ImportError\n")
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.argv = ['x', '-o', {str(tmp_path / 'out')!r}]; "
+    code += f"import runpy; runpy.run_path({str(SCRIPT)!r}, run_name='__main__')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert (
+        done.stderr == "reproduce_figures.py: this script needs matplotlib; install it with: pip install matplotlib\n"
+    )

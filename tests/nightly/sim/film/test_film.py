@@ -1,0 +1,174 @@
+"""Films of drives: pictures of the scene with references and path, and one line where none can be made."""
+
+from __future__ import annotations
+
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+
+from pirrht.errors import OptionError
+from sim.cli import main
+from sim.film import film, offscreen
+from sim.mjcf import load
+from sim.mjcf.dressed import dress
+from sim.scenario import prepare
+
+SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
+
+
+@pytest.fixture
+def graphics(monkeypatch):
+    """Small pictures, where anything can draw them."""
+    monkeypatch.setattr(film, "WIDTH", 320)
+    monkeypatch.setattr(film, "HEIGHT", 180)
+    try:
+        offscreen.Offscreen(load("slit").model, width=8, height=8, option="--video").close()
+    except OptionError as error:
+        pytest.skip(str(error))
+
+
+def yellow(picture) -> int:
+    """Pixels in the colour of the driven path."""
+    red, green, blue = (picture[..., k].astype(int) for k in range(3))
+    return int(np.sum((red > 180) & (green > 140) & (blue < 110) & (red - green < 90)))
+
+
+@pytest.mark.parametrize("more", [[], ["--plant", "sde"], ["--method", "passive"]])
+def test_a_film_shows_the_drive_and_a_still_its_end(graphics, tmp_path, capsys, more):
+    av, image = pytest.importorskip("av"), pytest.importorskip("PIL.Image")
+    video, still = tmp_path / "a.mp4", tmp_path / "a.png"
+    assert main([*SHORT, *more, "--video", str(video), "--png", str(still)]) == 1
+    assert str(video) in capsys.readouterr().out
+    with av.open(str(video)) as container:
+        track = container.streams.video[0]
+        assert (track.codec_context.name, track.average_rate) == ("h264", film.RATE)
+        pictures = [picture.to_ndarray(format="rgb24") for picture in container.decode(track)]
+    assert len(pictures) == 1 + int(0.4 * film.RATE) + round(film.HOLD * film.RATE)
+    last = np.asarray(image.open(still))
+    assert last.shape == pictures[0].shape == (180, 320, 3)
+    assert np.abs(pictures[-1].astype(int) - last).mean() < 6.0
+    assert yellow(last) > yellow(pictures[0]) + 20
+    assert sorted(tmp_path.iterdir()) == [video, still]
+
+
+BARE = """<mujoco model="bare">
+  <worldbody>
+    <geom name="floor" type="plane" pos="2 1 0" size="2 1 0.1"/>
+    <geom name="post" type="cylinder" pos="2 1 0.25" size="0.3 0.25"/>
+    <site name="start" pos="0.4 1 0"/>
+    <site name="goal" type="cylinder" pos="3.5 1 0" size="0.3 0.01"/>
+    <site name="workspace" type="box" pos="2 1 0.5" size="2 1 0.5"/>
+  </worldbody>
+</mujoco>"""
+
+
+def test_what_a_scene_says_nothing_of_has_light_colours_and_a_sky(graphics, tmp_path):
+    """The goal is green, the floor bright, the post darker than it, nothing black, and no workspace hides them."""
+    (tmp_path / "bare.xml").write_text(BARE)
+    scenario = prepare(tmp_path / "bare.xml", given={"vertices": 50, "samples": 10, "max_time": 0.02})
+    one = film.Film(scenario.loaded, size=(320, 180))
+    for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+        one.add(frame)
+    (picture,) = one.shots([0.0])
+    one.close()
+    red, green, blue = (picture[..., k].astype(int) for k in range(3))
+    assert np.sum((green > red + 40) & (green > blue + 30)) > 200
+    assert tuple(picture[0, 0]) == offscreen.SKY
+    floor, post = picture[150, 160].astype(int), picture[85, 160].astype(int)
+    assert floor.min() > 140
+    assert post.max() < floor.min() - 30
+    assert np.mean(picture.max(axis=-1) < 20) < 0.01
+
+
+@pytest.mark.parametrize("said", ['rgba="1 0 0 1"', 'material="paint"'])
+def test_what_a_scene_says_of_its_looks_stays(said):
+    text = BARE.replace('size="0.3 0.25"', f'size="0.3 0.25" {said}')
+    head = '<asset><material name="paint" rgba="1 0 0 1"/></asset><worldbody><light pos="0 0 4"/>'
+    model = mujoco.MjModel.from_xml_string(text.replace("<worldbody>", head))
+    before, light = model.geom_rgba[1].copy(), model.vis.headlight.ambient.copy()
+    dress(model)
+    np.testing.assert_array_equal(model.geom_rgba[1], before)
+    np.testing.assert_array_equal(model.vis.headlight.ambient, light)
+
+
+def test_shots_are_the_pictures_of_a_drive_at_times_in_a_size_of_their_own(graphics):
+    scenario = prepare("slit", given={"vertices": 80, "samples": 20, "max_time": 0.2})
+    one = film.Film(scenario.loaded, size=(96, 54))
+    for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+        one.add(frame)
+    first, last, later = one.shots([0.0, frame.end_time, 9.0])
+    one.close()
+    assert first.shape == (54, 96, 3)
+    np.testing.assert_array_equal(last, later)
+    assert np.any(first != last)
+
+
+@pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive", "hover", "rover", "car"])
+def test_every_robot_is_drawn_where_it_is(graphics, robot):
+    loaded = load("slit", robot=robot)
+    eye = offscreen.Offscreen(loaded.model, width=320, height=180, option="--video")
+    eye.look_at(np.array([3.0, 2.5, 0.0]), distance=6.0, elevation=68.0)
+    data, stance, seen = film.mujoco.MjData(loaded.model), film.stance_of(loaded.model), []
+    for x in (1.5, 4.0):
+        stance.place(data, np.array([x, 1.0, 0.0])[: 2 if robot == "puck" else 3], np.zeros(2), np.zeros(2))
+        film.mujoco.mj_forward(loaded.model, data)
+        eye.pose(data)
+        seen.append(eye.draw().astype(int))
+    eye.close()
+    columns = np.flatnonzero(np.abs(seen[0] - seen[1]).sum(axis=2).max(axis=0) > 60)
+    assert columns.min() < 130 < 190 < columns.max()
+
+
+def test_among_bodies_that_move_pictures_tell_the_time_and_elsewhere_they_do_not(graphics, monkeypatch):
+    told: list[str] = []
+    monkeypatch.setattr(offscreen.Offscreen, "label", lambda self, place, text: told.append(text))
+    for scene, expected in (("crossing", ["0.1 s", "crosser"]), ("slit", [])):
+        told.clear()
+        given = {"vertices": 60, "samples": 20, "period": 0.1, "max_time": 0.2}
+        scenario = prepare(scene, given=given)
+        shown = film.Film(scenario.loaded, size=(64, 36))
+        for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+            shown.add(frame)
+        shown.shots([0.1])
+        shown.close()
+        assert told == expected
+
+
+def test_where_one_way_of_drawing_fails_the_next_is_tried(graphics, monkeypatch):
+    monkeypatch.setattr(offscreen, "CHOSEN", None)
+    monkeypatch.setattr(offscreen, "BACKENDS", ("nothing", *offscreen.BACKENDS))
+    offscreen.Offscreen(load("slit").model, width=8, height=8, option="--video").close()
+
+
+@pytest.mark.parametrize(
+    ("typed", "reason"),
+    [("--video a.avi", ".mp4"), ("--png a.jpg", ".png"), ("--video no/a.mp4", "does not exist")],
+)
+def test_a_file_that_cannot_be_made_is_refused_before_the_drive(tmp_path, monkeypatch, capsys, typed, reason):
+    pytest.importorskip("av")
+    monkeypatch.chdir(tmp_path)
+    assert main([*SHORT, *typed.split()]) == 2
+    said = capsys.readouterr()
+    assert not said.out
+    assert said.err.count("\n") == 1
+    assert reason in said.err
+
+
+def test_a_missing_library_is_named_with_the_extra_that_brings_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "av", None)
+    assert main([*SHORT, "--video", str(tmp_path / "a.mp4")]) == 2
+    assert "pirrht[video]" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere there is one way of drawing")
+def test_without_graphics_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("PIL")
+    monkeypatch.setattr(offscreen, "CHOSEN", None)
+    monkeypatch.setattr(offscreen, "BACKENDS", ("nothing", "nowhere"))
+    assert main([*SHORT, "--png", str(tmp_path / "a.png")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "nothing" in said
+    assert "libosmesa6" in said

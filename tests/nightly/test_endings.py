@@ -1,0 +1,180 @@
+"""The long tests of integration/test_endings.py."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import odd_files
+import pytest
+from repository import environment
+from thoroughly import first
+
+from sim.cli import main
+
+COMMANDS = {  # none ends by itself within a minute
+    "plan": ["plan", "slit", "--vertices", "100000"],
+    "truth": ["estimate", "slit", "--at", "1", "2.5", "--truth", "--repeat", "10000"],
+    "run": ["run", "slit", "--vertices", "100", "--samples", "20000"],
+}
+
+
+AFTER = """
+import os, signal, sys, threading
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
+import sim.cli
+how, after = int(sys.argv.pop(1)), float(sys.argv.pop(1))
+timer = threading.Timer(after, os.kill, [os.getpid(), how])
+timer.daemon = True
+timer.start()
+sys.exit(sim.cli.main())
+"""
+
+
+AT_IMPORT = """
+import signal, sys
+import sim.cli
+left = int(sys.argv.pop(1))
+def hook(event, _):
+    global left
+    left -= event == "import"
+    if left == 0:
+        left = -1
+        signal.raise_signal(signal.SIGINT)
+sys.addaudithook(hook)
+sys.exit(sim.cli.main())
+"""
+
+
+def done(script: str, *words: str, **more: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", script, *words]
+    return subprocess.run(command, env=environment() | more, capture_output=True, text=True, timeout=300)
+
+
+# -- signals -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [1, 2, 20, 200, 600, 1000])
+def test_ctrl_c_while_modules_are_imported_ends_without_a_traceback(number: int):
+    """Before there is anything to clean up the system ends the process, which shells call 130 as well."""
+    ran = done(AT_IMPORT, str(number), *COMMANDS["plan"])
+    assert ran.returncode in (130, -signal.SIGINT)
+    assert ran.stderr in ("", "pirrht: interrupted\n")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(("after", "how"), first([(0.3, 2), (4, 15), (3, 2), (0.3, 15), (4, 1)], 2))
+def test_a_signal_ends_a_command_with_its_status_and_one_line(command: str, after: float, how: int):
+    ran = done(AFTER, str(how), str(after), *COMMANDS[command])
+    assert ran.returncode in (128 + how, -how if after < 1 else 128 + how)
+    said = {2: "interrupted", 15: "terminated", 1: "the terminal was closed"}[how]
+    lines = [line for line in ran.stderr.splitlines() if "compiling kernels" not in line]
+    assert lines == ([] if ran.returncode < 0 else [f"pirrht: {said}"])
+
+
+# -- outputs -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def closed() -> Iterator[int]:
+    """The end for writing of a pipe that nobody reads."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    yield writer
+    os.close(writer)
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [["scenes"], ["--help"]])
+def test_a_reader_who_has_gone_is_content(closed, words, unbuffered):
+    command, more = [sys.executable, "-m", "sim.cli", *words], {"PYTHONUNBUFFERED": unbuffered}
+    ran = subprocess.run(command, env=environment() | more, stdout=closed, stderr=subprocess.PIPE, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_an_output_that_is_full_costs_one_line(unbuffered):
+    with open("/dev/full", "w") as full:
+        command, more = [sys.executable, "-m", "sim.cli", "scenes"], {"PYTHONUNBUFFERED": unbuffered}
+        ran = subprocess.run(command, env=environment() | more, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert (ran.returncode, ran.stderr) == (2, "pirrht: standard output: No space left on device\n")
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_a_stream_that_is_closed_from_the_start_takes_everything(tmp_path: Path, stream: str):
+    number, word = {"stdout": (1, "scenes"), "stderr": (2, "plan nowhere.xml")}[stream]
+    command = f"exec {sys.executable} -m sim.cli {word} {number}>&-"
+    ran = subprocess.run(command, shell=True, env=environment(), cwd=tmp_path, capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0 if number == 1 else 2, "")
+
+
+# -- inputs ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder", "device", "long name", "no text", "secret"])
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "plan SCENE",
+        "plan slit --robot SCENE",
+        "import SCENE -o new.xml --start 1 1 --goal 2 2 1",
+        "export SCENE -o a.npz",
+    ],
+    ids=["scene", "robot", "import", "export"],
+)
+def test_what_has_no_end_or_no_name_is_refused_at_once(tmp_path: Path, monkeypatch, capsys, typed: str, kind: str):
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / {"long name": "x" * 300 + ".xml", "no text": "\udcff.xml"}.get(kind, "file.xml")
+    odd_files.put(kind, file)
+    if kind == "no text":
+        file.write_text("<mujoco/>")
+    elif kind == "secret":
+        file.write_text("<mujoco/>")
+        file.chmod(0)
+    assert main([str(file) if word == "SCENE" else word for word in typed.split()]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("pirrht: ")
+    assert said.count("\n") == 1
+
+
+# -- compiling ---------------------------------------------------------------------------------------------------
+
+
+def helpers_of(parent: int) -> list[int]:
+    """Processes of `sim.cli.warm` that a process has started."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            state = (folder / "stat").read_text().rpartition(")")[2].split()
+            if int(state[1]) == parent and b"sim.cli.warm" in (folder / "cmdline").read_bytes():
+                found.append(int(folder.name))
+        except OSError:
+            continue
+    return found
+
+
+HOWS = first([signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+
+
+@pytest.mark.parametrize("how", HOWS)
+def test_the_process_that_compiles_ends_with_its_parent(tmp_path: Path, how: int):
+    command = [sys.executable, "-m", "sim.cli", *COMMANDS["run"]]
+    with subprocess.Popen(
+        command, env=environment() | {"NUMBA_CACHE_DIR": str(tmp_path)}, stderr=subprocess.PIPE, text=True
+    ) as process:
+        while not (helpers := helpers_of(process.pid)):
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(how)
+        _, said = process.communicate()
+    lines = said.splitlines()
+    assert process.returncode == (-how if how == signal.SIGKILL else 128 + how)
+    assert lines[0].startswith("compiling kernels, once: about ")
+    assert len(lines) == (1 if how == signal.SIGKILL else 2)
+    while Path(f"/proc/{helpers[0]}").exists():
+        time.sleep(0.05)

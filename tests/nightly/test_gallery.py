@@ -1,0 +1,128 @@
+"""The scenes of the gallery: made by their scripts, planned in with more than one way, driven to the goal, drawn."""
+
+from __future__ import annotations
+
+import re
+
+import gallery
+import make_scenes
+import numpy as np
+import pytest
+from repository import ROOT
+from thoroughly import thorough
+from worlds import meshes
+
+from pirrht.errors import OptionError
+from pirrht.outcome import Outcome
+from sim.film import offscreen
+from sim.mjcf import load, models_folder
+from sim.recording.read import read
+from sim.scenario import prepare
+
+PAGES = {make().name: make for make in make_scenes.PAGES}
+SHORT = {"period": 0.05, "classes": 4, "samples": 100}  # a drive of a second or so
+
+
+def bare(text: str) -> str:
+    """A scene without its meshes, whose triangles a library chooses."""
+    return re.sub(r"<mesh [^>]*/>", "", text)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_scene_is_what_its_script_writes(name):
+    assert bare((models_folder() / "scenes" / f"{name}.xml").read_text()) == bare(PAGES[name]().text())
+
+
+@pytest.mark.parametrize(("name", "mesh"), [("desk", meshes.desk()), ("left shelf", meshes.shelf())])
+def test_furniture_counts_as_its_hull(name, mesh):
+    (solid,) = (solid for solid in load("office").scene.obstacles if solid.name == name)
+    world = solid.vertices @ solid.rotation.T + solid.position
+    np.testing.assert_allclose(np.ptp(world, axis=0), mesh.extents, atol=1e-3)
+
+
+def test_a_script_writes_scenes_that_load_to_any_folder(tmp_path, capsys):
+    assert make_scenes.main([str(tmp_path)]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == len(PAGES)
+    for name in PAGES:
+        assert load(tmp_path / f"{name}.xml").about == PAGES[name]().about
+
+
+@pytest.mark.parametrize("name", [*PAGES, "slit"])
+def test_a_scene_has_more_than_one_way_that_noise_may_favour(name):
+    scenario = prepare(name)
+    tree, shares = scenario.grown_tree(), []
+    for noise in (scenario.settings.noise, 0.3):
+        level = scenario.with_settings(noise=noise)
+        controller = level.driver(tree)
+        controller.begin(level.start)
+        plan = controller.plan(level.start)
+        assert len(plan.references) >= 2
+        shares.append(plan.estimate.class_weights)
+    first = [max(weights, key=lambda each: weights[each]) for weights in shares]
+    second = max(sorted(weights.values())[-2] for weights in shares)
+    assert first[0] != first[1] or second > 0.01
+
+
+ALL = ["barn", *(thorough(name) for name in PAGES if name != "barn")]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_robot_reaches_the_goal_with_one_of_three_seeds_though_it_plans_seldom(name):
+    tree = prepare(name).grown_tree()
+    for seed in range(3):
+        scenario = prepare(name, given={**SHORT, "seed": seed, "plan_seed": 0})
+        for frame in scenario.drive(scenario.plant(), scenario.driver(tree)):
+            outcome = frame.outcome
+        if outcome is Outcome.GOAL:
+            return
+    pytest.fail(f"{name}: {outcome.name} with the last seed")
+
+
+def test_the_script_draws_a_still_and_a_loop_of_a_scene(tmp_path, monkeypatch):
+    image = pytest.importorskip("PIL.Image")
+    try:
+        offscreen.Offscreen(load("slit").model, width=8, height=8, option="--video").close()
+    except OptionError as error:
+        pytest.skip(str(error))
+    monkeypatch.setattr(gallery, "STILL", (160, 90))
+    monkeypatch.setattr(gallery, "LOOP", (80, 45))
+    words = ["double_slit", "u_trap", "-o", str(tmp_path), "--shots", "3", "--max-time", "0.2"]
+    assert gallery.main(words) == 0
+    for name in ("double_slit", "u_trap"):
+        with image.open(tmp_path / f"{name}.webp") as still, image.open(tmp_path / f"{name}-drive.webp") as loop:
+            assert still.size == (160, 90)
+            assert (loop.size, loop.n_frames) == ((80, 45), 3)
+            brightness = [float(np.asarray(still.convert("L")).mean())]
+            for frame in range(loop.n_frames):
+                loop.seek(frame)
+                brightness.append(float(np.asarray(loop.convert("L")).mean()))
+        assert np.ptp(brightness) < 20.0  # all of them show the same scene
+
+
+@pytest.mark.thorough
+def test_the_script_draws_both_noise_levels_and_the_value(tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    pytest.importorskip("matplotlib")
+    words = ["opening", "closing_door-noise", "value", "-o", str(tmp_path), "--shots", "2", "--max-time", "0.05"]
+    assert gallery.main(words) == 0
+    for pair in gallery.PAIRS:
+        with image.open(tmp_path / f"{pair}.webp") as opening:
+            assert opening.n_frames == 2
+            assert opening.size[0] == 760
+    with image.open(tmp_path / "value.webp") as value:
+        colors = np.asarray(value.convert("RGB")).reshape(-1, 3)
+    assert len(np.unique(colors // 16, axis=0)) > 50  # a map, and no blank page
+
+
+def test_an_unknown_scene_is_told_in_one_line(tmp_path, capsys):
+    assert gallery.main(["nowhere", "-o", str(tmp_path)]) == 2
+    assert "nowhere: no such scene" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_recording_in_the_documents_is_small_and_can_be_read():
+    """A hosted viewer takes some 2 MB; it is a whole drive around the walls of `slit`."""
+    file = ROOT / "docs" / "recordings" / "slit.rrd"
+    assert file.stat().st_size < 2_000_000
+    told = read(file)
+    assert len(told.steps) > 300

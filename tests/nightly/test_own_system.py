@@ -1,0 +1,114 @@
+"""The boat of docs/bring-your-own.md, registered in ten lines, goes wherever the robots of the house go."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import call, told
+from repository import ROOT, environment
+
+PAGE = (ROOT / "docs" / "bring-your-own.md").read_text()
+CLASSES = next(text for text in re.findall(r"```python\n(.*?)```", PAGE, re.S) if "class Boat" in text)
+HULL = next(text for text in re.findall(r"```xml\n(.*?)```", PAGE, re.S) if 'model="boat"' in text)
+SYSTEM = """
+from sim.systems import System
+
+BOAT = System(
+    name="boat",
+    dynamics=lambda settings: Boat(),
+    steering=lambda problem: GroundTrack(),
+    R=2 * np.eye(2),
+    heeds=(),
+)
+"""
+BOAT = ("slit", "--robot", "boat.xml", "--system", "moor:BOAT", "--vertices", "100", "--samples", "20")
+
+
+@pytest.fixture(scope="module")
+def moor(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the boat's hull, and a module with its classes and its system."""
+    folder = tmp_path_factory.mktemp("moor")
+    (folder / "boat.xml").write_text(HULL)
+    (folder / "moor.py").write_text(CLASSES[: CLASSES.index("loaded = load(")] + SYSTEM)
+    return folder
+
+
+def test_the_system_takes_about_ten_lines():
+    assert len([line for line in SYSTEM.splitlines() if line.strip()]) <= 10
+
+
+def test_a_boat_is_planned_for(moor):
+    found = told(moor, "plan", *BOAT)
+    assert found["robot"] == "boat"
+    assert sorted(one["id"] for one in found["classes"]) == ["-1,0", "0,0", "0,1"]
+
+
+def test_a_boat_drives_and_is_recorded(moor):
+    found = told(moor, "run", *BOAT, "--max-time", "0.1", "--record", "boat.rrd", status=1)
+    assert (found["outcome"], found["steps"]) == ("timeout", 10)
+    assert found["lambda"] == pytest.approx(2 * 0.1**2)
+    assert (moor / "boat.rrd").stat().st_size > 10_000
+
+
+def test_a_boats_control_makes_up_for_the_current(moor):
+    found = told(moor, "estimate", *BOAT, "--at", "1", "2.5", "--samples", "200")
+    (control,) = found["control"]
+    assert control[0] > 0.8
+    assert control[1] == pytest.approx(-0.2, abs=0.3)
+
+
+@pytest.mark.thorough
+def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(moor):
+    words = ("--max-time", "0.03", "--seeds", "0:2", "--jobs", "2", "-o", "runs")
+    rows = told(moor, "sweep", *BOAT, *words)
+    assert [row["outcome"] for row in rows] == ["timeout"] * 2
+    assert [row["error"] for row in rows] == [None] * 2
+    assert json.loads((moor / "runs" / "manifest.json").read_text())["settings"]["system"] == "moor:BOAT"
+    words = [word for word in ("sweep", *BOAT, *words) if word not in ("--system", "moor:BOAT")]
+    done = subprocess.run(
+        [sys.executable, "-m", "sim.cli", *words], cwd=moor, capture_output=True, text=True, env=environment()
+    )
+    assert done.returncode == 2
+    assert "was made with --system moor:BOAT and this sweep is without --system" in done.stderr
+
+
+def test_a_boat_is_an_environment(moor):
+    pytest.importorskip("gymnasium")
+    code = (
+        "import gymnasium, sim.gym\n"
+        "boat = gymnasium.make('pirrht/Scene-v0', scene='slit', robot='boat.xml', system='moor:BOAT')\n"
+        "x, _ = boat.reset(seed=1)\n"
+        "for _ in range(100): x, *_ = boat.step([0.0, 0.0])\n"
+        "print(*x)\n"
+    )
+    x = np.array([float(word) for word in call(moor, "-c", code).split()])
+    np.testing.assert_allclose(x, [1.0, 2.5 + 0.2 * 1.0], atol=4 * 0.1)  # drifts for a second
+    assert x[1] != 2.5
+
+
+@pytest.mark.parametrize(
+    ("line", "wrong", "words"),
+    [
+        ("= p[0], p[1]", "= p[0], q[0]", "drift(x, p, out) fails at x = [0.0, 0.0] (NameError"),
+        ("= p[0], p[1]", "= p[0], np.nan", "drift(x, p, out) writes [0.0, nan]"),
+        ("return rng.uniform(", "return sea.uniform(", "in sample: NameError: name 'sea' is not defined; mend it"),
+    ],
+)
+def test_what_fails_in_a_boats_own_code_is_told_in_one_line(moor, line, wrong, words):
+    text = (moor / "moor.py").read_text()
+    assert line in text
+    (moor / "leak.py").write_text(text.replace(line, wrong))
+    args = [word.replace("moor:", "leak:") for word in BOAT]
+    done = subprocess.run(
+        [sys.executable, "-m", "sim.cli", "plan", *args],
+        cwd=moor, env=environment(), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,81 @@
+"""What is installed is complete: a wheel brings scenes and robots along and drives from any folder."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from repository import ROOT
+
+import pirrht
+
+
+def call(*words: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return subprocess.run(
+        [sys.executable, *map(str, words)], cwd=cwd, env=inherited | environment, capture_output=True, text=True
+    )
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    pytest.importorskip("hatchling", reason="the wheel is built without a network")
+    pip = ("-m", "pip", "--disable-pip-version-check", "wheel", "-q")
+    built = call(*pip, "--no-deps", "--no-build-isolation", "--no-index", "-w", folder, ROOT, cwd=folder)
+    assert built.returncode == 0, built.stderr
+    (file,) = folder.glob("pirrht-*.whl")
+    return file
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("installed")
+    pip = ("-m", "pip", "--disable-pip-version-check", "install", "-q")
+    done = call(*pip, "--no-deps", "--no-index", "--no-compile", "--target", folder, wheel, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_a_wheel_holds_both_packages_and_their_models(wheel):
+    names = set(zipfile.ZipFile(wheel).namelist())
+    for folder in ("pirrht", "sim"):
+        assert {path.relative_to(ROOT).as_posix() for path in (ROOT / folder).rglob("*.py")} <= names
+    for path in (ROOT / "models").rglob("*.xml"):
+        assert f"sim/models/{path.relative_to(ROOT / 'models').as_posix()}" in names
+    assert {"pirrht/py.typed", "sim/py.typed"} <= names
+    assert f"pirrht-{pirrht.__version__}-" in wheel.name
+    assert {"sim/models/scenes/slit.xml", "sim/models/robots/puck.xml"} <= names
+
+
+def test_a_wheel_holds_nothing_else(wheel):
+    tops = {name.split("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+    assert {name for name in tops if not name.endswith(".dist-info")} == {"pirrht", "sim"}
+    assert not [name for name in zipfile.ZipFile(wheel).namelist() if "__pycache__" in name or name.endswith(".nbi")]
+
+
+def test_a_wheel_brings_the_command(wheel):
+    archive = zipfile.ZipFile(wheel)
+    (entry,) = [name for name in archive.namelist() if name.endswith("entry_points.txt")]
+    assert "pirrht = sim.cli:main" in archive.read(entry).decode()
+
+
+def test_an_installed_copy_finds_its_own_scenes(installed, tmp_path):
+    listed = call("-m", "sim.cli", "scenes", cwd=tmp_path, PYTHONPATH=str(installed))
+    assert listed.returncode == 0, listed.stderr
+    assert f"files: {installed / 'sim' / 'models' / 'scenes'};" in listed.stdout
+    assert "\nslit " in listed.stdout
+
+
+def test_an_installed_copy_drives_and_compiles_only_once(installed, tmp_path):
+    words = ("run", "slit", "--max-time", "0.05", "--vertices", "60", "--samples", "20", "--json", "run.json")
+    for saved in (True, False):
+        ran = call("-m", "sim.cli", *words, cwd=tmp_path, PYTHONPATH=str(installed), NUMBA_DEBUG_CACHE="1")
+        assert ran.returncode == 1, ran.stderr
+        assert "timeout after 0.05 s" in ran.stdout
+        assert ("data saved" in ran.stdout) == saved
+    assert [path.name for path in tmp_path.iterdir()] == ["run.json"]

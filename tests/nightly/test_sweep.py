@@ -1,0 +1,177 @@
+"""The long tests of integration/test_sweep.py."""
+
+from __future__ import annotations
+
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from integration.test_sweep import QUICK, rows
+from mjcf_samples import WALL
+from repository import environment
+
+from sim.cli import main, sweep_commands
+from sim.cli.parser import parser
+from sim.sweeps import sweep
+from sim.sweeps.dataset import Dataset
+
+STOPPED = """
+import os, signal, sys
+from sim import cli
+from sim.sweeps import dataset, parts
+def once(folder, write, add=parts.add):
+    parts.add = add
+    add(folder, write)
+    {signals}
+dataset.CHUNK_RUNS, dataset.CHUNK_SECONDS, parts.add = 20, float("inf"), once
+sys.exit(cli.main(sys.argv[1:]))
+"""  # a sweep that is told to stop as soon as its first 20 runs are written
+
+
+AS_A_TERMINAL = STOPPED.format(signals="os.killpg(0, signal.SIGINT)  # to all processes")
+
+
+def written(folder: Path) -> int:
+    return len(list(folder.glob("runs/part-*.parquet")))
+
+
+@contextmanager
+def started(*words: str, program: Sequence[str] = ("-m", "sim.cli")) -> Iterator[subprocess.Popen[str]]:
+    """A sweep as a process of its own, which does not outlive the test."""
+    process = subprocess.Popen(
+        [sys.executable, *program, "sweep", *words],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=environment(),
+        text=True,
+        start_new_session=True,
+    )
+    with process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def wait_for(happened, patience: float = 300.0) -> None:
+    deadline = time.monotonic() + patience
+    while not happened() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert happened()
+
+
+@pytest.fixture(scope="module")
+def long_sweep(tmp_path_factory) -> tuple[list[str], list[dict]]:
+    """A sweep of some seconds, and its rows when nothing disturbs it."""
+    folder = tmp_path_factory.mktemp("whole") / "sweep"
+    words = ["slit", "--methods", "passive", "--noise", "0.1,0.3", "--seeds", "0:80", "--jobs", "2", *QUICK]
+    assert main(["sweep", *words, "-o", str(folder)]) == 0
+    return words, rows(folder)
+
+
+@pytest.mark.thorough
+def test_a_sweep_that_is_killed_again_and_again_ends_with_the_same_rows(long_sweep, tmp_path):
+    words, expected = long_sweep
+    folder, chance = tmp_path / "sweep", random.Random(3)
+    for _ in range(3):
+        before = written(folder)
+        with started(*words, "-o", str(folder)) as process:
+            wait_for(lambda before=before, process=process: written(folder) > before or process.poll() is not None)
+            time.sleep(0.4 * chance.random())
+    assert 0 < len(rows(folder)) <= len(expected)
+    assert main(["sweep", *words, "-o", str(folder)]) == 0
+    assert rows(folder) == expected
+    told = [row["seed"] for file in Dataset(folder).files() for row in _read(file)]
+    assert len(told) == len(expected)
+
+
+def _read(file: Path) -> list[dict]:
+    import pyarrow.parquet as pq
+
+    return pq.read_table(file).to_pylist()
+
+
+@pytest.mark.thorough
+def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sweep, tmp_path):
+    words, expected = long_sweep
+    with started(*words, "-o", str(tmp_path / "sweep"), program=("-c", AS_A_TERMINAL)) as process:
+        _, told = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "under way are waited for" in told
+    kept, last = told.strip().splitlines()[-2:]
+    assert last == "pirrht: interrupted"
+    assert "Traceback" not in told
+    done = rows(tmp_path / "sweep")
+    assert kept == f"{len(done)} of 160 runs kept in {tmp_path / 'sweep'}; the same command goes on"
+    assert 20 <= len(done) <= 22  # those that were written, and what two processes were at
+    assert all(row in expected for row in done)
+    assert main(["sweep", *words, "-o", str(tmp_path / "sweep")]) == 0
+    assert rows(tmp_path / "sweep") == expected
+
+
+@pytest.mark.parametrize("signals", [("SIGINT", "SIGINT"), ("SIGTERM",)])
+def test_ctrl_c_twice_and_sigterm_end_it_at_once_and_keep_what_was_finished(signals, tmp_path):
+    words = ["slit", "--methods", "passive", "--seeds", "0:50", "--jobs", "2", *QUICK, "-o", str(tmp_path / "sweep")]
+    sent = "; ".join(f"os.kill(os.getpid(), signal.{name})" for name in signals)
+    with started(*words, program=("-c", STOPPED.format(signals=sent))) as process:
+        _, told = process.communicate(timeout=120)
+    assert process.returncode == 128 + signal.Signals[signals[0]]
+    assert "Traceback" not in told
+    assert 20 <= len(rows(tmp_path / "sweep")) <= 22
+
+
+def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_method_without_one(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("letter.npz").write_text("dear")
+    assert main(["plan", "slit", "--vertices", "100", "-o", "slit.npz"]) == 0
+    robot = ["slit", "--tree", "slit.npz", "--robot", "unicycle"]
+    for words, culprit in (
+        (["slit", "--tree", "nosuch.npz"], "nosuch.npz does not exist"),
+        (["slit", "--tree", "letter.npz"], "letter.npz is no tree"),
+        (["slit", "clutter", "--tree", "slit.npz"], "slit.npz was grown for another task"),
+        (robot, "slit.npz was grown for another task"),
+    ):
+        for output in ([], ["-o", "sweep"]):
+            capsys.readouterr()
+            assert main(["sweep", *words, "--methods", "passive,pi-rrht", "--seeds", "0:1", *output]) == 2
+            told = capsys.readouterr()
+            assert told.err.count("\n") == 1
+            assert culprit in told.err
+            assert told.out == ""
+    assert not Path("sweep").exists()
+    arguments = parser().parse_args(["sweep", *robot, "--methods", "passive"])
+    assert len(sweep.checked(sweep_commands.parse_grid(arguments).jobs())) == 10
+
+
+def test_a_scene_that_has_changed_is_refused_and_one_that_moved_is_not(tmp_path, capsys):
+    folder = tmp_path / "there"
+    folder.mkdir()
+    scene = tmp_path / "wall.xml"
+    scene.write_text(WALL)
+    words = ["--methods", "passive", "--seeds", "0:1", *QUICK, "-o", str(tmp_path / "sweep")]
+    assert main(["sweep", str(scene), *words]) == 0
+    scene.rename(folder / "wall.xml")
+    assert main(["sweep", str(folder / "wall.xml"), *words]) == 0
+    assert written(tmp_path / "sweep") == 1
+    (folder / "wall.xml").write_text(WALL.replace('size="0.1 2.1', 'size="0.2 2.1'))
+    capsys.readouterr()
+    assert main(["sweep", str(folder / "wall.xml"), *words]) == 2
+    assert "another wall" in capsys.readouterr().err
+    assert written(tmp_path / "sweep") == 1
+
+
+def test_a_clock_that_is_set_back_and_forth_changes_nothing(long_sweep, tmp_path, monkeypatch):
+    words, expected = long_sweep
+    hands = random.Random(0)
+    monkeypatch.setattr(time, "time", lambda: hands.uniform(0.0, 4e9))
+    few = [*words[: words.index("--seeds")], "--seeds", "0:20", *words[words.index("--seeds") + 2 :]]
+    assert main(["sweep", *few, "-o", str(tmp_path / "sweep")]) == 0
+    assert rows(tmp_path / "sweep") == [row for row in expected if row["seed"] < 20]

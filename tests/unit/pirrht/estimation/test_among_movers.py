@@ -1,0 +1,235 @@
+"""Samples among bodies that move against closed forms, the grid, standing worlds, and against each other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from by_chance import guided
+from discs import block, disc
+from moving import SCENES, hall, moved
+
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.estimation.batches import sample
+from pirrht.estimation.estimate import Rollouts
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Mover
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.guidance.any_guides import AnyGuidance
+from pirrht.guidance.following import Follow
+from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.rollouts.records import FINER
+from pirrht.steering.in_time import InTime
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.tree.homology_tree import HomologyTree
+
+
+def sampler(scene: Scene, b: float = 0.3, phi: float = np.inf, **settings: object) -> PathIntegral:
+    problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), phi=phi)
+    return PathIntegral(problem, FreeSpace.of(scene), Sampling(threads=1, **settings))
+
+
+def held(integral: PathIntegral, x: Array, control: Array, count: int, time: float = 0.0, T: int = 60) -> Rollouts:
+    """Samples around one control that is held."""
+    times = integral.steps(T * integral.sampling.dt)
+    tape = Tape(times, np.tile(control, (len(times) - 1, 1)))
+    return integral.rollout(Batch(state=x, times=times, proposals=(Proposal(lead=tape, count=count),), time=time), 3)
+
+
+def walled(speed: float) -> Scene:
+    wall = moved("wall", [(0.0, 2.5 - 0.4 * speed, 1.5, 0.0), (2.0, 2.5 + 1.6 * speed, 1.5, 0.0)],
+                 block("wall", 0.0, 0.0, (0.1, 1.5)))  # fmt: skip
+    return Scene(
+        name="walled", lower=np.zeros(2), upper=np.array([5.0, 3.0]), obstacles=(), robot_radius=0.2,
+        goal=Goal(center=np.array([4.3, 0.6]), radius=0.3), start=np.array([0.6, 1.5, 0.0]), movers=(wall,),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("speed", [0.4, -0.4, 1.0])
+@pytest.mark.parametrize("control", [(0.0, 0.0), (-0.4, 0.1)])
+def test_before_a_wall_at_constant_speed_samples_pay_what_girsanov_says(speed, control):
+    """With psi = 1 on it, psi = exp(-z (sqrt(c^2/b^4 + 2 q/(lambda b^2)) - c/b^2)) at z before a wall of speed c."""
+    integral, b = sampler(walled(speed), phi=0.0), 0.3
+    drift = speed / b**2
+    rate = math.sqrt(drift**2 + 2.0 / (integral.temperature * b * b)) - drift
+    for z in (0.05, 0.15, 0.3):
+        found = integral.estimate(held(integral, np.array([2.8 + z, 1.5]), np.array(control), 8000, time=0.4, T=15))
+        assert abs(-found.log_psi - rate * z) < 3.0 * found.value_error / integral.temperature + 0.005
+
+
+@cache
+def passing() -> tuple[PathIntegral, Batch]:
+    integral = sampler(SCENES["crossing"](), 0.2)
+    return integral, guided(integral, np.array([1.6, 2.4]), 0.5, 6000, drawn=10_000)[0]
+
+
+def test_psi_is_the_same_around_guides_with_gates_without_them_and_around_one_class_alone():
+    integral, batch = passing()
+    assert len(batch.proposals) == 2
+    found = [integral.estimate(integral.rollout(batch, 1))]
+    for change in ({"gates": None}, {"gains": 0.8}):
+        proposals = []
+        for proposal in batch.proposals:
+            guide = proposal.lead.guide
+            other = replace(guide, gates=None) if "gates" in change else replace(guide, gains=0.8 * guide.gains)
+            proposals.append(replace(proposal, lead=Follow(other)))
+        found.append(integral.estimate(integral.rollout(replace(batch, proposals=tuple(proposals)), 2)))
+    for one in found[1:]:
+        assert abs(one.value - found[0].value) < 4.0 * math.hypot(one.value_error, found[0].value_error)
+
+
+@pytest.mark.parametrize("phi", [np.inf, 0.7])
+def test_a_mover_that_stands_still_is_an_obstacle(phi):
+    solid = disc("disc", 2.2, 1.7, 0.3)
+    still = moved("disc", [(0.0, 2.2, 1.7, 0.4), (0.5, 2.2, 1.7, 0.4)], disc("disc", 0.0, 0.0, 0.3))
+    x, values = np.array([1.6, 1.5]), []
+    for scene in (hall("moves", [still], goal=(2.8, 1.5)), hall("stands", [], [solid], goal=(2.8, 1.5))):
+        integral = sampler(scene, 0.3, phi)
+        found = integral.estimate(held(integral, x, np.array([0.6, -0.1]), 30_000))
+        values.append((found.log_psi, found.value_error / integral.temperature))
+    (a, da), (b, db) = values
+    assert abs(a - b) < 3.5 * math.hypot(da, db)
+    assert math.hypot(da, db) < 0.2
+
+
+def test_the_key_of_a_sampled_path_is_that_of_its_winding():
+    integral = sampler(SCENES["oblique"](), 0.3)
+    assert integral.homology is not None
+    seen = set()
+    for x, control in (((1.0, 2.5), (0.9, 0.0)), ((1.5, 1.2), (0.8, 0.4)), ((2.9, 4.2), (0.3, -0.6))):
+        rollouts = held(integral, np.array(x), np.array(control), 300, time=0.2)
+        arrived = np.flatnonzero(rollouts.paths.outcome != Outcome.COLLISION)
+        states, steps = integral.replay.trace(rollouts, arrived)
+        for k, s in enumerate(arrived):
+            path = np.column_stack([states[k, : steps[k] + 1], 0.2 + rollouts.leads.times[: steps[k] + 1]])
+            winding = integral.homology.winding(path)
+            assert integral.homology.key(winding) == rollouts.paths.key[s]
+            seen.add(winding)
+    assert len(seen) > 4
+
+
+def test_a_clock_that_starts_later_tells_the_same():
+    integral = sampler(SCENES["oblique"](), 0.3)
+    x, control = np.array([1.0, 2.5]), np.array([0.9, 0.0])
+    now = held(integral, x, control, 200, time=0.7)
+    assert integral.homology is not None
+    integral.foresee(integral.space.traffic.after(0.7), integral.homology)
+    then = held(integral, x, control, 200)
+    assert np.mean(np.abs(now.paths.work - then.paths.work) < 1e-6) > 0.6  # rounding may split a step elsewhere
+    assert abs(np.mean(now.paths.work - then.paths.work)) < 0.05
+    before = integral.replay.trace(now, np.arange(5))[0]
+    assert np.any(before != integral.replay.trace(replace(now, setup=integral.setup), np.arange(5))[0])
+
+
+def test_bodies_out_of_reach_change_no_path():
+    far = [moved(f"far{k}", [(0.0, 60.0, 3.0 * k, 0.0), (2.0, 60.5, 3.0 * k, 1.0)], disc("disc", 0.0, 0.0, 0.3))
+           for k in range(5)]  # fmt: skip
+    near = SCENES["crossing"]().movers
+    x, control, found = np.array([1.5, 2.5]), np.array([0.9, 0.0]), []
+    for movers in (near, (*far[:3], *near, *far[3:])):
+        found.append(held(sampler(hall("near", movers), 0.3), x, control, 300))
+    for name in ("work", "log_ratio", "outcome", "steps", "lasting"):
+        assert np.array_equal(getattr(found[0].paths, name), getattr(found[1].paths, name))
+    assert np.sum(found[0].paths.outcome == Outcome.COLLISION) > 20
+
+
+def jumper() -> Mover:
+    """A disc that sweeps along and starts over where a path may be."""
+    return moved("jumper", [(0.0, 2.0, 2.5, 0.0), (0.55, 2.0, 4.5, 0.0)], disc("disc", 0.0, 0.0, 0.3), repeat=True)
+
+
+def test_nobody_survives_where_a_body_starts_over():
+    integral = sampler(hall("jumps", [jumper()]), 0.05)
+    found = held(integral, np.array([2.0, 2.5]), np.zeros(2), 100, time=0.4, T=5)
+    assert np.all(found.paths.outcome == Outcome.COLLISION)
+    assert np.all(found.paths.steps == 2)
+    assert found.paths.work == pytest.approx(np.full(100, 0.15), abs=1e-3)
+
+
+def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
+    integral, batch = passing()
+    guidance = integral.guidance
+    assert isinstance(guidance, AnyGuidance)
+    for proposal in batch.proposals:
+        lead: Lead = proposal.lead
+        guide = lead.guide
+        assert guide.valid
+        assert guide.gates is not None
+        for i in (0, 3, 6):
+            pushed = guide.input_of(guide.states[i], 0.2 * guide.pushes[0][FINER * i])  # what `Push` adds, b = 0.2
+            found = lead(guide.states[i], guide.times[i]) + pushed
+            assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
+
+
+def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all():
+    integral = sampler(SCENES["crossing"]())
+    times = integral.steps(3.0)
+    tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
+    proposals = tuple(Proposal(lead=tape, count=count) for tape, count in zip(tapes, (400, 40), strict=True))
+    batch = Batch(state=np.array([5.0, 2.5]), times=times, proposals=proposals)
+    assert [part.size for part in sample(integral, batch, 0, left=lambda: 0.0).parts] == [44]
+    assert [part.size for part in sample(integral, batch, 0).parts] == [440]
+    assert (
+        sum(part.size for part in sample(integral, batch, 0, left=iter(np.linspace(9.0, 0.0, 9)).__next__).parts) > 440
+    )
+
+
+def test_tables_of_a_batch_serve_any_numbers_of_its_samples():
+    integral = sampler(SCENES["crossing"]())
+    times = integral.steps(3.0)
+    tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
+    batch = Batch(
+        state=np.array([4.6, 2.5]), times=times, proposals=tuple(Proposal(lead=tape, count=50) for tape in tapes)
+    )
+    other = replace(batch, proposals=batch.proposals[::-1])
+    alone = [sampler(SCENES["crossing"]()).rollout(one, 1) for one in (batch, batch.counting([20, 60]), other)]
+    after = [integral.rollout(one, 1) for one in (batch, batch.counting([20, 60]), other)]
+    for one, two in zip(alone, after, strict=True):
+        assert np.array_equal(one.log_weight, two.log_weight)
+
+
+@pytest.mark.parametrize("b", [0.02, 0.3])
+def test_no_step_is_split_over_which_noise_carries_a_point_by_a_hundredth_of_its_radius(b):
+    """Nor is any shorter than a 300th of a whole one."""
+    scene = SCENES["crossing"]()
+    integral = sampler(scene, b)
+    least = held(integral, scene.start[:2], np.zeros(2), 1, T=3).leads.least
+    assert least == pytest.approx(max(integral.sampling.dt / 300.0, (0.01 * scene.robot_radius / b) ** 2))
+
+
+def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves():
+    """Around two corners, b = 0.3, 1000 samples, 5 states, seed 8: 4 standard errors and 0.3 %, half as many effective.
+
+    What goes around corners follows the way that climbs what stands, with all of its bends.
+    """
+    scene = SCENES["closing_door"]()
+    shut = replace(scene, movers=(), obstacles=(*scene.obstacles, block("door", 3.1, 2.5, (0.08, 0.4))))
+    plans = []
+    for one in (scene, shut):
+        problem, space = Problem(dynamics=SingleIntegrator(b=0.3), scene=one, R=2.0 * np.eye(2)), FreeSpace.of(one)
+        steering = InTime() if one.movers else StraightLine.of(problem)
+        tree = HomologyTree(space, steering, limit=0.8, rng=np.random.default_rng(1))
+        tree.grow(400)
+        sampling = Sampling(samples=1000, threads=1)
+        plans.append((Controller(problem, space, tree, sampling, rng=np.random.default_rng(2)), bool(one.movers)))
+    rng = np.random.default_rng(8)
+    for x in rng.uniform([0.3, 0.3], [2.6, 3.0], (5, 2)):
+        found = []
+        for controller, moving in plans:
+            controller.begin(x, 2.0 if moving else 0.0)
+            found.append([controller.plan(x) for _ in range(2)][1].estimate)
+        among, alone = found
+        assert among is not None
+        assert alone is not None
+        error = math.hypot(among.value_error, alone.value_error)
+        assert abs(among.value - alone.value) < 4.0 * error + 3e-3 * alone.value, x
+        assert among.ess > 0.5 * alone.ess, x

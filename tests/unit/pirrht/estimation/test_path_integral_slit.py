@@ -1,0 +1,82 @@
+"""Estimates at the start of `slit` against a grid solution, and what they do not depend on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pirrht.control.plan import Plan
+from pirrht.estimation.estimate import Estimate
+from pirrht.outcome import Outcome
+from pirrht.topology.homology import class_id
+from sim.scenario import Scenario
+
+
+def plan_at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Plan:
+    changed = scenario.with_settings(noise=b, samples=samples, **settings)
+    return changed.controller(tree).plan(changed.start)
+
+
+def at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Estimate:
+    estimate = plan_at_start(scenario, tree, b, samples, **settings).estimate
+    assert estimate is not None
+    return estimate
+
+
+@pytest.mark.parametrize(("b", "value", "share"), [(0.1, 8.443, 1.0), (0.2, 8.825, 0.98), (0.3, 9.535, 0.05)])
+def test_value_and_share_of_the_slit_are_those_of_continuous_time(slit, slit_tree, b, value, share):
+    estimate = at_start(slit, slit_tree, b, 40000)
+    assert estimate.value == pytest.approx(value, rel=0.01)
+    assert estimate.class_weights["0,0"] == pytest.approx(share, abs=0.05)
+    assert sum(estimate.class_weights.values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("b", "value", "share"), [(0.1, 8.484, 1.0), (0.2, 8.803, 0.986), (0.3, 9.452, 0.46)])
+def test_exit_at_step_ends_takes_the_slit_too_often(slit, slit_tree, b, value, share):
+    samples = 150000 if b == 0.3 else 30000  # standard error of the share at b = 0.3: 0.015
+    estimate = at_start(slit, slit_tree, b, samples, dt=0.1, period=0.1, exit="endpoint", guide="open-loop")
+    assert estimate.value == pytest.approx(value, rel=0.01)
+    assert estimate.class_weights["0,0"] == pytest.approx(share, abs=0.06)
+
+
+def test_the_plain_average_is_too_high_by_a_share_of_lambda_ln_3(slit, slit_tree):
+    """Samples around one way hardly visit the other two (trap 4): at b = 0.1 all of lambda ln 3 shows."""
+    temperature = slit.problem.temperature
+    balance = at_start(slit, slit_tree, 0.1, 20000).value
+    average = at_start(slit, slit_tree, 0.1, 20000, weights="average").value
+    assert average - balance == pytest.approx(temperature * np.log(3.0), rel=0.05)
+
+
+def test_a_sample_belongs_to_the_class_of_its_own_path(slit, slit_tree):
+    plan = plan_at_start(slit, slit_tree, 0.3, 400)
+    estimate = plan.estimate
+    rollouts, homology = estimate.rollouts, slit.space.homology
+    chosen = np.arange(rollouts.size)
+    arrived = rollouts.paths.outcome == Outcome.GOAL
+    states, steps = plan.replay.trace(rollouts, chosen)
+    windings = [homology.winding(states[s, : steps[s] + 1]) for s in chosen]
+    keys = np.array([homology.key(winding) for winding in windings])
+    np.testing.assert_array_equal(keys[arrived], rollouts.paths.key[arrived])
+    own = np.array([class_id(winding) for winding in windings])
+    for name, weight in estimate.class_weights.items():
+        if name != "other":
+            assert estimate.weight[arrived & (own == name)].sum() == pytest.approx(weight, abs=1e-12)
+    drawn = np.repeat(["0,0", "-1,0", "0,1"], 400)
+    assert np.any(own[arrived] != drawn[arrived])  # noise takes some to another class than their reference's
+
+
+@pytest.mark.parametrize("exit_rule", ["bridge", "endpoint"])
+def test_the_number_of_threads_does_not_change_a_bit(slit, slit_tree, exit_rule):
+    plans = [plan_at_start(slit, slit_tree, 0.2, 500, threads=threads, exit=exit_rule) for threads in (1, 2, 3)]
+    found = [plan.estimate for plan in plans]
+    for plan, other in zip(plans[1:], found[1:], strict=True):
+        np.testing.assert_array_equal(other.weight, found[0].weight)
+        np.testing.assert_array_equal(other.control, found[0].control)
+        np.testing.assert_array_equal(plan.tape, plans[0].tape)
+        assert other.value == found[0].value
+
+
+def test_another_seed_gives_other_samples(slit, slit_tree):
+    one, other = (at_start(slit, slit_tree, 0.2, 100, seed=seed) for seed in (0, 1))
+    assert one.value != other.value
+    assert not np.any(one.rollouts.paths.now == other.rollouts.paths.now)

@@ -1,0 +1,214 @@
+"""How samples are shared out and what the estimates say about their own errors.
+
+The strip |x| < L, left at no cost, has a closed form (see test_path_integral). Its estimates here come from seeds
+0, 1, ...; "within so many standard errors" refers to the spread over these seeds.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from batches import batch_of
+
+from pirrht.arrays import Array
+from pirrht.control.controller import Controller
+from pirrht.control.plan import shifted
+from pirrht.estimation.allocation import RENEWED, Allocation
+from pirrht.estimation.batches import sample
+from pirrht.estimation.estimate import Estimate, deviation
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.estimation.sums import OUTLYING
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.problem import Problem
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.tree.homology_tree import HomologyTree
+from sim.scenario import Scenario
+
+HALF, NOISE = 0.5, 0.5  # of the strip: half its width L [m], b [m/sqrt(s)]
+
+
+X = np.array([0.2, 0.0])
+
+
+@pytest.fixture(scope="module")
+def strip() -> tuple[Problem, FreeSpace]:
+    """A corridor with a goal that nobody finds."""
+    scene = Scene(
+        name="strip", lower=np.array([-HALF, -25.0]), upper=np.array([HALF, 25.0]), obstacles=(),
+        goal=Goal(center=np.array([0.45, 24.9]), radius=5e-4), start=np.zeros(3), robot_radius=0.1,
+    )  # fmt: skip
+    return Problem(dynamics=SingleIntegrator(b=NOISE), scene=scene, R=2.0 * np.eye(2), q=1.0, phi=0.0), FreeSpace.of(
+        scene
+    )
+
+
+def both_sides(integral: PathIntegral) -> tuple[Array, Array, list[Array]]:
+    """Steps, tapes and corners of a reference to each side of the strip."""
+    times = integral.grid(2.0 * (HALF - X[0]))
+    steering, ends = StraightLine(pace=1.0), [np.array([side * HALF, 0.0]) for side in (1.0, -1.0)]
+    tapes = np.array([steering.trajectory(steering.connect(X, end)).tape(times) for end in ends])
+    corners = [np.array([X + 20.0 * (end - X)]) for end in ends]
+    return times, tapes, corners
+
+
+def to_both_sides(integral: PathIntegral, seed: int, **options) -> Estimate:
+    """Around a reference to each side of the strip."""
+    times, tapes, corners = both_sides(integral)
+    return integral.estimate(integral.rollout(batch_of(integral, X, times, tapes, corners=corners, **options), seed))
+
+
+@pytest.mark.parametrize("paired", [False, True])
+def test_the_spread_of_a_sum_is_that_of_its_independent_terms_and_more_of_the_largest(paired):
+    """Twelve terms around one reference and eight around another, one by one or in pairs; numbers of seed 0."""
+    terms, first = np.random.default_rng(0).normal(size=(20, 3)), np.array([0, 12, 20])
+    variance, largest = np.zeros(3), np.zeros(3)
+    for part in (terms[:12], terms[12:]):
+        alone = part.reshape(-1, 2, 3).sum(axis=1) if paired else part
+        squares = (alone - alone.mean(axis=0)) ** 2 * len(alone) / (len(alone) - 1)
+        variance, largest = variance + squares.sum(axis=0), np.maximum(largest, squares.max(axis=0))
+    np.testing.assert_allclose(deviation(terms, first, paired), np.sqrt(variance + OUTLYING * largest))
+
+
+def test_a_single_sample_knows_its_value_up_to_lambda(strip):
+    integral = PathIntegral(*strip, Sampling(dt=0.05, guide="open-loop", threads=1))
+    estimate = to_both_sides(integral, 0, counts=[1, 1])
+    most = (1.0 + OUTLYING) ** 0.5  # a single term is the largest as well
+    assert 0.5**0.5 * integral.temperature <= estimate.value_error <= most * integral.temperature
+    assert np.all(np.isfinite(estimate.control_error))
+
+
+def test_samples_go_where_they_contribute_and_none_goes_without():
+    allocation = Allocation(200)
+    assert allocation.counts(["a", "b", "c"], [0.0] * 3, [True] * 3) == [200, 200, 200]
+    allocation.learn(["a", "b"], contributions(0.9, 0.1))
+    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2) == [336, 64]  # 30 each, and 9 : 1 of what is left
+    shares = allocation.counts(["a", "b", "c"], [0.0] * 3, [True] * 3)
+    assert sum(shares) == 600
+    assert shares[1] < shares[2] < shares[0]  # a new class counts as an average one
+    allocation.learn(["a", "b"], contributions(0.0, 1.0))
+    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2)[0] > 200  # one plan is not enough to change sides
+    for _ in range(20):
+        allocation.learn(["a", "b"], contributions(0.0, 1.0))
+    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2)[0] == pytest.approx(30, abs=5)
+    allocation.forget()
+    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2) == [200, 200]
+
+
+def test_before_anything_is_known_samples_go_where_psi_is_promised():
+    allocation, both = Allocation(200), [True, True]
+    assert allocation.counts(["a", "b"], [-30.0, -30.0], both) == [200, 200]
+    assert allocation.counts(["a", "b"], [-30.0, -30.0 - np.log(9.0)], both) == [336, 64]  # 30 each, 9 : 1 of the rest
+    allocation.learn(["a", "b"], contributions(0.1, 0.9))
+    assert allocation.counts(["a", "b"], [-30.0, -40.0], both) == [64, 336]  # what is known outweighs what is promised
+
+
+def test_classes_that_are_worth_nothing_get_a_few_samples_and_take_none_from_the_others():
+    allocation, names, worth = Allocation(200), ["a", "b", "c"], [True, False, True]
+    assert allocation.counts(names, [-20.0, -60.0, -20.0], worth) == [200, 8, 200]
+    allocation.learn(names, contributions(0.5, 0.1, 0.5))
+    assert allocation.counts(names, [-20.0, -np.inf, -20.0], worth) == [200, 8, 200]
+    assert Allocation(5).counts(["a", "b"], [-20.0, -np.inf], [True, False]) == [5, 5]
+    assert Allocation(9).counts(["a", "b"], [-np.inf, -np.inf], [False, False]) == [9, 9]  # ways are not all there is
+
+
+def test_a_shortfall_is_remembered_for_ten_plans_and_forgotten_with_the_drive():
+    allocation = Allocation(200)
+    assert allocation.shortfalls(["a", "b"]) == [0.0, 0.0]
+    allocation.note(["a", "b"], [3.0, np.nan])
+    for _ in range(RENEWED - 1):
+        assert allocation.shortfalls(["b", "a"]) == [0.0, 3.0]
+        allocation.note(["a", "b"], [np.nan, np.nan])
+    assert allocation.shortfalls(["a"]) == [3.0]
+    allocation.note(["a"], [np.nan])
+    assert allocation.shortfalls(["a"]) == [0.0]
+    allocation.note(["a"], [4.0])
+    allocation.forget()
+    assert allocation.shortfalls(["a"]) == [0.0]
+
+
+def contributions(*shares: float):
+    """An estimate to whose weight a single sample per reference contributes."""
+    first = np.arange(len(shares) + 1)
+    rollouts = SimpleNamespace(leads=SimpleNamespace(first=first))
+    return SimpleNamespace(rollouts=rollouts, weight=np.array(shares))
+
+
+@pytest.mark.parametrize("samples", [1, 5, 8, 33, 200])
+def test_the_total_is_kept_and_nobody_goes_below_the_least(samples):
+    allocation = Allocation(samples)
+    names = [str(h) for h in range(7)]
+    allocation.learn(names, contributions(*np.random.default_rng(0).random(7) ** 8))
+    counts = allocation.counts(names, [0.0] * 7, [True] * 7)
+    assert sum(counts) == 7 * samples
+    assert min(counts) >= min(samples, max(8, 0.15 * samples))
+
+
+def test_the_controller_shares_samples_out_by_promises_and_then_by_contributions(
+    slit: Scenario, slit_tree: HomologyTree
+):
+    def drawn(controller: Controller) -> list[int]:
+        estimate = controller.plan(slit.start).estimate
+        assert estimate is not None
+        return np.diff(estimate.rollouts.leads.first).tolist()
+
+    adaptive, equal = (
+        slit.with_settings(noise=0.2, samples=100, allocation=rule).controller(slit_tree)
+        for rule in ("contribution", "equal")
+    )
+    assert drawn(equal) == drawn(equal) == [100, 100, 100]
+    first = drawn(adaptive)
+    assert sum(first) == 300
+    assert first[0] > first[1] > 15  # the slit is promised more
+    second = drawn(adaptive)
+    assert sum(second) == 300
+    assert second[0] > 200  # the slit carries all the weight
+    assert min(second) >= 15
+    adaptive.begin(slit.start)
+    assert drawn(adaptive) == first
+
+
+# -- batches -----------------------------------------------------------------------------------------------------
+
+
+def in_batches(integral: PathIntegral, seed: int, **options) -> Estimate:
+    """As `to_both_sides`, in the batches that the settings ask for."""
+    times, tapes, corners = both_sides(integral)
+    return sample(integral, batch_of(integral, X, times, tapes, corners=corners), seed, **options)
+
+
+# -- stopping ----------------------------------------------------------------------------------------------------
+
+
+def test_sampling_goes_on_doubling_until_the_control_is_known_or_the_budget_is_spent(strip):
+    def until(**options) -> list[int]:
+        settings = Sampling(dt=0.1, samples=50, guide="open-loop", threads=1, **options)
+        estimate = in_batches(PathIntegral(*strip, settings), 3)
+        drawn = [part.size // 2 for part in estimate.parts]
+        if options["target"] > 1e-6:
+            assert estimate.control_error.max() <= options["target"]
+        return drawn
+
+    assert until(target=10.0) == [50]
+    found = until(target=0.05)
+    assert found == [50, *(50 * 2**k for k in range(len(found) - 1))]
+    assert len(found) > 2
+    assert until(target=1e-9) == [50, 50, 100, 200, 400]  # 16 N
+    assert until(target=1e-9, budget=130) == [50, 50, 30]
+    assert until(target=1e-9, budget=50) == [50]
+
+
+# -- the last plan's tape ----------------------------------------------------------------------------------------
+
+
+def test_a_shifted_tape_carries_on_where_the_last_one_is_now():
+    times = np.array([0.0, 0.1, 0.2, 0.4])
+    tape = np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 2.0]])
+    np.testing.assert_allclose(shifted(times, tape, times), tape)
+    np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.1), [[3.0, 0.0], [0.0, 2.0]], atol=1e-12)
+    np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.05), [[2.0, 0.0], [1.5, 1.0]], atol=1e-12)
+    np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.35), [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)

@@ -1,0 +1,162 @@
+"""The grid against closed forms, against samples and against itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from benchmarks.annulus import annulus, convergence
+
+from pirrht import FreeSpace, Goal, Kind, Obstacle, Problem, Scene, SingleIntegrator, Unicycle
+from pirrht.errors import PirrhtError
+from pirrht.exact.desirability import Desirability
+
+START = np.array([1.0, 2.5])
+
+
+def scene(*obstacles: Obstacle, width: float = 4.0, radius: float = 0.15) -> Scene:
+    return Scene(
+        name="room",
+        lower=np.zeros(2),
+        upper=np.array([width, 4.0]),
+        obstacles=obstacles,
+        goal=Goal(center=np.array([0.825 * width, 2.0]), radius=0.3),
+        start=np.array([0.125 * width, 2.0, 0.0]),
+        robot_radius=radius,
+    )
+
+
+def post(x: float, y: float, radius: float) -> Obstacle:
+    return Obstacle(
+        name=f"post {x:g}",
+        kind=Kind.CYLINDER,
+        size=np.array([radius, 0.25, 0.0]),
+        position=np.array([x, y, 0.25]),
+        rotation=np.eye(3),
+    )
+
+
+def solved(scene: Scene, b: float, phi: float = np.inf, **options: float) -> Desirability:
+    problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), phi=phi)
+    return Desirability.of(problem, FreeSpace.of(scene), **options)
+
+
+@pytest.fixture(scope="module")
+def through_slit(slit) -> dict[float, Desirability]:
+    return {b: Desirability.of(slit.with_settings(noise=b).problem, slit.space) for b in (0.2, 0.3)}
+
+
+@pytest.mark.parametrize(("noise", "spacing"), [(0.1, 0.01), (0.2, 0.02), (0.3, 0.02)])
+def test_at_the_default_spacing_value_and_control_match_the_bessel_functions_of_an_annulus(noise, spacing):
+    (row,) = convergence(noise, [spacing])
+    assert row["value_error"] < 0.005
+    assert row["control_error"] < 0.02
+
+
+def test_the_error_of_the_control_falls_faster_than_the_spacing():
+    rows = convergence(0.15, [0.04, 0.028, 0.02])
+    assert all(row["order"] > 1.0 for row in rows[1:])
+
+
+def test_the_closed_form_is_one_on_the_rim_and_zero_at_the_wall():
+    log_psi, _ = annulus(np.array([0.3, 1.0 - 1e-9]), 25.0)
+    assert log_psi[0] == pytest.approx(0.0, abs=1e-12)
+    assert log_psi[1] < -25.0 * 0.7
+
+
+def test_between_free_walls_psi_is_the_hyperbolic_cosine_of_an_interval():
+    """phi = 0 at the border: far from goal and ends a strip is an interval, u* = (lambda/R) k tanh(k x)."""
+    room = Scene(
+        name="strip",
+        lower=np.array([-0.5, 0.0]),
+        upper=np.array([0.5, 6.0]),
+        obstacles=(),
+        goal=Goal(center=np.array([0.0, 0.4]), radius=0.1),
+        start=np.array([0.0, 3.5, 0.0]),
+        robot_radius=0.1,
+    )
+    b, k = 0.4, 1.0 / 0.4**2
+    grid = solved(room, b, phi=0.0)
+    for x in (0.0, 0.2, -0.37, 0.49):
+        exact = -2.0 * b**2 * math.log(math.cosh(k * x) / math.cosh(0.5 * k))
+        assert grid.value(np.array([x, 3.5])) == pytest.approx(exact, rel=5e-3)
+        assert grid.control(np.array([x, 3.5])) == pytest.approx([b**2 * k * math.tanh(k * x), 0.0], abs=2e-3)
+
+
+def test_values_on_the_slit_are_those_of_an_independent_solution(through_slit):
+    assert through_slit[0.2].value(START) == pytest.approx(8.825, abs=0.002)
+    assert through_slit[0.3].value(START) == pytest.approx(9.535, abs=0.002)
+
+
+def test_a_symmetric_scene_has_a_symmetric_value(through_slit):
+    points = np.random.default_rng(0).uniform([0.1, 0.1], [4.9, 2.4], (200, 2))
+    mirrored = points * [1.0, -1.0] + [0.0, 5.0]
+    grid = through_slit[0.3]
+    assert grid.value(points) == pytest.approx(grid.value(mirrored), rel=1e-4)
+
+
+def test_value_is_zero_in_the_goal_and_phi_in_a_wall(through_slit):
+    grid = through_slit[0.3]
+    assert grid.value(np.array([5.5, 2.5])) == 0.0
+    assert grid.value(np.array([3.4, 2.8])) == math.inf
+    assert np.all(grid.control(np.array([5.5, 2.5])) == 0.0)
+    finite = solved(scene(post(2.0, 2.0, 0.3)), 0.3, phi=5.0)
+    assert finite.value(np.array([2.0, 2.0])) == pytest.approx(5.0)
+    assert finite.value(np.array([0.001, 0.3])) == pytest.approx(5.0, abs=0.01)
+
+
+def test_the_control_is_the_gradient_of_the_value(through_slit):
+    """u = -R^-1 grad v with R = 2 I, by central differences."""
+    grid, step = through_slit[0.3], 1e-4
+    for x in np.random.default_rng(3).uniform([0.5, 0.5], [2.2, 4.5], (20, 2)):
+        slope = [grid.value(x + step * e) - grid.value(x - step * e) for e in np.eye(2)]
+        assert grid.control(x) == pytest.approx(-np.array(slope) / (4.0 * step), abs=0.02)
+
+
+def test_close_to_a_wall_the_control_grows_as_one_over_the_distance(through_slit):
+    """log psi behaves as log(distance): u . normal x distance = b^2."""
+    for c in (0.01, 0.003, 0.0005):
+        u = through_slit[0.3].control(np.array([3.4, 2.65 - c]))
+        assert -u[1] * c == pytest.approx(0.09, rel=0.15)
+
+
+def test_many_states_give_what_each_gives(through_slit):
+    points = np.random.default_rng(1).uniform([0.1, 0.1], [2.0, 4.9], (5, 2))
+    grid = through_slit[0.2]
+    assert grid.value(points) == pytest.approx([grid.value(x) for x in points])
+    assert grid.control(points) == pytest.approx(np.array([grid.control(x) for x in points]))
+
+
+def test_a_heading_is_known_up_to_whole_turns():
+    room = scene(width=3.0)
+    problem = Problem(dynamics=Unicycle(b=0.3), scene=room, R=np.eye(1))
+    grid = Desirability.of(problem, FreeSpace.of(room), spacing=0.08)
+    for theta in (-2.0, 0.4, 3.1):
+        x = np.array([1.0, 1.5, theta])
+        assert grid.value(x) == pytest.approx(grid.value(np.add(x, [0.0, 0.0, 4.0 * np.pi])))
+        assert grid.control(x) == pytest.approx(grid.control(np.subtract(x, [0.0, 0.0, 2.0 * np.pi])))
+
+
+@pytest.mark.parametrize(
+    ("problem", "options", "words"),
+    [
+        (lambda s: Problem(dynamics=Unicycle(b=0.03), scene=s, R=np.eye(1)), {}, "points 0.0087 m apart"),
+        (lambda s: Problem(dynamics=Unicycle(b=0.3), scene=s, R=np.eye(1)), {"spacing": 0.1}, "points 0.087 m apart"),
+        (lambda s: Problem(dynamics=Unicycle(b=0.3), scene=s, R=np.eye(1)), {"dt": 0.1}, "exit rule bridge"),
+        (lambda s: Problem(dynamics=SingleIntegrator(b=0.02), scene=s, R=2 * np.eye(2)), {}, "10000 x 10000 points"),
+        (lambda s: Problem(dynamics=SingleIntegrator(), scene=s, R=2 * np.eye(2)), {"dt": 1e-4}, "longer --dt"),
+        (lambda s: Problem(dynamics=SingleIntegrator(), scene=s, R=2 * np.eye(2)), {"spacing": -1.0}, "positive"),
+        (
+            lambda s: Problem(dynamics=SingleIntegrator(), scene=s, R=2 * np.eye(2), q=lambda x, p: 1.0, q_min=1.0),
+            {},
+            "constant q",
+        ),
+    ],
+    ids=["car, little noise", "car, coarse", "car, steps", "puck, little noise", "short steps", "spacing", "q(x)"],
+)
+def test_what_no_grid_can_resolve_is_refused_with_the_grid_it_would_need(problem, options, words):
+    room = scene()
+    with pytest.raises(PirrhtError, match=words) as refusal:
+        Desirability.of(problem(room), FreeSpace.of(room), **options)
+    assert "\n" not in str(refusal.value)

@@ -1,0 +1,76 @@
+"""Steps that are swept never pass through a wall, and judge as FCL does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from walled_room import room
+
+from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
+from pirrht.rollouts.sweep import sweep_exit, sweep_onward, turn_of
+
+
+def test_a_sweep_never_passes_through_a_thin_wall():
+    """2000 random segments across a wall of 2 cm, up to 4 m long, all of them longer than it is thick."""
+    space = room()
+    arena = space.arena
+    rng = np.random.default_rng(5)
+    for _ in range(2000):
+        tail, head = rng.uniform([0.01, 0.01], [1.9, 3.99]), rng.uniform([2.1, 0.01], [3.99, 3.99])
+        if rng.random() < 0.5:
+            tail, head = head, tail
+        if space.scene.goal.contains(tail):
+            continue
+        exit, share = sweep_exit(arena, *tail, *head)
+        assert exit != INSIDE
+        where = tail + share * (head - tail)
+        if exit == COLLISION:
+            assert space.collision.clearance(where[None])[0] < 0.02
+        else:
+            assert np.hypot(*(where - np.array(space.arena.goal))) == pytest.approx(space.arena.radius)
+
+
+def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_by_step():
+    """400 walks of steps up to 0.3 m that turn by up to 0.5 rad; they differ by 5 mm at a wall, or along it."""
+    space = room()
+    arena, rng, compared = space.arena, np.random.default_rng(8), []
+    for _ in range(400):
+        at, theta, known = np.array([1.0, 2.0]), rng.uniform(-np.pi, np.pi), 0.0
+        for _ in range(60):
+            turn, length = rng.uniform(-0.5, 0.5), rng.uniform(0.02, 0.3)
+            head = at + length * np.array([np.cos(theta + turn / 2), np.sin(theta + turn / 2)])
+            found, share, known = sweep_onward(arena, *at, *head, turn, known)
+            exit, wanted = sweep_exit(arena, *at, *head, turn)
+            assert known <= space.collision.clearance(head[None])[0] + 1e-9 or found != INSIDE
+            if found != exit:
+                way = at + np.linspace(0.0, 1.0, 200)[:, None] * (head - at)
+                assert space.collision.clearance(way).min() < 0.005 + abs(turn) * length / 8.0
+            elif exit == COLLISION:
+                assert abs(share - wanted) * length < 0.005
+            else:
+                assert share == wanted
+            compared.append(exit)
+            if exit != INSIDE or found != INSIDE:
+                break
+            at, theta = head, theta + turn
+    assert min(compared.count(outcome) for outcome in (GOAL, COLLISION)) > 20
+
+
+def test_the_sweep_judges_with_the_clearance_of_fcl():
+    """The wall as FCL has it is where the sweep meets it."""
+    space = room()
+    arena = space.arena
+    exit, share = sweep_exit(arena, 1.0, 2.0, 3.0, 2.0)
+    assert exit == COLLISION
+    assert 1.0 + 2.0 * share == pytest.approx(2.0 - 0.01 - 0.05, abs=0.01)
+    assert space.collision.clearance(np.array([[1.0 + 2.0 * share - 0.02, 2.0]]))[0] > 0
+
+
+def test_a_step_around_a_circle_turns_by_its_angle():
+    """Velocities are tangents; to the cube of the angle, and never by more than 1 rad."""
+    for angle in (-0.3, 0.05, 0.4):
+        v, w = (1.0, 0.0), (np.cos(angle), np.sin(angle))
+        dx, dy = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle
+        assert turn_of(*v, *w, dx, dy, 1.0) == pytest.approx(angle, abs=0.1 * abs(angle) ** 3)
+    assert turn_of(1.0, 0.0, -1.0, 0.1, 0.01, 0.0, 1.0) == 1.0
+    assert turn_of(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0) == 0.0

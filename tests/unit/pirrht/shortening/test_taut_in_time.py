@@ -1,0 +1,152 @@
+"""Paths in space and time that are pulled taut, against closed forms, dynamic programming and models by differences."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from discs import block
+from moving import SCENES, hall
+
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Motion
+from pirrht.shortening.shorten import polish, resume
+from pirrht.shortening.timed_relaxation import BAND, modelled
+from pirrht.steering.along_legs import Legs
+from pirrht.steering.edges import EdgeChecker
+from pirrht.steering.in_time import InTime
+from pirrht.topology.moving import MovingHomology
+
+STEERING = InTime()
+
+
+def taut(space: FreeSpace, knots: np.ndarray, steering: InTime = STEERING) -> np.ndarray:
+    """Knots of the polished path."""
+    path = EdgeChecker.of(space, steering).until_goal(steering.connect(knots[:-1], knots[1:]))
+    return np.asarray(polish(path, steering, space).knots)
+
+
+def cost_of(knots: np.ndarray) -> float:
+    step = np.diff(knots, axis=0)
+    return float(np.sum(step[:, 2] + (step[:, 0] ** 2 + step[:, 1] ** 2) / step[:, 2]))
+
+
+def test_with_nothing_in_the_way_a_crooked_path_becomes_the_straight_one_at_the_best_speed():
+    knots = np.array([[1.0, 2.5, 0.0], [1.2, 4.0, 2.0], [3.0, 1.0, 5.0], [4.0, 2.0, 5.6], [5.5, 2.5, 9.0]])
+    found = taut(FreeSpace.of(hall("empty", [])), knots)
+    assert cost_of(found) == pytest.approx(2.0 * 4.2, rel=1e-4)
+    assert found[-1] == pytest.approx([5.2, 2.5, 4.2], abs=0.02)
+
+
+def test_the_slope_of_the_model_is_that_of_its_value():
+    """By central differences, for places and for the duration, with bodies, limit and goal lacking."""
+    space, steering = FreeSpace.of(replace(SCENES["oblique"](), obstacles=())), InTime(speed=1.4)
+    around, near = steering.surroundings(space), np.arange(space.traffic.J)
+    t = np.linspace(0.017, 3.3, 13)
+    knots = np.column_stack([1.0 + 4.0 * t / 3.3, 2.9 + 0.5 * np.sin(3.0 * t), t])
+    n = 2 * (len(knots) - 1)
+    none, matrix, border, slope = np.empty(0), np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1)
+
+    def value(change: np.ndarray) -> float:
+        moved = knots.copy()
+        moved[1:, :2] += change[:-1].reshape(-1, 2)
+        moved[:, 2] += (t - t[0]) / (t[-1] - t[0]) * change[-1]
+        return modelled(around, near, steering.compiled.numbers, moved, 50.0, 0.3, np.empty((0, BAND)), none, none)
+
+    modelled(around, near, steering.compiled.numbers, knots, 50.0, 0.3, matrix, border, slope)
+    numeric = [(value(1e-6 * row) - value(-1e-6 * row)) / 2e-6 for row in np.eye(n + 1)]
+    assert slope == pytest.approx(np.array(numeric), abs=1e-5 * np.abs(slope).max())
+
+
+def least_cost(space: FreeSpace, side: int, x0: float, width: float) -> float:
+    """Dynamic programming in space and time past one body that crosses, on one side of it.
+
+    A path is two straight ways at constant speeds with a short stretch beside the body's column in between, whose
+    places and times are all tried: a bound from above that is as fine as the grid.
+    """
+    crosser = space.scene.movers[0].motion
+    start, goal = np.array([1.0, 2.5]), np.array([5.5, 2.5])
+    xs = np.linspace(x0, x0 + width, 25)
+    times = np.linspace(1.4, 3.4, 201)
+    ys = np.linspace(-0.9, 0.9, 361)
+    best = np.full((len(times), len(ys)), np.inf)
+    X, T, Y = xs[0], times[:, None], ys[None, :] + 2.5
+    best = T + ((X - start[0]) ** 2 + (Y - start[1]) ** 2) / T
+    best = np.where(_free(crosser, X, Y, T, side), best, np.inf)
+    for x in xs[1:]:
+        new = np.full_like(best, np.inf)
+        dx = x - X
+        for dk in range(1, 16):
+            dt = dk * (times[1] - times[0])
+            for dy_k in range(-6, 7):
+                dy = dy_k * (ys[1] - ys[0])
+                moved = np.full_like(best, np.inf)
+                rows = slice(dk, None), slice(max(dy_k, 0), len(ys) + min(dy_k, 0))
+                from_ = slice(0, -dk), slice(max(-dy_k, 0), len(ys) + min(-dy_k, 0))
+                moved[rows] = best[from_] + dt + (dx * dx + dy * dy) / dt
+                new = np.minimum(new, moved)
+        X = x
+        best = np.where(_free(crosser, X, Y, T, side), new, np.inf)
+    rest = 2.0 * (np.hypot(goal[0] - X, goal[1] - Y) - 0.3)
+    return float(np.min(best + rest))
+
+
+def _free(crosser, x: float, y: np.ndarray, t: np.ndarray, side: int) -> np.ndarray:
+    """Whether a place is free of the disc, and not on its other side."""
+    pose = crosser.pose(t[:, 0])
+    dy = y - pose[:, 1:2]
+    return (np.hypot(x - pose[:, :1], dy) >= 0.4) & (side * dy >= 0.0)
+
+
+@pytest.mark.parametrize(("side", "winding", "via"), [(1, (0,), (3.25, 3.1, 2.2)), (-1, (1,), (3.25, 2.0, 2.6))])
+def test_before_and_behind_cost_what_dynamic_programming_finds(side, winding, via):
+    space = FreeSpace.of(SCENES["crossing"]())
+    found = taut(space, np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]]))
+    ways: MovingHomology = STEERING.homology(space).moving
+    assert ways.winding(found) == winding
+    truth = least_cost(space, side, 2.85, 0.8)
+    assert cost_of(found) == pytest.approx(truth, rel=4e-3)
+    assert cost_of(found) > 2.0 * 4.2
+
+
+def test_who_must_wait_stands_or_walks_slowly_but_never_turns_back():
+    """Behind a door that stays shut for a while the best way is slow from the start on."""
+    space = FreeSpace.of(SCENES["crossing"]())
+    found = taut(space, np.array([[1.0, 2.5, 0.0], [1.2, 2.5, 3.0], [5.5, 2.5, 8.0]]))
+    speed = np.hypot(*np.diff(found[:, :2], axis=0).T) / np.diff(found[:, 2])
+    assert np.all(np.diff(found[:, 0]) > 0.0)
+    assert speed.max() < 1.2
+    assert math.isclose(found[0, 0], 1.0)
+
+
+def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[FreeSpace, Legs, np.ndarray]:
+    """`crossing`, a taut path over a place and a time, and where a robot is that was put aside on it a little later."""
+    space = FreeSpace.of(SCENES["crossing"]())
+    knots = np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]])
+    path = polish(EdgeChecker.of(space, STEERING).until_goal(STEERING.connect(knots[:-1], knots[1:])), STEERING, space)
+    return space, path, np.array([*(path.places(np.array([0.4]))[0] + aside), 0.4])
+
+
+@pytest.mark.parametrize("via", [(3.25, 3.1, 2.2), (3.25, 2.0, 2.6)])
+@pytest.mark.parametrize("aside", [(0.0, 0.0), (-0.02, 0.03)])
+def test_a_path_that_goes_on_from_an_earlier_one_is_as_good_as_one_made_anew(via, aside):
+    space, path, x = later(via, aside)
+    checker = EdgeChecker.of(space, STEERING)
+    found = resume(x, path, STEERING, checker)
+    anew = taut(space, np.vstack([x, path.knots[path.knots[:, 2] > 0.5]]))
+    assert np.array_equal(found.knots[0], x)
+    assert checker.inspect(found, np.arange(len(found.cost)) == len(found.cost) - 1).free.all()
+    homology = STEERING.homology(space)
+    assert homology.winding(found.knots) == homology.winding(anew)
+    assert found.cost.sum() == pytest.approx(cost_of(anew), rel=2e-3)
+
+
+def test_no_path_goes_on_where_a_body_has_come_into_the_way():
+    space, path, x = later((3.25, 3.1, 2.2), (0.0, 0.0))
+    wall = [(0.0, 3.25, 2.5, 0.0), (9.0, 3.25, 2.5, 0.0)]
+    other = replace(space.scene.movers[0], motion=Motion(rows=np.array(wall)))
+    blocked = space.among([replace(other, solids=(block("block", 0.0, 0.0, (0.1, 1.6)),))])
+    assert resume(x, path, STEERING, EdgeChecker.of(blocked, STEERING)) is None
+    assert resume(x, path, STEERING, EdgeChecker.of(space, STEERING)) is not None

@@ -1,0 +1,281 @@
+"""Dubins curves: shortest, exact, and wound around markers as fine polylines are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from windings_by_angle import turns_of_curve
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.arcs import TWO_PI, Curves, along
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.problem import Problem
+from pirrht.shortening.dubins_shortcut import shortcut
+from pirrht.shortening.shorten import polish
+from pirrht.steering.dubins import Dubins
+from pirrht.steering.edges import EdgeChecker
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.systems.unicycle import Unicycle
+from pirrht.tree.homology_tree import HomologyTree
+
+CAR = Dubins(V=1.5, rho=0.8)
+
+
+R = CAR.radius
+
+
+WORDS = ((1, 1), (-1, -1), (1, -1), (-1, 1))
+
+
+def pairs(count: int, seed: int, span: float = 6.0) -> tuple[Array, Array]:
+    rng = np.random.default_rng(seed)
+    high = np.array([span, span, np.pi])
+    return rng.uniform(-high, high, (count, 3)), rng.uniform(-high, high, (count, 3))
+
+
+def near_degenerate(count: int, seed: int) -> tuple[Array, Array]:
+    """Headings on a grid, gaps that make circles touch, coincide or nearly so."""
+    rng = np.random.default_rng(seed)
+    tails = np.zeros((count, 3))
+    tails[:, 2] = rng.integers(-4, 5, count) * np.pi / 4
+    gap = rng.choice([0.0, 1e-7, 1e-3, 1.0, 2.0, 4.0, np.sqrt(8.0)], count) * R
+    bearing = rng.integers(-4, 5, count) * np.pi / 4
+    heads = np.column_stack([gap * np.cos(bearing), gap * np.sin(bearing), rng.integers(-4, 5, count) * np.pi / 4])
+    heads[:, :2] *= 1.0 + rng.choice([0.0, 1e-9, -1e-9, 1e-5], count)[:, None]
+    return tails, heads
+
+
+def ends(curves: Curves) -> Array:
+    x, y, theta = curves.start.T.copy()
+    for kappa, length in zip(curves.curvature.T, curves.length.T, strict=True):
+        end = theta + kappa * length
+        safe = np.where(kappa == 0, 1.0, kappa)
+        x = np.where(kappa == 0, x + length * np.cos(theta), x + (np.sin(end) - np.sin(theta)) / safe)
+        y = np.where(kappa == 0, y + length * np.sin(theta), y - (np.cos(end) - np.cos(theta)) / safe)
+        theta = end
+    return np.column_stack([x, y, theta])
+
+
+def wrapped(angle: Array) -> Array:
+    turned: Array = np.angle(np.exp(1j * angle))
+    return turned
+
+
+def brute_force(tails: Array, heads: Array, eps: float) -> Array:
+    """Least length over all words, in complex numbers; a word that is within `eps` of existing counts."""
+
+    def turn(angle: Array) -> Array:
+        angle = np.mod(angle, TWO_PI)
+        return np.where(angle > TWO_PI - eps, 0.0, angle)
+
+    z, w = tails[:, 0] + 1j * tails[:, 1], heads[:, 0] + 1j * heads[:, 1]
+    a, b = tails[:, 2], heads[:, 2]
+    best = np.full(len(z), np.inf)
+    for s, e in ((1, 1), (-1, -1), (1, -1), (-1, 1)):
+        line = (w + e * 1j * R * np.exp(1j * b) - z - s * 1j * R * np.exp(1j * a)) / R  # between the centres
+        span = np.abs(line)
+        # CSC: seen along the straight piece, the line of centres is p + i (e - s).
+        p = np.sqrt(np.maximum(span**2 - (e - s) ** 2, 0.0))
+        psi = np.where(span < eps, a, np.angle(line * (p - 1j * (e - s))))
+        length = turn(s * (psi - a)) + p + turn(e * (b - psi))
+        best = np.where(span**2 - (e - s) ** 2 >= -eps, np.minimum(best, length), best)
+        # CCC: a middle circle touches both, on either side of the line of centres.
+        for side in (1, -1) if s == e else ():
+            axis = np.where(span > eps, line / np.maximum(span, 1e-300), 1.0)
+            arm = line / 2 + side * 2j * np.sqrt(np.maximum(1.0 - (span / 4) ** 2, 0.0)) * axis
+            enter, leave = np.angle(arm * s * 1j), np.angle((arm - line) * s * 1j)
+            length = turn(s * (enter - a)) + turn(s * (enter - leave)) + turn(s * (b - leave))
+            best = np.where(span <= 4.0, np.minimum(best, length), best)
+    return best * R
+
+
+@pytest.mark.parametrize("sample", [pairs(100_000, 1), pairs(20_000, 2, span=1.5), near_degenerate(20_000, 3)])
+def test_distance_is_the_least_over_all_words(sample: tuple[Array, Array]) -> None:
+    tails, heads = sample
+    length = CAR.distance(tails, heads) * CAR.V
+    # The length jumps where a word ceases to exist; away from the jumps the two bounds are equal.
+    least, most = brute_force(tails, heads, 1e-6), brute_force(tails, heads, 1e-13)
+    assert np.all(length <= most + 1e-8)
+    assert np.all(length >= least - 1e-5)
+    assert np.mean(most - least < 1e-8) > 0.6
+    np.testing.assert_allclose(length, np.where(most - least < 1e-8, most, length), rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("sample", [pairs(100_000, 4), pairs(20_000, 5, span=1.0), near_degenerate(20_000, 6)])
+def test_curves_reach_their_heads_at_the_stated_cost(sample: tuple[Array, Array]) -> None:
+    tails, heads = sample
+    curves = CAR.connect(tails, heads)
+    gap = ends(curves) - heads
+    assert np.abs(gap[:, :2]).max() < 1e-8
+    assert np.abs(wrapped(gap[:, 2])).max() < 1e-8
+    assert np.all(curves.length >= 0)
+    assert np.all(np.abs(curves.curvature) * R <= 1 + 1e-12)
+    np.testing.assert_allclose(curves.cost, CAR.distance(tails, heads), rtol=1e-14)
+    np.testing.assert_allclose(curves.cost, curves.length.sum(axis=1) / CAR.V)
+
+
+@pytest.mark.parametrize("sample", [pairs(50_000, 7), near_degenerate(20_000, 8)])
+def test_distance_is_an_asymmetric_metric(sample: tuple[Array, Array]) -> None:
+    tails, heads = sample
+    between = pairs(len(tails), 9)[0]
+    length = CAR.distance(tails, heads) * CAR.V
+    assert np.all(length >= np.hypot(*(heads - tails)[:, :2].T) - 1e-9)
+    assert np.all(length >= np.abs(wrapped(heads[:, 2] - tails[:, 2])) * R - 1e-9)
+    detour = (CAR.distance(tails, between) + CAR.distance(between, heads)) * CAR.V
+    assert np.all(length <= detour + 1e-8)
+    assert CAR.distance(tails, tails).max() == 0.0
+    reverse = np.array([0.0, 0.0, np.pi])
+    np.testing.assert_allclose(CAR.distance(heads + reverse, tails + reverse) * CAR.V, length, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("head", "length"),
+    [
+        ((0.0, 0.0, np.pi), 7 * np.pi / 3),  # about turn on the spot: three arcs
+        ((4.0, 0.0, 0.0), 4.0),
+        ((0.0, 2.0, np.pi), np.pi),
+        ((0.0, 4.0, np.pi), np.pi + 2.0),
+        ((1.0, 1.0, np.pi / 2), np.pi / 2),
+        ((0.0, 1e-12, 0.0), 0.0),
+    ],
+)
+def test_known_lengths(head: tuple[float, float, float], length: float) -> None:
+    scaled = np.array([R, R, 1.0]) * np.array(head)
+    measured = float(CAR.distance(np.zeros(3), scaled)) * CAR.V / R
+    assert measured == pytest.approx(length, abs=1e-9)
+
+
+def test_distance_broadcasts_and_serves_nearest() -> None:
+    states, points = pairs(300, 10)
+    table = CAR.distance(states[:, None], points[None, :5])
+    assert table.shape == (300, 5)
+    np.testing.assert_array_equal(table[:, 3], CAR.distance(states, points[3]))
+    differ = 0
+    for x in points[:40]:
+        ahead = CAR.nearest(states, x, 12, forward=True)
+        behind = CAR.nearest(states, x, 12, forward=False)
+        np.testing.assert_array_equal(ahead, np.argsort(CAR.distance(x, states), kind="stable")[:12])
+        np.testing.assert_array_equal(behind, np.argsort(CAR.distance(states, x), kind="stable")[:12])
+        differ += set(ahead) != set(behind)
+    assert differ > 35
+    assert len(CAR.nearest(states[:4], points[0], 12, forward=True)) == 4
+
+
+def test_the_tape_drives_the_unicycle_to_the_head() -> None:
+    car, dt = Unicycle(V=CAR.V, rho=CAR.rho), 1e-3
+    for tail, head in zip(*pairs(6, 11), strict=True):
+        path = CAR.trajectory(CAR.connect(tail, head))
+        assert np.abs(path.controls).max() <= 1.0
+        times = np.linspace(0.0, path.cost, int(np.ceil(path.cost / dt)) + 1)
+        x = tail.copy()
+        for u in path.tape(times):
+            x = car.step(x, u, np.zeros(1), times[1])
+        assert np.hypot(*(x - head)[:2]) < 5 * dt * CAR.V
+        assert abs(wrapped(x[2:] - head[2:])[0]) < 2 * dt / CAR.rho
+        assert np.hypot(*(path.points[-1] - head[:2])) < 1e-8
+
+
+def plain() -> Scene:
+    return Scene(
+        name="plain", lower=np.zeros(2), upper=np.ones(2) * 9, obstacles=(), start=np.ones(3),
+        robot_radius=0.1, goal=Goal(center=np.ones(2) * 8, radius=0.3),
+    )  # fmt: skip
+
+
+def test_only_a_unicycle_is_steered_by_dubins_curves() -> None:
+    scene = plain()
+    problem = Problem(dynamics=Unicycle(V=1.5, rho=0.8), scene=scene, R=np.eye(1))
+    assert Dubins.of(problem) == CAR
+    with pytest.raises(OptionError, match="SingleIntegrator"):
+        Dubins.of(Problem(dynamics=SingleIntegrator(), scene=scene, R=np.eye(2)))
+    with pytest.raises(OptionError, match="rho"):
+        Dubins(rho=0.0)
+
+
+@pytest.mark.parametrize("circles", [1.0, 2.0, 5.0, 1.0 - 1e-12, 1.0 + 1e-12])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_closed_circles_wind_once_each(circles: float, sign: float) -> None:
+    rng = np.random.default_rng(14)
+    for theta in rng.uniform(-np.pi, np.pi, 50):
+        start = np.array([0.3, -0.2, theta])
+        center = start[:2] + sign * R * np.array([-np.sin(theta), np.cos(theta)])
+        angle = rng.uniform(-np.pi, np.pi, 8)
+        ring = np.column_stack([np.cos(angle), np.sin(angle)])
+        out = np.empty(16)
+        turns_of_curve(
+            start, np.array([sign / R]), np.array([circles * TWO_PI * R]),
+            np.vstack([center + 0.999 * R * ring, center + 1.001 * R * ring]), out,
+        )  # fmt: skip
+        np.testing.assert_allclose(out[:8], sign * np.rint(circles), atol=1e-8)
+        np.testing.assert_allclose(out[8:], 0.0, atol=1e-8)
+
+
+def test_markers_on_the_chord_of_an_arc_see_half_a_turn() -> None:
+    for sign in (1.0, -1.0):
+        for sweep in np.linspace(0.1, 6.2, 60):
+            arc = np.array([sign / R]), np.array([sweep * R])
+            start = np.array([0.0, 0.0, 0.7])
+            end = np.array(along(*start, arc[0][0], arc[1][0])[:2])
+            out = np.empty(1)
+            turns_of_curve(start, *arc, (0.3 * end)[None, :], out)
+            assert out[0] == pytest.approx(0.5 * sign, abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def grown() -> HomologyTree:
+    spots = [(2.5, 3.0), (4.5, 5.2), (4.6, 1.8), (6.6, 3.4), (2.4, 6.2), (6.6, 6.6)]
+    posts = tuple(
+        Obstacle(
+            name=f"post{i}", kind=Kind.CYLINDER if i % 2 else Kind.BOX, size=np.array([0.35, 0.3, 0.3]),
+            position=np.array([*spot, 0.1]), rotation=np.eye(3),
+        )
+        for i, spot in enumerate(spots)
+    )  # fmt: skip
+    scene = Scene(
+        name="posts", lower=np.zeros(2), upper=np.full(2, 8.0), obstacles=posts,
+        start=np.array([0.6, 4.0, 0.0]), robot_radius=0.15,
+        goal=Goal(center=np.array([7.4, 4.6]), radius=0.35),
+    )  # fmt: skip
+    tree = HomologyTree(FreeSpace.of(scene), Dubins(rho=0.7), limit=0.8, classes=12, rng=np.random.default_rng(15))
+    tree.grow(300)
+    return tree
+
+
+def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> None:
+    car, goal, homology = grown.steering, grown.space.scene.goal, grown.space.homology
+    assert isinstance(car, Dubins)
+    saved = []
+    for raw in grown.references(grown.space.scene.start, polished=False):
+        path = polish(raw.path, car, grown.space)
+        assert path.length.sum() <= raw.path.length.sum()
+        saved.append(1.0 - path.length.sum() / raw.path.length.sum())
+        assert np.abs(path.curvature).max() * car.radius <= 1 + 1e-9
+        np.testing.assert_allclose(path.start[0], grown.space.scene.start)
+        finish = ends(path)
+        np.testing.assert_allclose(finish[:-1, :2], path.start[1:, :2], atol=1e-8)
+        np.testing.assert_allclose(wrapped(finish[:-1, 2] - path.start[1:, 2]), 0.0, atol=1e-8)
+        assert np.hypot(*(finish[-1, :2] - goal.center)) == pytest.approx(goal.radius, abs=1e-8)
+        assert homology.winding(np.vstack(path.points(0.005))) == raw.winding
+        assert np.all(grown.around.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
+        np.testing.assert_array_equal(polish(raw.path, car, grown.space).length, path.length)
+        more = shortcut(path, car, grown.space, (30, 40))
+        assert more.length.sum() > 0.9 * path.length.sum()
+    assert len(saved) >= 6
+    assert np.mean(saved) > 0.01
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> None:
+    """Turn towards the goal point and go straight: nothing shorter reaches the disc."""
+    space, rng = FreeSpace.of(plain()), np.random.default_rng(seed)
+    goal = space.scene.goal
+    states = np.vstack([rng.uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
+    path = EdgeChecker(space=space).until_goal(CAR.connect(states[:-1], states[1:]))
+    aims = np.linspace(-np.pi, np.pi, 2001)[:, None]
+    rim = np.hstack([goal.center - goal.radius * np.hstack([np.cos(aims), np.sin(aims)]), aims])
+    best = CAR.distance(states[0], rim).min() * CAR.V
+    short = polish(path, CAR, space).length.sum()
+    assert path.length.sum() > 1.2 * best
+    assert best - 1e-5 <= short <= best + 1e-9

@@ -1,0 +1,32 @@
+"""The table of equations names homes that exist, and tests that exist."""
+
+from __future__ import annotations
+
+import re
+from importlib import import_module
+from operator import attrgetter
+
+from repository import ROOT
+
+TABLE = (ROOT / "docs" / "equations.md").read_text()
+HOMES = sorted(set(re.findall(r"`([a-z_.0-9]+:[\w.]+)`", TABLE)))
+TESTS = sorted(set(re.findall(r"`([\w/]+\.py:test_\w+)`", TABLE)))
+
+
+def test_every_home_is_there():
+    for home in HOMES:
+        module, name = home.split(":")
+        assert attrgetter(name)(import_module(f"pirrht.{module}")), home
+
+
+def test_every_test_that_is_named_is_in_one_of_the_tiers():
+    for test in TESTS:
+        file, name = test.split(":")
+        found = [ROOT / "tests" / tier / "pirrht" / file for tier in ("unit", "nightly")]
+        assert any(path.exists() and f"def {name}(" in path.read_text() for path in found), test
+
+
+def test_every_row_has_a_home():
+    rows = [row for row in TABLE.splitlines() if row.startswith("| ") and not row.startswith("| what")]
+    assert len(rows) > 50
+    assert all(re.search(r"`[a-z_.0-9]+:[\w.]+`", row) or "*Twice by need*" in row for row in rows)

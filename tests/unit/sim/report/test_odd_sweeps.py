@@ -1,0 +1,138 @@
+"""Reports of sweeps that are unfinished, empty, damaged or too small."""
+
+from __future__ import annotations
+
+import pytest
+from report_samples import ASKED, record, stored
+
+from sim.cli import main
+from sim.report import wording
+from sim.report.summary import report
+
+
+def test_a_sweep_of_errors_alone_tells_how_many_there_were_of_each(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    failed = [record(method, seed, None) for method in ("pi-rrht", "single") for seed in range(3)]
+    for number, one in enumerate(failed):
+        one["error"] = "no way" if number else "a lost wheel"
+    dataset = stored(tmp_path / "sweep", failed)
+    assert main(["report", str(dataset.folder)]) == 0
+    told = capsys.readouterr().out
+    for shown in (told, (dataset.folder / "report.md").read_text(), (dataset.folder / "report.html").read_text()):
+        assert "6 runs ended with an error" in shown
+        assert "5 x no way" in shown
+        assert "1 x a lost wheel" in shown
+        assert "every run ended with an error" in shown
+        assert "<img" not in shown
+
+
+def test_a_scene_of_errors_alone_takes_no_picture_from_another(tmp_path):
+    pytest.importorskip("matplotlib")
+    from sim.report.plots import pictures
+
+    asked = {"methods": ["pi-rrht"], "noise": {"a": [0.1], "b": [0.1]}, "seeds": [0, 3]}
+    records = [record("pi-rrht", seed, scene="a") for seed in range(3)]
+    records += [record("pi-rrht", seed, None, scene="b", error="no way") for seed in range(3)]
+    drawn = [picture.text.split()[0] for picture in pictures(report(stored(tmp_path / "two", records, asked)))]
+    assert drawn == ["Success", "Cost", "Homology", "Step"]
+
+
+@pytest.mark.parametrize(("seeds", "hopeless"), [(5, True), (6, True), (7, False)])
+def test_too_few_seeds_for_any_finding_are_said_to_be_too_few(seeds, hopeless, tmp_path):
+    """Two questions: twice McNemar's 2 / 2^n falls below 0.05 from n = 7 on."""
+    same = [record(method, seed) for method in ("pi-rrht", "single") for seed in range(seeds)]
+    known = report(stored(tmp_path / "sweep", same))
+    assert known.least_p == pytest.approx(4 * 0.5**seeds)
+    told = " ".join(wording.findings(known))
+    assert "None of 2 comparisons" in told
+    assert ("It takes at least 7 pairs" in told) == hopeless
+
+
+def test_no_runs_are_not_missing_methods(tmp_path):
+    empty = report(stored(tmp_path / "sweep", []))
+    assert wording.findings(empty) == ["No comparison: there are no runs."]
+
+
+def test_one_is_singular(tmp_path):
+    asked = {**ASKED, "methods": ["pi-rrht"], "seeds": [0, 1]}
+    failed = report(stored(tmp_path / "sweep", [record("pi-rrht", 0, None, error="no way")], asked))
+    assert wording.lead(failed)[:2] == [
+        "1 of 1 run asked for is there.",
+        "1 run ended with an error and counts in no figure:",
+    ]
+
+
+def test_a_file_in_place_of_a_folder_is_called_a_file(dataset, tmp_path, capsys):
+    file = tmp_path / "letter.txt"
+    file.write_text("dear")
+    for words in ([str(file)], [str(dataset.folder), "-o", str(file)]):
+        assert main(["report", *words]) == 2
+        told = capsys.readouterr().err
+        assert told.count("\n") == 1
+        assert "letter.txt is a file; give" in told
+    assert file.read_text() == "dear"
+
+
+def test_an_unfinished_sweep_is_reported_as_such(tmp_path, capsys):
+    dataset = stored(tmp_path / "sweep", [record("pi-rrht", 0)])
+    assert main(["report", str(dataset.folder), "-o", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "1 of 120 runs" in told
+    assert "unfinished" in told
+    assert "No comparison" in told
+    assert (tmp_path / "report.md").exists()
+    assert not (dataset.folder / "report.md").exists()
+
+
+def test_a_sweep_without_a_single_run_has_a_report(tmp_path, capsys):
+    dataset = stored(tmp_path / "sweep", [])
+    assert main(["report", str(dataset.folder)]) == 0
+    told = capsys.readouterr().out
+    assert "0 of 120 runs" in told
+    assert "there are no runs" in told
+
+
+@pytest.mark.parametrize("damage", ["cut off", "empty", "other bytes"])
+def test_a_part_that_cannot_be_read_is_named_in_one_line(damage, dataset, capsys):
+    part = dataset.files()[0]
+    content = part.read_bytes()
+    part.write_bytes({"cut off": content[:300], "empty": b"", "other bytes": bytes(b ^ 85 for b in content)}[damage])
+    assert main(["report", str(dataset.folder)]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert f"{part} cannot be read" in told
+    assert not (dataset.folder / "report.md").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"scene": None}, "rows without scene"),
+        ({"noise": None}, "rows without noise"),
+        ({"outcome": "flew"}, "no usable outcome"),
+        ({"cost": None}, "seed 1 has no usable cost"),
+        ({"path_length": float("inf")}, "no usable path_length"),
+    ],
+)
+def test_rows_that_no_sweep_wrote_are_refused_by_run_and_column(changes, what, tmp_path, capsys):
+    dataset = stored(tmp_path / "sweep", [record("pi-rrht", 0), record("pi-rrht", 1, **changes)])
+    assert main(["report", str(dataset.folder)]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert what in told
+
+
+def test_step_times_that_were_not_taken_are_left_out(tmp_path):
+    records = [record("pi-rrht", seed) for seed in range(3)]
+    records[0]["step_ms"] = {"median": None, "p95": float("nan"), "max": None}
+    point = report(stored(tmp_path / "sweep", records)).points[0]
+    assert (point.step_ms.value, point.step_p95_ms.value, point.runs) == (2.0, 3.0, 3)
+
+
+@pytest.mark.parametrize(("words", "culprit"), [("nowhere", "no sweep"), (".", "no sweep"), ("", "DIR")])
+def test_a_folder_without_a_sweep_costs_one_line(words, culprit, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["report", *words.split()]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert culprit in told

@@ -1,0 +1,160 @@
+"""A sweep on disk: whole files only, nothing lost, nothing twice, nothing mixed."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import subprocess
+import sys
+
+from repository import environment
+from sweep_samples import ASKED, SCENES, SETTINGS, failed, record
+
+from sim.sweeps import dataset as module
+from sim.sweeps.columns import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
+from sim.sweeps.dataset import Dataset, wished
+from sim.sweeps.manifests import wishes
+
+
+def test_a_record_comes_back_as_it_was():
+    assert record_of(row_of(record(3))) == record(3)
+    assert record_of(row_of(failed(3))) == failed(3)
+
+
+def test_a_row_is_read_back_with_unit_and_description_of_every_column(dataset):
+    import pyarrow.parquet as pq
+
+    dataset.add(record(1, value_estimate=float("inf")))
+    dataset.flush()
+    table = pq.read_table(dataset.runs)
+    assert table.schema.names == [column.name for column in COLUMNS]
+    for column in COLUMNS:
+        assert column.text
+        about = table.schema.field(column.name).metadata
+        assert about == {b"unit": column.unit.encode(), b"description": column.text.encode()}
+    assert dataset.records() == [record(1, value_estimate=float("inf"))]
+
+
+def test_rows_are_written_when_their_time_has_come_and_in_files_of_their_own(dataset, clock):
+    dataset.add(record(0))
+    dataset.tend()
+    assert dataset.files() == []
+    clock.time += module.CHUNK_SECONDS
+    dataset.add(record(1))
+    dataset.tend()
+    assert [r["seed"] for r in dataset.records()] == [0, 1]
+    for seed in range(2, 2 + module.CHUNK_RUNS):
+        dataset.add(record(seed))
+    dataset.tend()
+    assert len(dataset.files()) == 2
+    assert len(dataset.records()) == module.CHUNK_RUNS + 2
+
+
+def test_a_run_that_is_in_two_files_counts_once(dataset):
+    for _ in range(2):
+        dataset.add(record(0))
+        dataset.flush()
+    assert len(dataset.files()) == 2
+    assert dataset.records() == [record(0)]
+
+
+def test_a_later_sweep_adds_files_and_takes_none_away(dataset, clock):
+    dataset.add(record(0))
+    dataset.flush()
+    later = Dataset(dataset.folder, clock)
+    later.begin(SETTINGS, SCENES, {**ASKED, "seeds": [5, 20]})
+    later.add(record(1))
+    later.flush()
+    assert [r["seed"] for r in later.records()] == [0, 1]
+    assert wished(later.manifest()["asked"]) == 20
+
+
+def test_files_of_others_are_never_overwritten(dataset, clock):
+    """Neither by one who has not begun a sweep there, nor by two at once, nor because of a number that is missing."""
+    (dataset.runs / "part-copy.parquet").write_bytes(b"")
+    writers = [Dataset(dataset.folder, clock) for _ in range(3)]
+    for round_ in range(2):
+        for i, writer in enumerate(writers):
+            writer.add(record(10 * round_ + i))
+        for writer in writers:
+            writer.flush()
+    (dataset.runs / "part-copy.parquet").unlink()
+    assert sorted(r["seed"] for r in dataset.records()) == [0, 1, 2, 10, 11, 12]
+    dataset.files()[0].unlink()
+    writers[0].add(record(30))
+    writers[0].flush()
+    assert [r["seed"] for r in dataset.records()] == [1, 2, 10, 11, 12, 30]
+
+
+def test_processes_that_write_at_once_lose_nothing(dataset):
+    script = "import sys\nfrom pathlib import Path\nfrom sim.sweeps.dataset import Dataset\n"
+    script += f"d, known = Dataset(Path({str(dataset.folder)!r})), {record(0)!r}\n"
+    script += "for seed in range(int(sys.argv[1]), int(sys.argv[1]) + 20):\n"
+    script += "    d.add({**known, 'seed': seed})\n    d.flush()\n"
+    command = [sys.executable, "-c", script]
+    writers = [subprocess.Popen([*command, str(first)], env=environment()) for first in (0, 100)]
+    assert [writer.wait() for writer in writers] == [0, 0]
+    assert sorted(r["seed"] for r in dataset.records()) == [*range(20), *range(100, 120)]
+    assert len(dataset.files()) == 40
+
+
+def test_without_hard_links_and_locks_files_are_still_not_overwritten(dataset, monkeypatch):
+    def refused(*_: object) -> None:
+        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "link", refused)
+    for seed in range(2):
+        later = Dataset(dataset.folder)
+        later.add(record(seed))
+        later.flush()
+    assert [r["seed"] for r in dataset.records()] == [0, 1]
+
+
+def test_runs_are_replaced_by_what_was_added(dataset):
+    for seed in range(4):
+        dataset.add(record(seed))
+        if seed % 2:
+            dataset.flush()
+    for seed in (1, 2):
+        dataset.add(record(seed, cost=99.0))
+    dataset.replace({key_of(record(seed)) for seed in (1, 2)})
+    assert {r["seed"]: r["cost"] for r in dataset.records()} == {0: 8.0, 1: 99.0, 2: 99.0, 3: 11.0}
+
+
+def test_another_may_ask_while_a_sweep_is_under_way(dataset):
+    (dataset.folder / ".trees-x").mkdir()
+    (dataset.runs / ".part-1").write_bytes(b"PAR1 half")
+    Dataset(dataset.folder).ask(SETTINGS, SCENES, wishes("mine", "slit", 0.1, [3, 4, 7]))
+    assert (dataset.folder / ".trees-x").exists()
+    assert (dataset.runs / ".part-1").exists()
+    assert wished(dataset.manifest()["asked"]) == 9 + 3
+    assert [wish["seeds"] for wish in dataset.manifest()["asked"][1:]] == [[3, 5], [7, 8]]
+
+
+def test_what_a_killed_sweep_left_half_written_is_cleared_away(dataset, clock):
+    (dataset.runs / ".part-000000.parquet").write_bytes(b"PAR1 half")
+    (dataset.folder / ".manifest.json").write_text("{")
+    (dataset.folder / ".trees-x").mkdir()
+    (dataset.folder / ".trees-x" / "0.tree").write_bytes(b"half")
+    assert Dataset(dataset.folder, clock).records() == []
+    Dataset(dataset.folder, clock).begin(SETTINGS, SCENES, ASKED)
+    assert not list(dataset.runs.iterdir())
+    assert sorted(file.name for file in dataset.folder.iterdir()) == ["manifest.json", "runs"]
+
+
+def test_runs_that_ended_with_an_error_can_be_forgotten(dataset):
+    for part in ([record(0), failed(1)], [failed(2)], [record(3)]):
+        for one in part:
+            dataset.add(one)
+        dataset.flush()
+    dataset.forget_errors()
+    assert dataset.records() == [record(0), record(3)]
+    assert len(dataset.files()) == 2
+
+
+def test_the_key_is_part_of_the_results_and_timings_are_not():
+    assert set(KEY) < set(RESULTS)
+    assert key_of(record(4))[4] == 4
+    assert not [name for name in RESULTS if "second" in name or "_ms" in name]
+    json.dumps(record(4))

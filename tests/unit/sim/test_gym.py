@@ -1,0 +1,165 @@
+"""Environments drive the same plant under the same noise as `pirrht run`."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from policies import ahead
+
+from pirrht.errors import OptionError
+from pirrht.systems.unicycle import Unicycle
+from pirrht.tree.homology_tree import HomologyTree
+from sim import gym
+from sim.drive import episode
+from sim.mjcf.robot import control_limits
+from sim.scenario import Scenario
+
+INFO = {"outcome", "cost", "time", "min_clearance", "path_length"}
+
+
+def driven(env, policy, seed=0):
+    x, info = env.reset(seed=seed)
+    states, rewards, over = [x], [], False
+    while not over:
+        x, reward, terminated, truncated, info = env.step(policy(x))
+        states.append(x)
+        rewards.append(reward)
+        over = terminated or truncated
+    return np.array(states), np.array(rewards), (terminated, truncated), info
+
+
+# -- the same plant ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_a_seed_gives_the_noise_that_a_run_has(slit: Scenario, seed: int):
+    env = gym.Drive("slit", max_time=0.1)
+    env.reset(seed=seed)
+    noise = []
+    for _ in range(10):
+        env.step(np.zeros(2))
+        noise.append(env._frame.advance.noise)
+    again = slit.with_settings(seed=seed).plant_rng()
+    np.testing.assert_array_equal(np.vstack(noise), np.sqrt(0.002) * again.standard_normal((50, 2)))
+
+
+def test_our_controller_drives_as_it_does_in_a_run(slit: Scenario, slit_tree: HomologyTree):
+    scenario = slit.with_settings(noise=0.3, seed=2, samples=60, threads=1)
+    tally = episode.Tally(0.01)
+    frames = []
+    controller = scenario.controller(slit_tree)
+    for frame in episode.run(scenario.plant(), controller, slit.start, scenario.plant_rng(), max_time=30.0):
+        tally.add(frame)
+        frames.append(frame)
+    env = gym.Drive("slit", noise=0.3, period=0.002)
+    policy = gym.Following(scenario.controller(slit_tree), period=0.01, step=0.002)
+    states, rewards, ends, info = driven(env, policy, seed=2)
+    np.testing.assert_array_equal(states[1:], np.vstack([frame.advance.states for frame in frames]))
+    one, other = tally.result(), env.result()
+    for name in ("time", "cost", "path_length"):
+        assert other[name] == pytest.approx(one[name], rel=1e-9)
+    for name in ("outcome", "executed_class"):
+        assert other[name] == one[name]
+    assert info["min_clearance"] == pytest.approx(one["min_clearance"], abs=1e-9)
+    assert ends == (True, False)
+    assert -rewards.sum() == pytest.approx(one["cost"] + (0.0 if one["outcome"] == "goal" else gym.PENALTY))
+
+
+def test_a_control_that_is_held_costs_what_the_sde_plant_says():
+    env = gym.Drive("slit", plant="sde", noise=1e-6)
+    env.reset(seed=0)
+    x, reward, terminated, truncated, info = env.step(np.array([1.0, -2.0]))
+    assert reward == pytest.approx(-0.01 * (1.0 + 0.5 * 2.0 * 5.0))
+    np.testing.assert_allclose(x, [1.01, 2.48], atol=1e-5)
+    assert not terminated
+    assert not truncated
+    assert set(info) == INFO
+    assert info["cost"] == pytest.approx(-reward)
+    assert info["outcome"] is None
+
+
+# -- ends --------------------------------------------------------------------------------------------------------
+
+
+def test_every_episode_begins_with_the_bodies_where_they_set_out():
+    env = gym.Drive("crossing", noise=1e-6)
+    ends = [driven(env, lambda x: np.array([1.0, 0.0])) for _ in range(2)]
+    assert [end[3]["outcome"] for end in ends] == ["collision", "collision"]
+    assert ends[0][3]["time"] == ends[1][3]["time"]
+    # at a speed of 1 the puck is 0.4 m from the disc's centre, at (3.25, 1.09 + 0.6 t), when t = 1.9...
+    t = ends[0][3]["time"]
+    assert np.hypot(3.25 - 1 - t, 1.09 + 0.6 * t - 2.5) == pytest.approx(0.4, abs=0.004)
+
+
+def test_goal_collision_and_time_are_told_apart():
+    goal = driven(gym.Drive("slit", noise=0.01), ahead)
+    assert goal[2] == (True, False)
+    assert goal[3]["outcome"] == "goal"
+    assert -goal[1].sum() == pytest.approx(goal[3]["cost"])
+    wall = driven(gym.Drive("slit", noise=0.01, penalty=7.0), lambda x: np.array([0.0, 3.0]))
+    assert wall[2] == (True, False)
+    assert wall[3]["outcome"] == "collision"
+    assert -wall[1].sum() == pytest.approx(wall[3]["cost"] + 7.0)
+    late = driven(gym.Drive("slit", noise=0.01, max_time=0.05), lambda x: np.zeros(2))
+    assert late[2] == (False, True)
+    assert late[3]["outcome"] == "timeout"
+    assert late[3]["time"] == pytest.approx(0.05)
+
+
+def test_a_finite_phi_is_the_penalty_of_a_collision():
+    _, rewards, _, info = driven(gym.Drive("slit", noise=0.01, phi=31.0), lambda x: np.array([0.0, 3.0]))
+    assert -rewards.sum() == pytest.approx(info["cost"] + 31.0)
+
+
+def test_nothing_moves_before_the_beginning_and_after_the_end():
+    env = gym.Drive("slit", max_time=0.01)
+    with pytest.raises(OptionError, match="reset"):
+        env.step(np.zeros(2))
+    env.reset(seed=0)
+    env.step(np.zeros(2))
+    with pytest.raises(OptionError, match="reset"):
+        env.step(np.zeros(2))
+    x, info = env.reset(seed=0)
+    np.testing.assert_array_equal(x, [1.0, 2.5])
+    assert info["cost"] == 0.0
+
+
+def test_actions_beyond_the_bound_are_clipped():
+    free, bound = gym.Drive("slit"), gym.Drive("slit", bound=0.5)
+    assert bound.action_space.contains(np.array([0.5, -0.5]))
+    one = [driven_step(free, np.array([0.5, -0.5])), driven_step(bound, np.array([3.0, -9.0]))]
+    np.testing.assert_array_equal(*one)
+
+
+def driven_step(env, action):
+    env.reset(seed=1)
+    return env.step(action)[0]
+
+
+def test_what_cannot_be_is_refused():
+    for options in ({"bound": 0.0}, {"penalty": -1.0}, {"render_mode": "human"}, {"noise": -1.0}, {"plant": "gazebo"}):
+        with pytest.raises(OptionError):
+            gym.Drive("slit", **options)
+
+
+# -- scores ------------------------------------------------------------------------------------------------------
+
+
+# -- scores in a sweep's folder ----------------------------------------------------------------------------------
+
+
+def test_the_ranges_of_the_actuators_bound_the_actions():
+    """Speed and turn rate of wheels h apart share a range; the sde plant has no actuators."""
+    car = gym.Drive("slit", robot="unicycle")
+    np.testing.assert_allclose([car.action_space.low, car.action_space.high], [[-500.0], [500.0]])
+    assert gym.Drive("slit", robot="unicycle", bound=2.0).action_space.high == 2.0
+    assert gym.Drive("slit", robot="unicycle", plant="sde").action_space.high == np.inf
+    wheels = np.array([[10.0, -1.5], [10.0, 1.5]])
+    limited = SimpleNamespace(actuator_ctrllimited=np.ones(2), actuator_ctrlrange=np.array([[-20.0, 16.0]] * 2))
+    low, high = control_limits(limited, wheels, Unicycle(V=1.0, rho=0.5))
+    np.testing.assert_allclose([low, high], [[-2.0], [2.0]])
+    for u in (low, high):
+        ctrl = wheels @ Unicycle(V=1.0, rho=0.5).twist(np.zeros(3), u / 0.5)
+        assert ctrl.max() == pytest.approx(16.0)
