@@ -1,11 +1,23 @@
 #!/usr/bin/env bash
-# Lint, types and the whole test suite on a fresh machine.
+# Lint, types and tests on a fresh machine; with --full tests of all tiers (tests/README.md). Other words go to pytest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
-prepare ".[test,figures,video,docs]"
+extras=test,figures,gym,maps
+words=()
+if [ "${1:-}" = --full ]; then
+    shift
+    extras+=,cluster,docs,nightly,video
+    words=(tests/unit tests/integration tests/nightly --thorough)
+fi
+prepare ".[$extras]"
+pirrht warm puck unicycle &
+warming=$!
+trap 'kill "$warming" 2>/dev/null || true' EXIT
 ruff check .
 ruff format --check .
+lint-imports
 mypy
-# One more than cores: many tests wait for processes that they stop.
-python -m pytest --numprocesses 3 --dist loadfile "$@"
+wait "$warming"
+trap - EXIT
+python -m pytest --numprocesses 2 --dist worksteal "${words[@]}" "$@"

@@ -5,10 +5,14 @@ from __future__ import annotations
 import signal
 
 import pytest
+from hypothesis import settings
 
 from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import warm
 from sim.scenario import Scenario, prepare
+
+settings.register_profile("suite", deadline=None, derandomize=True, database=None)  # the same examples every time
+settings.load_profile("suite")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -321,7 +321,7 @@ def test_what_could_be_waited_for_without_end_is_not_opened(tmp_path: Path):
             source.rename(tmp_path / name)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(cells=arrays(np.bool_, st.tuples(st.integers(1, 14), st.integers(1, 14))))
 def test_any_set_of_cells_survives_as_rectangles(cells):
     pieces = cover(cells)

@@ -74,7 +74,7 @@ def deviation(rows: np.ndarray, keys: np.ndarray) -> float:
     return float(np.hypot(*(straight - keyframes.place(keys, times)).T).max())
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(places, places, ways)
 def test_rows_stay_within_five_millimetres_of_the_way_and_hold_its_ends(x, y, way):
     keys = np.cumsum([(0.0, 0.0, 0.0), *((t, 0.0, 0.0) for t, _, _ in way)], axis=0)

@@ -11,9 +11,7 @@ import rerun as rr
 from drives import MAX_TIME, Drive, columns, record, rerun
 from rerun.chunk import RrdReader
 
-from pirrht.compiled.cache import cached
 from pirrht.errors import OptionError
-from sim.cli import warm
 from sim.drawing import strokes
 from sim.drawing.colors import PALETTE, ClassColors, title
 from sim.drive.episode import run
@@ -204,11 +202,6 @@ def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_on
     assert "/tree/1/edges" not in paths
     with pytest.raises(OptionError, match="--record-lift 3: slit has the obstacles 1 to 2"):
         drive.recorder(lift=[3])
-
-
-def test_compiled_kernels_are_found_where_the_first_command_looks_for_them(recorded):
-    assert cached(warm.sampler("single_integrator"))
-    assert cached(warm.PLANNER)
 
 
 MESHES = """<mujoco>

@@ -90,7 +90,7 @@ def test_one_worker_drives_through_each_tree_before_it_grows_the_next(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     workers=st.integers(1, 6),
     scenes=st.integers(1, 9),

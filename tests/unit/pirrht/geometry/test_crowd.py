@@ -152,7 +152,7 @@ numbers = st.floats(-3, 3)
 steps = st.lists(st.tuples(st.floats(0.05, 2), numbers, numbers, numbers), min_size=1, max_size=5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(steps, st.floats(0, 8), st.floats(0, 8), st.floats(-1, 1), st.floats(-1, 1))
 def test_no_point_of_a_body_is_faster_than_its_bound(steps, one, other, x, y):
     rows = np.cumsum(np.array([(0.0, 0.0, 0.0, 0.0), *steps]), axis=0)

@@ -32,7 +32,7 @@ def written(matrix: np.ndarray) -> str:
     return f'<pose rotation_format="quat_xyzw" relative_to="a">{" ".join(f"{v:.17g}" for v in numbers)}</pose>'
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(motions)
 def test_roll_pitch_and_yaw_turn_about_fixed_axes_in_that_order(values):
     matrix = transform(values)
@@ -44,7 +44,7 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes_in_that_order(values):
     np.testing.assert_allclose(transform(degrees, degrees=True), matrix, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(motions, motions)
 def test_a_pose_relative_to_a_frame_composes_and_its_inverse_leads_home(first, second):
     a, b = transform(first), transform(second)

@@ -22,7 +22,7 @@ ROWS = st.fixed_dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(st.lists(ROWS, max_size=5, unique_by=lambda row: tuple(row[name] for name in KEY)))
 def test_records_survive_the_file(rows):
     records = [record_of(row) for row in rows]
