@@ -9,6 +9,7 @@ What is used of numba, and what a change of it breaks (`tests/unit/compiled/test
 * `CompilerBase`, `DefaultPassBuilder`, `NativeLowering`: where the library of a function is made.
 * `JITCodeLibrary`: its linking, its finalization and its form on disk.
 * `FunctionIdentity._unique_ids`: names of machine code.
+* `BaseFunction.get_call_type`: types of operations, remembered.
 """
 
 from __future__ import annotations
@@ -34,10 +35,12 @@ from numba.core.environment import Environment
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys
 from numba.core.typed_passes import NativeLowering
+from numba.core.types.functions import BaseFunction
 
 from pirrht.compiled import cache
 from pirrht.compiled.unbroken import unbroken
 
+VALUES = (types.Number, types.Boolean, types.Array, types.BaseTuple)
 BITS = 48  # among a thousand processes two share a count with a chance of one in a million
 
 
@@ -53,6 +56,28 @@ def count_from_chance() -> None:
 count_from_chance()
 if hasattr(os, "register_at_fork"):  # not on Windows, where there is no fork
     os.register_at_fork(after_in_child=count_from_chance)
+
+
+def _remember_types() -> None:
+    """Let numba look up once, not each time, what an operation on numbers, arrays and records is.
+
+    It tries dozens of templates, and the answer depends on the operation and the types alone.
+    """
+    known: dict[Any, Any] = {}
+    plain = BaseFunction.get_call_type
+
+    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
+        if kws or not all(isinstance(kind, VALUES) for kind in args):
+            return plain(self, context, args, kws)
+        key = (self, args)
+        if key not in known:
+            known[key] = plain(self, context, args, kws)
+        return known[key]
+
+    BaseFunction.get_call_type = get_call_type  # type: ignore[method-assign]
+
+
+_remember_types()
 
 
 class PartLibrary(JITCodeLibrary):  # type: ignore[misc]

@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.copies import copy_row
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.listed import held_of
 from pirrht.geometry.moving_walls import WALL
@@ -53,7 +54,7 @@ def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
         out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = d, mx, my
         many, count = walls_along(setup.traffic, x, y, times[i], within, held, listed, many, near)
         for k in range(min(count, WALLS - 2)):
-            out[i, 2 + k] = near[k, :3]
+            copy_row(near[k, :3], out[i, 2 + k])
 
 
 @kernel

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from pirrht.compiled.copies import copy_rows
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.field import clearance
 from pirrht.geometry.moving_walls import WALL
@@ -250,6 +251,6 @@ def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyp
                     break
                 share *= 0.5
             if after < before:
-                knots[:] = moved
+                copy_rows(moved, knots)
             if not after < before * (1.0 - SETTLED):
                 break

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.copies import copy_row
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
@@ -206,7 +207,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     k, radius = tails.shape[0], numbers[0]
     start, curvature, length, cost = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3)), np.empty(k)
     for i in range(k):
-        start[i] = tails[i]
+        copy_row(tails[i], start[i])
         shortest(tails[i], heads[i], radius, curvature[i], length[i])
         cost[i] = numbers[1] * length[i].sum()
     return Arcs(start, curvature, length, cost, heads)

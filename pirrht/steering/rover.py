@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.copies import copy_row
 from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
@@ -71,7 +72,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     start, curvature, length, cost = np.empty((k, 3)), np.zeros((k, 3)), np.zeros((k, 3)), np.empty(k)
     price = np.empty((k, 3))
     for i in range(k):
-        start[i] = tails[i]
+        copy_row(tails[i], start[i])
         cost[i] = _cheapest(tails[i], heads[i], numbers, np.inf, curvature[i], length[i])
         for p in range(3):
             price[i, p] = price_of(numbers[0], numbers[1], curvature[i, p])

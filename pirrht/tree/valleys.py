@@ -13,6 +13,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_float64, load_int32, load_int64
+from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import FREE
 from pirrht.steering.along_legs import Legs
@@ -86,7 +87,7 @@ def choose(at, states, edges, weights, key, x, pace, rules, chosen):  # type: ig
             break
         if count == 0:
             end = _follow(at, states, pace, x, np.int64(edges.near[i]), slot[i], times[:0], here)
-            times[:] = np.linspace(x[2], end, STATIONS)
+            copy_row(np.linspace(x[2], end, STATIONS), times)
         _follow(at, states, pace, x, np.int64(edges.near[i]), slot[i], times, here)
         new = True
         for j in range(count):
@@ -95,7 +96,7 @@ def choose(at, states, edges, weights, key, x, pace, rules, chosen):  # type: ig
                 widest = max(widest, math.hypot(here[p, 0] - places[j, p, 0], here[p, 1] - places[j, p, 1]))
             new = new and widest > far
         if new:
-            places[count] = here
+            copy_rows(here, places[count])
             chosen[count, 0], chosen[count, 1] = i, slot[i]
             count += 1
     return count

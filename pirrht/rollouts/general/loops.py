@@ -13,20 +13,22 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import kernel
 from pirrht.rollouts.general.path import Kept
-from pirrht.rollouts.records import Chosen, Kernels
+from pirrht.rollouts.records import Chosen, Kernels, empty_paths
 
 KEPT: Any = Kept
 NO_STATES = np.empty((0, 0, 0)), np.empty(0, np.int64)
 NO_GROUPS = np.empty(0, np.int64), np.empty(0)
 NO_CONTROLS = np.empty((0, 0, 0)), np.empty((0, 0))
+NONE_CHOSEN = Chosen(np.empty(0, np.int64), *NO_GROUPS)
 
 
 @cache
 def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     """Kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
+    no_paths = empty_paths(0, 0, m)
 
     @kernel
-    def sample(setup, leads, origin, start, stop, paths):  # type: ignore[no-untyped-def]
+    def fill(setup, leads, origin, start, stop, paths):  # type: ignore[no-untyped-def]
         """Fill `paths` for the samples from `start` to `stop`."""
         nothing, scratch = np.empty((0, 1)), scratch_of(setup, leads)
         window, times = leads.window, leads.times
@@ -70,12 +72,25 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
                 for j in range(m):
                     total[group[c], i, j] += weight[c] * applied[i, j]
 
+    @kernel
+    def either(setup, leads, origin, start, stop, paths, chosen, total, alive, states, steps):  # type: ignore[no-untyped-def]
+        """Both in one, since most of either is the path, which takes seconds to compile."""
+        if stop > start:
+            fill(setup, leads, origin, start, stop, paths)
+        else:
+            again(setup, leads, origin, chosen, total, alive, states, steps)
+
+    def sample(setup: Any, leads: Any, origin: Any, start: int, stop: int, paths: Any) -> None:
+        """Fill `paths` for the samples from `start` to `stop`."""
+        if stop > start:
+            either(setup, leads, origin, start, stop, paths, NONE_CHOSEN, *NO_CONTROLS, *NO_STATES)
+
     def control(setup: Any, leads: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
         """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-        again(setup, leads, origin, chosen, total, alive, *NO_STATES)
+        either(setup, leads, origin, 0, 0, no_paths, chosen, total, alive, *NO_STATES)
 
     def trace(setup: Any, leads: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
         """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
-        again(setup, leads, origin, Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps)
+        either(setup, leads, origin, 0, 0, no_paths, Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps)
 
     return Kernels(sample, control, trace)
