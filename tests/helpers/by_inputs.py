@@ -7,43 +7,28 @@ from functools import cached_property
 
 import numpy as np
 from discs import disc
+from scooter import Scooter
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
 from pirrht.systems.double_integrator import coasting, into_goal
-from pirrht.systems.dynamics import Dynamics, no_drift
+from pirrht.systems.dynamics import Dynamics
 
 RADIUS = 0.004  # of a robot that stands for a point, by which its obstacle is smaller [m]
 
 
-@jitable
-def along_and_about(x, p, out):  # type: ignore[no-untyped-def]
-    """G of speed along the heading and turn rate about the vertical, (3, 2)."""
-    out[0, 0], out[1, 0], out[2, 1] = np.cos(x[2]), np.sin(x[2]), 1.0
-
-
 @dataclass(frozen=True, eq=False)
-class Driven(Dynamics):
-    """A car with the inputs speed and turn rate: x = (x, y, heading)."""
+class Driven(Scooter):
+    """The scooter of the examples with other noise, along the heading of a step's start or of its middle."""
 
     stratonovich: bool = False  # type: ignore[misc]
     s: tuple[float, float] = (0.5, 1.0)  # [m/sqrt(s)], [rad/sqrt(s)]
 
-    n = 3
-    m = 2
-    states = ("x", "y", "heading")
-    parameters = np.zeros(0)
-    drift = staticmethod(no_drift)
-    input_matrix = staticmethod(along_and_about)
-
     @cached_property
     def input_noise(self) -> Array:  # type: ignore[override]
         return np.diag(self.s)
-
-    def twist(self, x: Array, rate: Array) -> Array:
-        return rate
 
 
 @jitable

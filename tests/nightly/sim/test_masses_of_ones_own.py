@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tug import Tug
 
 from pirrht.control.mppi import Mppi
 from pirrht.errors import OptionError
@@ -13,14 +14,6 @@ from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.scenario import Scenario, prepare
 from sim.systems import System, registry
-
-
-class Drag(DoubleIntegrator):
-    """A mass that its own speed brakes."""
-
-    @staticmethod
-    def drift(x, p, out):
-        out[0], out[1], out[2], out[3] = x[2], x[3], -0.4 * x[2], -0.4 * x[3]
 
 
 class Forgetful(DoubleIntegrator):
@@ -54,7 +47,7 @@ def scenario(kind: type[DoubleIntegrator], **given: Any) -> Scenario:
 
 
 def test_mppi_drives_a_mass_of_ones_own_that_begins_at_rest():
-    mine = scenario(Drag, method="mppi")
+    mine = scenario(Tug, method="mppi")
     driver = mine.driver()
     assert isinstance(driver, Mppi)
     plan = driver.plan(mine.start)

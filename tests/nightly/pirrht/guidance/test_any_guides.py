@@ -5,14 +5,13 @@ A mass (`DoubleIntegrator`) is the linear case, a car that accelerates the other
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import jitable
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
@@ -28,35 +27,13 @@ from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.second_order_car import SecondOrderCar
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.mjcf import load
 
 STEP = 0.1
 START, BELOW, ABOVE = (np.array(x) for x in ((1.0, 2.5, 0.0, 0.0), (0.5, 0.5, 0.0, 0.0), (1.0, 3.5, 0.5, 0.8)))
-
-
-@jitable
-def coasting_car(x, p, out):  # type: ignore[no-untyped-def]
-    """f = [speed cos heading, speed sin heading, 0, -speed / 4]."""
-    out[0], out[1] = x[3] * np.cos(x[2]), x[3] * np.sin(x[2])
-    out[2], out[3] = 0.0 * x[2], -0.25 * x[3]
-
-
-@dataclass(frozen=True, eq=False)
-class Coaster(Dynamics):
-    """A car that turns and accelerates."""
-
-    n = 4
-    m = 2
-    states = ("x", "y", "heading", "speed")
-    parameters = np.zeros(0)
-    drift = staticmethod(coasting_car)
-    control_block = np.eye(2)
-    diffusion_block = np.array([[0.2, 0.0], [0.0, 0.1]])
-
-    def twist(self, x: Array, rate: Array) -> Array:
-        return rate
 
 
 def in_the_open(dynamics: Dynamics) -> PathIntegral:
@@ -162,13 +139,13 @@ def test_in_the_open_a_masss_gains_are_those_of_riccatis_recursion():
 
 def test_derivatives_of_a_step_are_those_of_complex_steps():
     """First ones to 1e-7; second ones to 1e-4, against central differences of complex steps. A car that accelerates."""
-    integral = in_the_open(Coaster())
+    integral = in_the_open(SecondOrderCar(b=0.1))
     B, costate = integral.problem.dynamics.B_c(np.zeros(4)), np.array([0.7, -1.2, 0.4, 2.0])
 
     def step(z: Array) -> Array:
         x, a, mean, f = z[:4], B @ z[4:6], z[:4].copy(), np.zeros(4, complex)
         mean[2:] += STEP * (0.5 * a - B @ z[6:] / np.sqrt(12.0))
-        coasting_car(mean, None, f)
+        f[:2] = mean[3] * np.cos(mean[2]), mean[3] * np.sin(mean[2])
         moved = x + STEP * f
         moved[2:] += STEP * a
         return moved
@@ -248,7 +225,7 @@ def test_between_plans_the_lead_is_the_guides_control_plus_its_gains():
 @pytest.mark.thorough
 def test_a_car_that_accelerates_is_led_whatever_turns_its_heading_has_made():
     """psi from a tape and from a guide within 3 errors, seeds 1 and 2; a turn more changes no sample."""
-    integral, x = in_the_open(Coaster()), np.array([0.0, 0.0, 0.2, 0.8])
+    integral, x = in_the_open(SecondOrderCar(b=0.1)), np.array([0.0, 0.0, 0.2, 0.8])
     times, steps = STEP * np.arange(61), 25
     push = Trajectory(
         controls=np.tile([0.1, 0.5], (steps, 1)), durations=np.full(steps, STEP), path=None, cost=2.5, length=3.0

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from by_inputs import Driven
 from discs import disc
+from wind import WIND, Balloon
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import jitable
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
@@ -23,27 +24,7 @@ from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 
-WIND, GUSTS = np.array([0.3, 0.1]), np.array([[0.14, 0.02], [0.02, 0.08]])
 START = np.array([0.5, 1.0])
-
-
-@jitable
-def blowing(x, p, out):  # type: ignore[no-untyped-def]
-    """f = p."""
-    out[0], out[1] = p[0], p[1]
-
-
-class Balloon(Dynamics):
-    """A point in the wind."""
-
-    n = m = 2
-    parameters = WIND
-    drift = staticmethod(blowing)
-    control_block = np.eye(2)
-    diffusion_block = GUSTS
-
-    def twist(self, x: Array, rate: Array) -> Array:
-        return rate
 
 
 def around_a_post(dynamics: Dynamics, **sampling: object) -> PathIntegral:
@@ -135,8 +116,6 @@ def test_only_a_point_that_stands_still_and_is_shaken_alike_climbs():
 @pytest.mark.thorough
 def test_a_reference_that_ends_on_the_rim_makes_a_guide_of_a_car_with_two_inputs():
     """Its tape is zero from there on, and without inputs it would stand before the goal for ever."""
-    from by_inputs import Driven
-
     driven = Driven(s=(0.1, 0.2))
     B = np.diag([0.1, 0.2])
     scene = around_a_post(SingleIntegrator(b=0.1)).problem.scene

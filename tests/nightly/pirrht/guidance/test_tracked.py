@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from discs import disc
 from moving import hall, moved
+from scooter import Scooter
 from thoroughly import first, thorough
 
 from pirrht.arrays import Array
@@ -27,26 +28,12 @@ from pirrht.steering.steering import Steering
 from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
-from pirrht.systems.dynamics import Dynamics, no_drift
 from pirrht.systems.second_order_car import SecondOrderCar, cruising, towards_goal
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.mjcf import load
-
-
-class Turret(Dynamics):
-    """A point that is pushed around and turned."""
-
-    n = m = 3
-    states = ("x", "y", "heading")
-    parameters = np.zeros(0)
-    drift = staticmethod(no_drift)
-    control_block, diffusion_block = np.eye(3), 0.2 * np.eye(3)
-
-    def twist(self, x: Array, rate: Array) -> Array:
-        return rate[:2]
 
 
 def scene() -> Scene:
@@ -57,23 +44,23 @@ def car(b: float = 0.1) -> Problem:
     return Problem(dynamics=SecondOrderCar(b=b), scene=scene(), R=np.eye(2), q=cruising, q_min=1.0)
 
 
-def turret() -> Problem:
-    return Problem(dynamics=Turret(), scene=scene(), R=2.0 * np.eye(3))
+def scooter() -> Problem:
+    return Problem(dynamics=Scooter(), scene=scene(), R=np.diag([2.0, 0.5]))
 
 
 @cache
-def grown(which: str) -> tuple[Problem, FreeSpace, HomologyTree, PathIntegral]:
+def grown() -> tuple[Problem, FreeSpace, HomologyTree, PathIntegral]:
     """A problem in `slit`, its tree of positions and a sampler."""
-    problem = {"car": car, "turret": turret}[which]()
+    problem = car()
     space = FreeSpace.of(problem.scene)
     tree = HomologyTree(space, Tracked.of(problem), limit=0.6, rng=np.random.default_rng(0))
     tree.grow(300)
     return problem, space, tree, PathIntegral(problem, space, Sampling(dt=0.1, draws="independent", threads=1))
 
 
-def guided(which: str, x: Array, reference: Reference) -> tuple[Array, AnyGuide | None]:
+def guided(x: Array, reference: Reference) -> tuple[Array, AnyGuide | None]:
     """The grid of the rollouts from x (n,), and a guide."""
-    problem, space, _, integral = grown(which)
+    problem, space, _, integral = grown()
     times = integral.grid(running_cost(problem, x, reference.trajectory))
     assert isinstance(integral.guidance, AnyGuidance)
     return times, integral.guidance.improve(x, times, space.homology.key(reference.winding), reference.trajectory)
@@ -87,13 +74,13 @@ def mean_and_error(log_weight: Array) -> tuple[float, float, float]:
     return float(top + np.log(w.mean())), spread, float(w.mean() ** 2 / (w**2).mean())
 
 
-def sampled(which: str, x: Array, times: Array, leads: tuple[Lead, ...], seed: int) -> tuple[float, float, float]:
+def sampled(x: Array, times: Array, leads: tuple[Lead, ...], seed: int) -> tuple[float, float, float]:
     proposals = tuple(Proposal(lead=lead, count=20_000 // len(leads)) for lead in leads)
-    return mean_and_error(grown(which)[3].rollout(Batch(state=x, times=times, proposals=proposals), seed).log_weight)
+    return mean_and_error(grown()[3].rollout(Batch(state=x, times=times, proposals=proposals), seed).log_weight)
 
 
 def test_the_tree_knows_positions_and_references_are_the_same_whatever_else_a_state_has():
-    _, _, tree, _ = grown("car")
+    _, _, tree, _ = grown()
     assert tree.states.shape[1] == 2
     found = tree.references(np.array([1.0, 2.5, 0.0, 0.0]))
     again = tree.references(np.array([1.0, 2.5, 2.0, 0.9]))
@@ -114,7 +101,7 @@ def test_the_pace_is_where_a_meter_costs_least():
     assert Tracked.of(driver).pace == pytest.approx(1.7)
     assert Tracked.of(car()).pace == pytest.approx(1.0, rel=2e-3)  # the least of (1 + v^2) / v
     assert Tracked.of(car()).cost_per_meter == pytest.approx(2.0, rel=1e-5)
-    assert Tracked.of(turret()).slack == pytest.approx(np.pi)  # half a turn at the rate sqrt(2 q / r) = 1
+    assert Tracked.of(scooter()).slack == pytest.approx(0.5 * np.pi)  # half a turn at the rate sqrt(2 q / r) = 2
 
 
 def test_a_pace_that_the_cost_does_not_tell_must_be_declared():
@@ -128,13 +115,13 @@ def test_a_pace_that_the_cost_does_not_tell_must_be_declared():
 
 
 def test_tapes_of_such_references_would_drive_nowhere_and_are_refused():
-    problem, space, tree, _ = grown("car")
+    problem, space, tree, _ = grown()
     with pytest.raises(OptionError, match='guide them by "feedback", not "open-loop"'):
         Controller(problem, space, tree, Sampling(dt=0.1, guide="open-loop"), rng=np.random.default_rng(0))
 
 
 def test_a_tree_of_positions_without_steering_for_the_system_is_refused_still():
-    problem, space, _, _ = grown("car")
+    problem, space, _, _ = grown()
 
     class Plain(Steering):
         n = 2
@@ -152,7 +139,7 @@ def test_a_tree_of_positions_without_steering_for_the_system_is_refused_still():
 @pytest.mark.parametrize("seed", first(range(4)))
 def test_guides_of_a_car_are_of_their_references_class_and_dearer_than_the_taut_way_at_the_best_pace(seed):
     """From random states at any heading: q + u'Ru/2 is at least 1 + v^2, and that at least 2 |v|."""
-    _, space, tree, _ = grown("car")
+    _, space, tree, _ = grown()
     rng = np.random.default_rng(seed)
     valid = total = 0
     while total < 8:
@@ -162,7 +149,7 @@ def test_guides_of_a_car_are_of_their_references_class_and_dearer_than_the_taut_
         if space.clearance(x) < 0.05 or space.scene.goal.contains(x[:2]):
             continue
         for reference in tree.references(x):
-            _, guide = guided("car", x, reference)
+            _, guide = guided(x, reference)
             total += 1
             if guide is None or not guide.valid:
                 continue
@@ -175,27 +162,20 @@ def test_guides_of_a_car_are_of_their_references_class_and_dearer_than_the_taut_
 
 
 @pytest.mark.parametrize(
-    ("which", "x"),
-    [
-        ("car", np.array([1.0, 2.5, 0.0, 0.0])),
-        thorough("car", np.array([2.0, 4.0, -1.0, 1.0])),
-        thorough("turret", np.array([1.0, 2.5, 0.5])),
-        thorough("turret", np.array([2.0, 1.0, 2.5])),
-    ],
-    ids=["car at rest", "car under way", "turret", "turret below"],
+    "x",
+    [np.array([1.0, 2.5, 0.0, 0.0]), thorough(np.array([2.0, 4.0, -1.0, 1.0]))],
+    ids=["car at rest", "car under way"],
 )
-def test_psi_does_not_depend_on_what_was_tracked(which, x):
+def test_psi_does_not_depend_on_what_was_tracked(x):
     """Guide, guide put aside with weaker gains, and it with the guide's tape: within 3 errors. Seeds 1 to 3."""
-    _, _, tree, _ = grown(which)
-    times, guide = guided(which, x, tree.references(x)[0])
+    _, _, tree, _ = grown()
+    times, guide = guided(x, tree.references(x)[0])
     assert guide is not None
     assert guide.valid
     off = np.array([0.02, -0.02, 0.05, 0.03])[: len(x)]
     aside = replace(guide, states=guide.states + off, gains=0.8 * guide.gains)
     both = (Follow(guide), Tape(times, guide.tape))
-    found = [
-        sampled(which, x, times, leads, k) for k, leads in enumerate([(Follow(guide),), (Follow(aside),), both], 1)
-    ]
+    found = [sampled(x, times, leads, k) for k, leads in enumerate([(Follow(guide),), (Follow(aside),), both], 1)]
     for i, (one, its, _) in enumerate(found):
         assert its < 0.15
         for other, error, _ in found[:i]:
@@ -205,8 +185,8 @@ def test_psi_does_not_depend_on_what_was_tracked(which, x):
 def test_a_car_that_faces_away_is_turned_about():
     """At rest with its back to the slit: every class has a guide, none of which stays behind the start."""
     x = np.array([1.0, 2.5, 3.0, 0.0])
-    for reference in grown("car")[2].references(x):
-        _, guide = guided("car", x, reference)
+    for reference in grown()[2].references(x):
+        _, guide = guided(x, reference)
         assert guide is not None
         assert guide.valid
         assert guide.states[guide.length, 0] > 4.5
