@@ -12,7 +12,7 @@ import pytest
 from mjcf_samples import FLOOR, SITES, mjcf
 
 from sim import text
-from sim.cli import main, tables
+from sim.cli import main, parser, tables
 from sim.mjcf import load, models_folder, scene_names
 from sim.scenario import prepare
 from sim.text import say, table
@@ -233,7 +233,7 @@ def test_a_scene_file_is_as_good_as_a_built_in_name(figures, tmp_path):
 # -- what does not -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", ["", "demo", "plan", "run", "estimate", "sweep", "scenes", "export", "import"])
+@pytest.mark.parametrize("command", ["", *parser.COMMANDS])
 def test_help_ends_well(capsys, command):
     with pytest.raises(SystemExit) as caught:
         main([*command.split(), "--help"])

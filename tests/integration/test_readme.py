@@ -102,14 +102,6 @@ def test_what_the_demo_says_is_what_its_drives_did():
     assert "went into a wall, with b = 0.3 nowhere in time" in first
 
 
-@pytest.mark.parametrize("command", ["demo", "scenes", "plan", "run", "estimate", "sweep", "import"])
-def test_every_command_explains_itself(command, capsys):
-    with pytest.raises(SystemExit) as end:
-        cli.main([command, "--help"])
-    assert end.value.code == 0
-    assert command in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("scene", ["gate", "garden"])
 def test_a_scene_of_ones_own_has_a_class_for_each_way_around(scene, folder, capsys):
     assert cli.main(["plan", str(folder / f"{scene}.xml"), "--vertices", "300"]) == 0
