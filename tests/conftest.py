@@ -21,9 +21,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Without `--thorough` leave out what is marked so."""
+    """Without `--thorough` leave out what is marked so, or slow."""
     if not config.getoption("thorough"):
-        left = [item for item in items if item.get_closest_marker("thorough")]
+        left = [item for item in items if item.get_closest_marker("thorough") or item.get_closest_marker("slow")]
         config.hook.pytest_deselected(items=left)
         items[:] = [item for item in items if item not in set(left)]
 
