@@ -92,14 +92,22 @@ class PathIntegral:
             self.guidance.setup, self.guidance.homology = self.setup, homology
 
     def warm_up(self) -> None:
-        """Compile what sampling, weighing and tracing need, so that the first plan takes no longer than the others."""
-        d = self.problem.dynamics
-        x = d.state_of(self.problem.scene.start)
+        """Compile what guides and samples need, so that the first plan takes no longer than the others."""
+        self.warm_up_guides()
+        self.warm_up_samples()
+
+    def warm_up_guides(self) -> None:
+        """Compile what makes guides of references."""
+        x = self.problem.dynamics.state_of(self.problem.scene.start)
         if self.guidance is not None:
             self.guidance.warm_up(x)
         if self.leading.climbs_too:
             self.leading.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)
-        times = np.arange(3.0)
+
+    def warm_up_samples(self) -> None:
+        """Compile what sampling, weighing and tracing need."""
+        d = self.problem.dynamics
+        x, times = d.state_of(self.problem.scene.start), np.arange(3.0)
         proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
         rollouts = self.rollout(Batch(state=x, times=times, proposals=(proposal,)), 0)
         self.weighed([replace(rollouts, log_weight=np.zeros(1))])  # whatever became of the sample

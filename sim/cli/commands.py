@@ -9,7 +9,7 @@ from collections.abc import Callable
 from tqdm import tqdm
 
 from sim.cli import estimate_command, plan_command, run_command, sweep_commands, tables, warm
-from sim.cli.shared import check_outputs, progress_bar, scenario_of, wait
+from sim.cli.shared import check_outputs, progress_bar, scenario_of
 from sim.mjcf import load, models_folder, scene_names
 from sim.mjcf.library import robot_names
 from sim.rehearsal import rehearse
@@ -39,11 +39,9 @@ def play(arguments: argparse.Namespace) -> int:
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
         built = play_command.first(scenario, lambda size: bar.update(size - bar.n))
     warm.notice().done("plan")
-    wait(compiling)
     rehearse(scenario, driving=True)
-    status = play_command.play(arguments, scenario, built)
-    warm.notice().done("sample")
-    return status
+    warm.finish(compiling)
+    return play_command.play(arguments, scenario, built)
 
 
 def compile_ahead(arguments: argparse.Namespace) -> int:
@@ -53,9 +51,9 @@ def compile_ahead(arguments: argparse.Namespace) -> int:
         scenario = prepare("crossing" if arguments.moving else "slit", robot=name, known=warm.notice().known)
         compiling = warm.start(scenario.loaded)
         rehearse(scenario)
-        wait(compiling)
         rehearse(scenario, driving=True)
-        warm.notice().done("plan", "sample")
+        warm.notice().done("plan")
+        warm.finish(compiling)
         where = "among moving obstacles" if arguments.moving else "in static scenes"
         print(f"{name}: kernels for runs {where} are compiled ({time.perf_counter() - began:.0f} s)", flush=True)
     return 0

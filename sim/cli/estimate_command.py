@@ -13,7 +13,7 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.estimation.estimate import Estimate
 from pirrht.tree.reference import Reference
 from sim.cli import tables, warm
-from sim.cli.shared import check_outputs, planned, scenario_of, solving, unforeseen, wait
+from sim.cli.shared import check_outputs, planned, scenario_of, solving, unforeseen
 from sim.drive.truth import Truth
 from sim.files import write_json
 from sim.result import estimate_json
@@ -35,7 +35,6 @@ def estimate(arguments: argparse.Namespace) -> int:
     compiling = warm.start(scenario.loaded)
     truth = _truth(scenario, x, arguments.time) if arguments.truth else None
     tree, _ = (None, []) if scenario.settings.method in TREELESS else planned(scenario)
-    wait(compiling)
     controller = scenario.driver(tree)
     controller.begin(x, arguments.time)
     estimates: list[Estimate | None] = []
@@ -44,7 +43,7 @@ def estimate(arguments: argparse.Namespace) -> int:
         decision = controller.plan(x)
         references = decision.references
         estimates.append(decision.estimate)
-    warm.notice().done("sample")
+    warm.finish(compiling)
     print(tables.estimate_table(estimates, [r.id for r in references], truth, width()))
     if any(e is None for e in estimates):
         dead = sum(e is None for e in estimates)

@@ -13,7 +13,7 @@ from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import tables, warm
-from sim.cli.shared import as_they_stand, check_outputs, planned, progress_bar, scenario_of, solving, unforeseen, wait
+from sim.cli.shared import as_they_stand, check_outputs, planned, progress_bar, scenario_of, solving, unforeseen
 from sim.drawing.colors import title
 from sim.drive import episode
 from sim.drive.truth import Witness
@@ -42,10 +42,10 @@ def run(arguments: argparse.Namespace) -> int:
         print(tables.class_table(references, width(), scenario.homology))
         as_they_stand(scenario)
     say(tables.odds(scenario))
-    wait(compiling)
     with solving() as progress:
         driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, progress)
     rehearse(scenario, driving=True)
+    warm.finish(compiling)
     tally = episode.Tally(settings.period)
     frames = scenario.drive(scenario.plant(), driver)
     recorder = _recorder(arguments, scenario, tree, driver.path_integral, truth)
@@ -63,7 +63,6 @@ def run(arguments: argparse.Namespace) -> int:
             bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
         if recorder is not None:
             _wait(recorder)
-    warm.notice().done("sample")
     drive = tally.drive()
     result = {**drive.json(), **({} if witness is None else {"truth": witness.result()})}
     tables.summary(drive, result.get("truth"))

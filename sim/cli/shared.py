@@ -78,12 +78,6 @@ def planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
     return tree, references
 
 
-def wait(compiling: Any) -> None:
-    """Until what is compiled elsewhere is there."""
-    if compiling is not None and warm.wait(compiling) == 0:
-        warm.notice().done("sample")
-
-
 @contextmanager
 def solving() -> Iterator[Progress]:
     """A bar, on a terminal, of the exact value while a grid is solved for, which takes minutes where bodies move."""

@@ -27,7 +27,6 @@ from pirrht.problem import Problem
 from sim.mjcf.load import Loaded
 from sim.systems import BUILT_IN, System, named
 
-ASKED = 0.5  # how often this process looks whether another has ended [s]
 LINE = "compiling kernels, {often} for each kind of robot and scene (`pirrht warm` does so ahead)"
 
 
@@ -143,88 +142,56 @@ def start(loaded: Loaded, *, sampling: bool = True) -> subprocess.Popen[bytes] |
     if moving and not sampling:  # paths in space and time are shortened by other kernels, which take little
         return None
     notice().tell()
-    return _helper(loaded.dynamics_name, moving=moving, sampling=sampling)
-
-
-def _helper(dynamics_name: str, *, moving: bool, sampling: bool = True) -> subprocess.Popen[bytes]:
-    # -P: nothing is imported from the current folder.
-    words = [dynamics_name] + ["--moving"] * moving + ["--plan"] * (not sampling)
+    words = [loaded.dynamics_name] + ["--moving"] * moving + ["--plan"] * (not sampling)
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "sim.cli.warm", *words],
+        [sys.executable, "-P", "-m", "sim.cli.warm", *words],  # -P: nothing is imported from the current folder
         stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
 
 
-def wait(compiling: subprocess.Popen[bytes]) -> int:
-    """The exit status of what is compiled elsewhere."""
-    while True:
-        try:
-            return compiling.wait(ASKED)
-        except subprocess.TimeoutExpired:
-            continue
+def finish(compiling: subprocess.Popen[bytes] | None) -> None:
+    """End what compiles elsewhere, once this process has all that it needs: from it, or compiled here meanwhile."""
+    notice().done("sample")
+    if compiling is not None:
+        compiling.kill()
+        compiling.communicate()
 
 
-class OneWay:
-    """What a controller asks of a tree, without growing one: a single path, straight into the goal."""
-
-    limit, size = 1.0, 0
-
-    def __init__(self, space: Any, steering: Any, *, shortened: bool) -> None:
-        self.space, self.steering, self._shortened = space, steering, shortened
-        self.homology = steering.homology(space)
-
-    def references(self, x: Any, **_: Any) -> list[Any]:
-        """The path from x (n,)."""
-        from pirrht.shortening.shorten import polish
-        from pirrht.tree.reference import Reference
-
-        x = self.steering.vertex_of(x)
-        goal = x.copy()
-        goal[:2] = self.space.scene.goal.center
-        path = self.steering.connect(x[None], goal[None])
-        if self._shortened:
-            path = polish(path, self.steering, self.space)
-        none = (0,) * self.space.homology.M
-        signature, trajectory = self.space.homology.signature(x, none), self.steering.trajectory(path)
-        return [Reference(winding=none, signature=signature, trajectory=trajectory)]
-
-
-def compile_rest(dynamics_name: str, *, sampling: bool) -> None:
-    """Compile what shortens paths or, for drives of one kind of dynamics, what samples: by three steps of one."""
-    import numpy as np
-
-    from pirrht.control.controller import Controller
-    from pirrht.estimation.sampling import Sampling
-    from pirrht.freespace import FreeSpace
-    from sim.drive import episode
-    from sim.drive.executor import Analytic
-    from sim.rehearsal import ROOM
-
-    system, space = named(dynamics_name), FreeSpace.of(ROOM)
-    settings = system.settings
-    problem = system.problem(ROOM, settings)
-    tree = OneWay(space, system.steered(problem), shortened=not sampling)
-    x = problem.dynamics.state_of(ROOM.start)
-    if not sampling:
-        tree.references(x)
-        return
-    drawing = Sampling(dt=settings.dt, first=min(settings.period, settings.dt), samples=20)
-    controller = Controller(problem, space, tree, drawing, rng=np.random.default_rng(0))  # type: ignore[arg-type]
-    controller.path_integral.warm_up()
-    plant = Analytic(problem, space.collision.clearance, period=settings.period)
-    list(episode.run(plant, controller, x, np.random.default_rng(0), max_time=3 * settings.period))
-
-
-def compile_among(dynamics_name: str) -> None:
-    """Compile what guides and samples of one kind of dynamics need where bodies move."""
+def integral_of(dynamics_name: str, *, moving: bool) -> Any:
+    """What samples one kind of dynamics in a small room, where an obstacle moves or none does."""
     from pirrht.estimation.sampler import PathIntegral
     from pirrht.estimation.sampling import Sampling
     from pirrht.freespace import FreeSpace
-    from sim.rehearsal import BUSY_ROOM
+    from sim.rehearsal import BUSY_ROOM, ROOM
+
+    system, room = named(dynamics_name), BUSY_ROOM if moving else ROOM
+    settings = system.settings
+    drawing = Sampling(dt=settings.dt, first=min(settings.period, settings.dt), samples=20)
+    return PathIntegral(system.problem(room, settings), FreeSpace.of(room), drawing)
+
+
+def compile_rest(dynamics_name: str, *, moving: bool) -> None:
+    """Compile what runs of one kind of dynamics need, in the order opposite to that of the process that plans."""
+    integral = integral_of(dynamics_name, moving=moving)
+    integral.warm_up_samples()
+    if not moving:
+        compile_shortening(dynamics_name)
+    integral.warm_up_guides()
+
+
+def compile_shortening(dynamics_name: str) -> None:
+    """Compile what shortens paths in static scenes."""
+    from pirrht.freespace import FreeSpace
+    from pirrht.shortening.shorten import polish
+    from sim.rehearsal import ROOM
 
     system = named(dynamics_name)
-    problem = system.problem(BUSY_ROOM, system.settings)
-    PathIntegral(problem, FreeSpace.of(BUSY_ROOM), Sampling(samples=20)).warm_up()
+    problem = system.problem(ROOM, system.settings)
+    steering = system.steered(problem)
+    start = steering.vertex_of(problem.dynamics.state_of(ROOM.start))
+    goal = start.copy()
+    goal[:2] = ROOM.goal.center
+    polish(steering.connect(start[None], goal[None]), steering, FreeSpace.of(ROOM))
 
 
 def _end_with_input() -> None:
@@ -236,7 +203,7 @@ def _end_with_input() -> None:
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who holds the other end of the pipe decides
     threading.Thread(target=_end_with_input, daemon=True).start()
-    if "--moving" in sys.argv:
-        compile_among(sys.argv[1])
+    if "--plan" in sys.argv:
+        compile_shortening(sys.argv[1])
     else:
-        compile_rest(sys.argv[1], sampling="--plan" not in sys.argv)
+        compile_rest(sys.argv[1], moving="--moving" in sys.argv)
