@@ -1,10 +1,8 @@
 """How numeric functions become kernels; nothing here knows the method.
 
-jit           kernel, inlined, part, jitable; their folder on disk, named after all sources of the package
-identity      what a function computes, as a name by which all processes find it on disk
-symbols       names of machine code that no other process gives to other code
-alone         one process compiles what several want
-disk          what lies there: checked before it is used, replaced as a whole
+jit           kernel, inlined, part, borrowing, jitable
+linking       what kernels call stays LLVM IR, what Python calls links it; the one user of numba's private interface
+cache         kernels on disk, named by what they compute
 addresses     array elements by address, since arrays in records cost reference counts
 copies        arrays element by element, since assignments to slices take long to compile
 linear        small systems of equations
