@@ -19,7 +19,11 @@ DISABLED = bool(numba.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels are pl
 if DISABLED:
     np.seterr(over="ignore", divide="ignore", invalid="ignore")  # as compiled: keys wrap, division is IEEE's
 
-_OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": True}
+# All are set: numba takes over those that are not from whatever calls a function first.
+_OPTIONS = {
+    "nopython": True, "nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": False, "_nrt": True,
+    "no_cfunc_wrapper": True,
+}  # fmt: skip
 
 
 def kernel(function: Callable[..., Any], **options: Any) -> Any:

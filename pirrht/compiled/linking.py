@@ -48,7 +48,8 @@ def count_from_chance() -> None:
     """Let this process count what it compiles from a number of its own.
 
     Numba puts its count of compiled functions into the names of their code, and the linker takes the first code of a
-    name that it has seen: code of two processes that count alike would be mistaken for each other.
+    name that it has seen. Numba's own functions, compiled by two processes that count alike, would be mistaken for each
+    other.
     """
     FunctionIdentity._unique_ids = count(randbits(BITS))
 
@@ -189,7 +190,12 @@ class PartLowering(NativeLowering):  # type: ignore[misc]
     _name = "native_lowering"
 
     def run_pass(self, state: Any) -> bool:
-        """Lower into a `PartLibrary`, and register it for calls from other kernels."""
+        """Lower into a `PartLibrary`, and register it for calls from other kernels.
+
+        The name of its code follows from the key: code on disk that calls it finds it, even where it was compiled anew.
+        """
+        if _keys[-1] is not None:
+            state.func_id.unique_id = int(_keys[-1][-15:], 16)
         state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         super().run_pass(state)
@@ -247,8 +253,12 @@ class Part(CPUDispatcher):  # type: ignore[misc]
             result = cache.load(key, lambda data: _restored(data, str(key)))
             if result is not None:
                 return result
-            with _compiling(self, args):
-                result = self._compiler.compile(args, None)
+            _keys.append(key)
+            try:
+                with _compiling(self, args):
+                    result = self._compiler.compile(args, None)
+            finally:
+                _keys.pop()
             if not self.targetoptions.get("_nrt", True) and _holds_array(result.signature.return_type):
                 raise TypeError(f"{self.py_func.__name__} is part of a kernel and returns an array; write into one")
             library, described = result.library, result.fndesc
@@ -260,6 +270,7 @@ class Part(CPUDispatcher):  # type: ignore[misc]
         return result
 
 
+_keys: list[str | None] = []  # of parts that are being compiled, the innermost last; numba's lock guards it
 _known: dict[str, PartLibrary] = {}  # parts of this process by their names on disk
 
 

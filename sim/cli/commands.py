@@ -35,12 +35,10 @@ def play(arguments: argparse.Namespace) -> int:
     from sim.cli import play_command
 
     scenario = play_command.checked(arguments, lambda: scenario_of(arguments, loose=True))
-    compiling = warm.start(scenario.loaded)
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
         built = play_command.first(scenario, lambda size: bar.update(size - bar.n))
-    warm.notice().done("plan")
     rehearse(scenario, driving=True)
-    warm.finish(compiling)
+    warm.finish("plan", "sample")
     return play_command.play(arguments, scenario, built)
 
 
@@ -48,12 +46,10 @@ def compile_ahead(arguments: argparse.Namespace) -> int:
     """Compile what later commands need of robots."""
     for name in arguments.robots or robot_names():
         began = time.perf_counter()
-        scenario = prepare("crossing" if arguments.moving else "slit", robot=name, known=warm.notice().known)
-        compiling = warm.start(scenario.loaded)
+        scenario = prepare("crossing" if arguments.moving else "slit", robot=name, known=warm.begin)
         rehearse(scenario)
         rehearse(scenario, driving=True)
-        warm.notice().done("plan")
-        warm.finish(compiling)
+        warm.finish("plan", "sample")
         where = "among moving obstacles" if arguments.moving else "in static scenes"
         print(f"{name}: kernels for runs {where} are compiled ({time.perf_counter() - began:.0f} s)", flush=True)
     return 0

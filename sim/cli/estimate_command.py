@@ -32,7 +32,6 @@ def estimate(arguments: argparse.Namespace) -> int:
         raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
     x = _state(arguments.at, scenario)
     _check_bodies(scenario, x, arguments.time)
-    compiling = warm.start(scenario.loaded)
     truth = _truth(scenario, x, arguments.time) if arguments.truth else None
     tree, _ = (None, []) if scenario.settings.method in TREELESS else planned(scenario)
     controller = scenario.driver(tree)
@@ -43,7 +42,7 @@ def estimate(arguments: argparse.Namespace) -> int:
         decision = controller.plan(x)
         references = decision.references
         estimates.append(decision.estimate)
-    warm.finish(compiling)
+    warm.finish("sample")
     print(tables.estimate_table(estimates, [r.id for r in references], truth, width()))
     if any(e is None for e in estimates):
         dead = sum(e is None for e in estimates)

@@ -29,7 +29,6 @@ def plan(arguments: argparse.Namespace) -> int:
     scenario = scenario_of(arguments)
     if scenario.settings.method in TREELESS:
         say(f"--method {scenario.settings.method} plans without a tree: this is what pi-rrht plans with")
-    helper = warm.start(scenario.loaded, sampling=False)
     clock = warm.notice().clock
     began = clock()
     convergence = None
@@ -39,8 +38,7 @@ def plan(arguments: argparse.Namespace) -> int:
     else:
         tree, references = planned(scenario)
     seconds = clock() - began
-    if helper is not None:
-        helper.kill()
+    warm.finish("plan")
     passages = passages_json(tree, references)
     print(tables.class_table(references, width(), scenario.homology))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")

@@ -31,12 +31,10 @@ def run(arguments: argparse.Namespace) -> int:
     scenario = scenario_of(arguments)
     _look(arguments, scenario)
     settings = scenario.settings
-    optimal = settings.method == "optimal"
     film = _film(arguments, scenario)
     with solving() as progress:
         truth = scenario.truth(progress) if arguments.truth else None
     witness = None if truth is None else Witness(truth)
-    compiling = None if optimal else warm.start(scenario.loaded)
     tree, references = (None, []) if settings.method in TREELESS else planned(scenario)
     if references:
         print(tables.class_table(references, width(), scenario.homology))
@@ -45,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     with solving() as progress:
         driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, progress)
     rehearse(scenario, driving=True)
-    warm.finish(compiling)
+    warm.finish("sample")
     tally = episode.Tally(settings.period)
     frames = scenario.drive(scenario.plant(), driver)
     recorder = _recorder(arguments, scenario, tree, driver.path_integral, truth)

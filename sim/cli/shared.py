@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +42,10 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
             "drives begin at rest (`pirrht estimate --at` takes any state)"
         )
     said = vars(arguments)
+    sampling = arguments.command != "plan" and arguments.method != "optimal"
     scenario = prepare(
-        arguments.scene, **options.task(said), given=given(arguments), known=warm.notice().known, loose=loose,
-        driven=arguments.command not in ("plan", "estimate"),
+        arguments.scene, **options.task(said), given=given(arguments), known=partial(warm.begin, sampling=sampling),
+        loose=loose, driven=arguments.command not in ("plan", "estimate"),
     )  # fmt: skip
     if arguments.start is not None and len(arguments.start) == 3 and not scenario.problem.dynamics.angles:
         raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")

@@ -24,7 +24,6 @@ from tqdm import tqdm
 import pirrht
 from pirrht.compiled import cache
 from pirrht.problem import Problem
-from sim.mjcf.load import Loaded
 from sim.systems import BUILT_IN, System, named
 
 LINE = "compiling kernels, {often} for each kind of robot and scene (`pirrht warm` does so ahead)"
@@ -35,6 +34,7 @@ class Notice(event.Listener):  # type: ignore[misc]
 
     def __init__(self) -> None:
         self.told = False
+        self.helper: subprocess.Popen[bytes] | None = None  # what compiles on the other core
         self.key: str | None = None  # of what moves, once it is known
         self.seconds = 0.0  # that it spent compiling
         self._depth, self._began = 0, 0.0
@@ -134,27 +134,29 @@ def notice() -> Notice:
     return listener
 
 
-def start(loaded: Loaded, *, sampling: bool = True) -> subprocess.Popen[bytes] | None:
-    """Begin to compile elsewhere what this process needs last; None if nothing is to compile, or cannot be kept."""
-    moving = bool(loaded.scene.movers)
-    if loaded.dynamics_name not in BUILT_IN or not cache.kept() or notice().noted("sample" if sampling else "plan"):
-        return None
+def begin(system: System, problem: Problem, *, sampling: bool = True) -> None:
+    """Compile elsewhere what this process needs last, unless that is noted to be there or cannot be kept."""
+    notice().known(system, problem)
+    moving = bool(problem.scene.movers)
+    if system.name not in BUILT_IN or not cache.kept() or notice().noted("sample" if sampling else "plan"):
+        return
     if moving and not sampling:  # paths in space and time are shortened by other kernels, which take little
-        return None
+        return
     notice().tell()
-    words = [loaded.dynamics_name] + ["--moving"] * moving + ["--plan"] * (not sampling)
-    return subprocess.Popen(
+    words = [system.name] + ["--moving"] * moving + ["--plan"] * (not sampling)
+    notice().helper = subprocess.Popen(
         [sys.executable, "-P", "-m", "sim.cli.warm", *words],  # -P: nothing is imported from the current folder
         stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
 
 
-def finish(compiling: subprocess.Popen[bytes] | None) -> None:
-    """End what compiles elsewhere, once this process has all that it needs: from it, or compiled here meanwhile."""
-    notice().done("sample")
-    if compiling is not None:
-        compiling.kill()
-        compiling.communicate()
+def finish(*what: str) -> None:
+    """Note that "plan" or "sample" is there, and end what compiles elsewhere: this process has all that it needs."""
+    notice().done(*what)
+    helper, notice().helper = notice().helper, None
+    if helper is not None:
+        helper.kill()
+        helper.communicate()
 
 
 def integral_of(dynamics_name: str, *, moving: bool) -> Any:

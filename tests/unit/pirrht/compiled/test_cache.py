@@ -181,6 +181,20 @@ def test_an_edit_costs_the_kernels_that_it_touches_and_their_callers(users: User
 
 
 @pytest.mark.slow
+def test_what_is_compiled_anew_after_its_file_was_lost_is_called_by_what_is_there(users: Users):
+    """What calls it lies on disk, and its code names what it calls."""
+    users.edit("outer/inner/deep.py", "@inlined", "@kernel")
+    users.edit("outer/inner/deep.py", "import inlined", "import kernel")
+    users.edit("outer/inner/deep.py", "return x + 1.0", "for _ in range(50):\n        x = x + x % 3.0\n    return x")
+    first, _ = users.run()
+    for path in (users.cache / "pirrht" / "kernels").iterdir():
+        if ".step" in path.name or ".four" in path.name:
+            path.unlink()
+    users.edit("kernels.py", "print(four", "step(2.0); print(four")
+    assert users.run()[0] == [*first[:2], "four", "step"]
+
+
+@pytest.mark.slow
 def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(users: Users):
     both = [process.communicate()[0].split() for process in [users.begin(), users.begin()]]
     assert [one[:2] for one in both] == [["5.0", "10.0"]] * 2
