@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from pirrht.compiled import cache
+from pirrht.geometry.scene import Scene
+from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.cli import warm
 from sim.rehearsal import BUSY_ROOM, ROOM
-from sim.scenario import prepare
 from sim.systems import System, named
 
 KERNEL = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__="pirrht.tree.extend"))})
@@ -103,30 +104,43 @@ def test_where_nothing_can_be_written_notes_are_left_out(folder):
     assert not notice.noted("plan")
 
 
-@pytest.mark.parametrize(
-    ("scene", "words"), [("slit", ["single_integrator"]), ("crossing", ["single_integrator", "--moving"])]
-)
-def test_the_other_core_compiles_until_that_is_noted_and_imports_nothing_of_this_folder(folder, begun, scene, words):
-    scenario = prepare(scene, known=warm.notice().known)
-    warm.start(scenario.loaded)
-    assert begun == [["-P", "-m", "sim.cli.warm", *words]]
+def of(name: str, room: Scene) -> tuple[System, Problem]:
+    system = named(name)
+    return system, system.problem(room, system.settings)
+
+
+@pytest.mark.parametrize("room", [ROOM, BUSY_ROOM], ids=["static", "moving"])
+def test_the_other_core_compiles_until_that_is_noted_and_imports_nothing_of_this_folder(folder, begun, room):
+    warm.begin(*of("rover", room))
+    assert begun == [["-P", "-m", "sim.cli.warm", "rover"] + ["--moving"] * (room is BUSY_ROOM)]
     warm.notice().done("sample")
-    assert warm.start(scenario.loaded) is None
+    warm.begin(*of("rover", room))
     assert len(begun) == 1
 
 
 def test_a_plan_shortens_on_the_other_core_in_static_scenes_only(folder, begun):
-    for scene in ("slit", "crossing"):
-        warm.start(prepare(scene, known=warm.notice().known).loaded, sampling=False)
+    for room in (ROOM, BUSY_ROOM):
+        warm.begin(*of("single_integrator", room), sampling=False)
     assert begun == [["-P", "-m", "sim.cli.warm", "single_integrator", "--plan"]]
+
+
+def test_what_compiles_elsewhere_ends_when_this_process_has_all(folder, monkeypatch):
+    monkeypatch.setattr(warm, "notice", lambda notice=warm.Notice(): notice)  # noqa: B008
+    warm.begin(*of("single_integrator", ROOM))
+    helper = warm.notice().helper
+    assert helper is not None
+    warm.finish("sample")
+    assert helper.poll() is not None
+    assert warm.notice().noted("sample")
 
 
 @pytest.mark.parametrize("name", ["single_integrator", "unicycle"])
 def test_what_the_other_core_does_works(name):
     """Nobody would hear of its errors."""
-    warm.compile_rest(name, sampling=False)
-    warm.compile_rest(name, sampling=True)
+    warm.compile_shortening(name)
+    warm.compile_rest(name, moving=False)
 
 
+@pytest.mark.slow
 def test_what_the_other_core_does_for_moving_obstacles_works():
-    warm.compile_among("single_integrator")
+    warm.compile_rest("single_integrator", moving=True)
