@@ -14,7 +14,7 @@ from pirrht.compiled.jit import jitable
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
 from pirrht.systems.double_integrator import coasting, into_goal
-from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.dynamics import Dynamics, no_drift
 
 RADIUS = 0.004  # of a robot that stands for a point, by which its obstacle is smaller [m]
 
@@ -25,6 +25,8 @@ class Driven(Scooter):
 
     stratonovich: bool = False  # type: ignore[misc]
     s: tuple[float, float] = (0.5, 1.0)  # [m/sqrt(s)], [rad/sqrt(s)]
+
+    drift = staticmethod(no_drift)  # known to be none
 
     @cached_property
     def input_noise(self) -> Array:  # type: ignore[override]
