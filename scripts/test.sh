@@ -11,7 +11,7 @@ if [ "${1:-}" = --full ]; then
     words=(tests/unit tests/integration tests/nightly --thorough)
 fi
 prepare ".[$extras]"
-pirrht warm puck unicycle &
+{ pirrht warm puck unicycle && pirrht warm --moving puck; } &
 warming=$!
 trap 'kill "$warming" 2>/dev/null || true' EXIT
 ruff check .

@@ -1,0 +1,61 @@
+"""The long tests of unit/pirrht/control/test_prediction.py."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from thoroughly import thorough
+from unit.pirrht.control.test_prediction import START, controller, sampled
+
+from pirrht.exact.desirability import Desirability
+
+
+@pytest.mark.parametrize("name", [thorough("crossing"), "pincer"])
+def test_plans_of_controllers_agree_with_the_grid_at_a_place_and_a_time(name):
+    """Within 4 standard errors and 0.3 %, at two times; seed 1."""
+    one = controller(name)
+    truth = Desirability.of(one.problem, one.space)
+    for x, t in ((START, 0.0), (np.array([1.8, 2.7]), 0.6)):
+        one.begin(x, t)
+        plan = [one.plan(x) for _ in range(2)][1]
+        assert plan.time == t
+        assert plan.estimate is not None
+        value = truth.value(x, t)
+        assert abs(plan.estimate.value - value) < 4.0 * plan.estimate.value_error + 3e-3 * value
+        assert plan.estimate.ess > 10.0
+
+
+PLACES = [
+    ((4.233, 0.01), 0.14),
+    *(thorough(x, t) for x, t in (((5.624, 0.015), 1.31), ((3.5, 4.98), 0.5))),
+]
+
+
+@pytest.mark.parametrize(("x", "t"), PLACES)
+def test_close_to_walls_the_control_among_bodies_is_that_of_the_grid(x, t):
+    """A tenth of b away, where it is b^2 over the distance: 20 plans, within 4 standard errors and 5 %; seed 1."""
+    one, place = controller("closing_door", first=0.01), np.array(x)
+    truth = Desirability.of(one.problem, one.space).control(place, t)
+    found = []
+    for _ in range(20):
+        one.begin(place, t)
+        found.append(one.plan(place).estimate.control)
+    error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
+    assert np.all(np.abs(np.mean(found, axis=0) - truth) < 4.0 * error + 0.05 * np.hypot(*truth))
+
+
+def test_among_bodies_too_samples_go_where_they_contribute_and_the_value_stays_the_grids(monkeypatch):
+    """Ten plans from one place where one way has most of the weight; seed 1, within 4 standard errors."""
+    one, place, t = controller("crossing", b=0.1), np.array([2.4, 2.0]), 1.2
+    one.begin(place, t)
+    counts = sampled(one, monkeypatch)
+    estimates = [plan.estimate for plan in (one.plan(place) for _ in range(10)) if plan.estimate is not None]
+    favourite = max(estimates[-1].class_weights, key=estimates[-1].class_weights.__getitem__)
+    assert set(counts[0].values()) == {400}  # nothing is known at first
+    assert {count.total() for count in counts} == {counts[0].total()}
+    assert counts[-1][favourite] > 1.4 * counts[0][favourite]
+    assert min(counts[-1].values()) >= 60  # 15 % of 400 go around every class
+    assert np.median([estimate.ess for estimate in estimates[5:]]) > 1.3 * estimates[0].ess
+    truth = Desirability.of(one.problem, one.space).value(place, t)
+    for estimate in estimates:
+        assert abs(estimate.value - truth) < 4.0 * estimate.value_error + 3e-3 * truth
