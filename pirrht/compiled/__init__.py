@@ -1,7 +1,8 @@
 """How numeric functions become kernels; nothing here knows the method.
 
 jit           kernel, inlined, part, borrowing, jitable
-linking       what kernels call stays LLVM IR, what Python calls links it; the one user of numba's private interface
+linking       what kernels call stays LLVM IR, what Python calls links it; uses numba's private interface
+libraries     the two kinds of code that makes
 cache         kernels on disk, named by what they compute
 addresses     array elements by address, since arrays in records cost reference counts
 copies        arrays element by element, since assignments to slices take long to compile
