@@ -67,7 +67,7 @@ def key_of(function: Callable[..., Any], kind: str, args: tuple[Any, ...], optio
     code = identity(function)
     if code is None:
         return None
-    made = (numba.__version__, llvmlite.__version__, sys.version_info[:2], context.codegen().magic_tuple())
+    made = (numba.__version__, llvmlite.__version__, sys.version_info[:2], context.codegen().magic_tuple(), *_makers())
     whole = repr((code, kind, [_type(one) for one in args], sorted(options.items()), made))
     name = "".join(c if c.isalnum() or c in "._" else "" for c in f"{function.__module__}.{function.__name__}")
     return f"{name[-80:]}-{hashlib.sha256(whole.encode()).hexdigest()[:32]}"
@@ -187,6 +187,12 @@ def _code_of_module(name: str) -> str:
         if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
             body[0].value = ast.Constant(None)
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+
+
+@cache
+def _makers() -> tuple[str, ...]:
+    """Digests of the code that makes kernels and writes them down."""
+    return tuple(_code_of_module(f"pirrht.compiled.{name}") for name in ("cache", "libraries", "linking"))
 
 
 def _type(kind: Any) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.addresses import load_float64, load_int64
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.jit import inlined
 from pirrht.geometry.bodies import gathered
 from pirrht.geometry.crowd import jumps, reach_of, speed_bound
 from pirrht.geometry.motion import Mover
@@ -173,7 +173,7 @@ def restart_of(traffic, j, t):  # type: ignore[no-untyped-def]
     return max(math.floor((t + lead) / period) + 1.0, 1.0) * period - lead
 
 
-@kernel
+@inlined
 def pose_of(traffic, j, t):  # type: ignore[no-untyped-def]
     """Where body j is at t [s]: x, y [m] and yaw [rad]."""
     x, y, yaw, _, _, _, _ = piece_of(traffic, j, t)
@@ -210,7 +210,7 @@ def _clearance_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
     return max(far, 0.0) - traffic.robot
 
 
-@kernel
+@inlined
 def _in_table(traffic, k, u, v):  # type: ignore[no-untyped-def]
     """Distance [m] and its gradient at (u, v) [m] in the frame of solid k; beside the lattice that of its margin."""
     first, nx = load_int64(traffic.form, TABLE * k + 1), load_int64(traffic.form, TABLE * k + 2)
@@ -228,7 +228,7 @@ def _in_table(traffic, k, u, v):  # type: ignore[no-untyped-def]
     return low * (1.0 - p) + high * p + away, slope_x, slope_y
 
 
-@kernel
+@inlined
 def _slope_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
     """The vector (x, y) to (u, v) [m] from the nearest point of solid k seen from above [m], in the frame of its body.
 
@@ -264,7 +264,7 @@ def clearance_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped
     return clearance_facing(traffic, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
 
 
-@kernel
+@inlined
 def clearance_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     """The same from cosine and sine of the yaw."""
     dx, dy = x - ox, y - oy
@@ -283,7 +283,7 @@ def wall_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
     return wall_facing(traffic, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
 
 
-@kernel
+@inlined
 def wall_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     """The same from cosine and sine of the yaw."""
     dx, dy = x - ox, y - oy
@@ -301,7 +301,7 @@ def wall_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     return best, c * gx - s * gy, s * gx + c * gy, c * ex - s * ey, s * ex + c * ey
 
 
-@kernel
+@inlined
 def traffic_clearance(traffic, x, y, t):  # type: ignore[no-untyped-def]
     """Clearance of the robot's centre at (x, y) [m] from all bodies at t [s], up to the reach [m]."""
     best = traffic.reach

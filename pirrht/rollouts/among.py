@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import normals, uniform
 from pirrht.geometry.listed import listing, surely
 from pirrht.geometry.moving_walls import WALL, moving_walls, walls_of_some
@@ -46,7 +46,7 @@ def look_anew(near):  # type: ignore[no-untyped-def]
         near[j, UNTIL] = -math.inf
 
 
-@kernel
+@inlined
 def look_around(traffic, listed, count, x, y, t, within, near):  # type: ignore[no-untyped-def]
     """Write how listed bodies are at t [s], seen from (x, y) [m], to `near` (J, NEAR); walls of those `within` alone.
 
@@ -118,7 +118,7 @@ def with_moving(walls, near, listed, count, widest):  # type: ignore[no-untyped-
     return c, nx, ny, d, mx, my
 
 
-@kernel
+@inlined
 def walls_among(traffic, walls, x, y, t, within, widest):  # type: ignore[no-untyped-def]
     """The two nearest to (x, y) [m] of two walls that stand, as `two_walls` gives them, and bodies at a time t [s].
 
@@ -157,7 +157,7 @@ def _towards(near, j, cov):  # type: ignore[no-untyped-def]
     return max(cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny, LEAST)
 
 
-@kernel
+@inlined
 def facing_among(near, listed, count, cov):  # type: ignore[no-untyped-def]
     """Least clearance [m] from bodies over the share of noise that each faces, where noise acts along a line."""
     size, nearest = cov[0] + cov[2], math.inf
@@ -169,7 +169,7 @@ def facing_among(near, listed, count, cov):  # type: ignore[no-untyped-def]
     return nearest
 
 
-@kernel
+@inlined
 def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
     """Which listed body a noisy step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] meets, and when.
 
@@ -218,7 +218,7 @@ def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, 
     return state, share, which, 0.0
 
 
-@kernel
+@inlined
 def _behind_body(traffic, j, near, x, y, mx, my, dt, c, d, way):  # type: ignore[no-untyped-def]
     """Clearance d of a step's end; negative if its chord meets the body, as if the step had ended inside of it."""
     share = c / way
@@ -234,7 +234,7 @@ def _behind_body(traffic, j, near, x, y, mx, my, dt, c, d, way):  # type: ignore
     return d
 
 
-@kernel
+@inlined
 def at_moving_wall(near, j, dx, dy, fx, fy, dt, share, deviation, state):  # type: ignore[no-untyped-def]
     """Displacement by noise of an isotropic bridge when it first meets body j.
 
@@ -250,7 +250,7 @@ def at_moving_wall(near, j, dx, dy, fx, fy, dt, share, deviation, state):  # typ
     return state, gap * nx - along * ny, gap * ny + along * nx
 
 
-@kernel
+@inlined
 def met_on_way(traffic, listed, count, x, y, mx, my, turn, t, dt, stop):  # type: ignore[no-untyped-def]
     """Share of a step from (x, y) to (mx, my) [m] without position noise at which a listed body is met, or NEVER.
 
