@@ -38,7 +38,7 @@ def _interruptions_reach_children() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def _compiling_is_known() -> None:
     """Tests that count lines find the same, whether kernels have been compiled or not."""
-    warm.notice().told = True
+    warm.notice().reported = True
 
 
 @pytest.fixture(scope="session")

@@ -55,7 +55,7 @@ _TRUSTED = (math, np)  # modules whose functions do what they did
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic)
 _Intrinsic = type(intrinsic(lambda context: None))
 _log = logging.getLogger("pirrht")
-_told: set[str] = set()  # what this process has said
+_warned: set[str] = set()  # kinds of lines that this process has written
 
 
 class Unknown(Exception):
@@ -216,7 +216,7 @@ def load(key: str | None, made: Callable[[Any], Any]) -> Any:
         with unbroken("loading"):
             return made(pickle.loads(content[LENGTH:]))
     except Exception:  # whatever rebuilding meets
-        _tell(f"a compiled kernel on disk is damaged, {path}; it is compiled anew")
+        _warn_once(f"a compiled kernel on disk is damaged, {path}; it is compiled anew")
         return None
 
 
@@ -230,7 +230,7 @@ def save(key: str | None, content: Callable[[], Any]) -> None:
         _replace(folder() / KERNELS / key, hashlib.sha256(data).digest() + data)
         _tidy()
     except OSError as error:
-        _tell(
+        _warn_once(
             f"compiled kernels cannot be kept in {folder()} ({error.strerror}), so every "
             "command compiles anew; set NUMBA_CACHE_DIR to a folder that may be written"
         )
@@ -305,7 +305,7 @@ def folder() -> Path:
 def _tidy() -> None:
     """Remove, once per process, what was not loaded for a month."""
     now = time.time()
-    for path in (folder() / KERNELS).iterdir():
+    for path in [*(folder() / KERNELS).iterdir(), *(folder() / LOCKS).glob("*")]:
         with suppress(OSError):
             if now - path.stat().st_mtime > UNUSED:
                 path.unlink()
@@ -331,9 +331,9 @@ def _replace(path: Path, content: bytes) -> None:
         raise
 
 
-def _tell(line: str) -> None:
+def _warn_once(line: str) -> None:
     """Once per process and kind; without a handler of the caller's own it goes to standard error as it is."""
     kind = line.split(",")[0].split("(")[0]
-    if kind not in _told:
-        _told.add(kind)
+    if kind not in _warned:
+        _warned.add(kind)
         _log.warning("pirrht: %s", line)

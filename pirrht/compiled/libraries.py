@@ -26,12 +26,18 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
             elif library is not rtsys.library:  # every entry links that
                 self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._own = self._to_link_often()
+        self._finalize_dynamic_globals()
         self._finalized = True
 
     def restore(self, bitcode: bytes, parts: list[PartLibrary], key: str) -> None:
         """Be what an earlier process has kept."""
         self._final_module = self._own = binding.parse_bitcode(bitcode)
         self.parts, self.key, self._finalized = parts, key, True
+
+    @property
+    def bound(self) -> bool:
+        """Whether the code holds addresses of this process, as of arrays of more than a million bytes."""
+        return bool(self._dynamic_globals)
 
     def state(self) -> tuple[str, bytes, list[str], list[Any]]:
         """What is kept on disk: name, IR of this function alone, names of parts that it links, what begins it."""

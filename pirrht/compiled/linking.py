@@ -4,7 +4,7 @@ Numba turns every function that a kernel calls into machine code of its own, wit
 again in each of its callers. Here a function that is called from kernels stays LLVM IR (`Part`); what Python calls
 (`Entry`) links the parts that it needs, is optimised once and becomes machine code. Both are kept on disk (`cache`).
 
-What is used of numba, and what a change of it breaks (`tests/unit/compiled/test_linking.py` says which):
+What is used of numba, and what a change of it breaks (`tests/unit/pirrht/compiled/test_linking.py` says which):
 * `CPUDispatcher.compile`, `get_call_template`, `get_overload`, `add_overload`: which code a call means.
 * `CompilerBase`, `DefaultPassBuilder`, `NativeLowering`: where the library of a function is made.
 * `JITCodeLibrary`: its linking, its finalization and its form on disk.
@@ -181,7 +181,8 @@ class Part(CPUDispatcher):  # type: ignore[misc]
                 raise TypeError(f"{self.py_func.__name__} is part of a kernel and returns an array; write into one")
             library, described = result.library, result.fndesc
             described.typemap = described.calltypes = None  # large, and of no use any more
-            cache.save(key, lambda: (library.state(), described, result.signature))
+            if not library.bound:
+                cache.save(key, lambda: (library.state(), described, result.signature))
         if key is not None:
             library.key = key
             _known[key] = library
@@ -260,7 +261,8 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
                 if result is None:
                     with _compiling(self, args):
                         result = self._linked(self.part.result_of(args))
-                    cache.save(key, result._reduce)
+                    if not result.library.has_dynamic_globals:
+                        cache.save(key, result._reduce)
         return result
 
     def _linked(self, part: Any) -> Any:
@@ -278,13 +280,9 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
             entry = context.get_executable(library, described, environment)
         begin = list(library._reload_init)
         return part._replace(
-            library=library,
-            fndesc=described,
-            environment=environment,
-            entry_point=entry,
-            type_annotation="",
+            library=library, fndesc=described, environment=environment, entry_point=entry, type_annotation="",
             reload_init=begin,
-        )
+        )  # fmt: skip
 
 
 _parts: dict[Callable[..., Any], Part] = {}  # of functions that stay Python's: numba holds its types of them weakly

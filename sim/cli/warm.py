@@ -33,17 +33,17 @@ class Notice(event.Listener):  # type: ignore[misc]
     """Reports why the first command of an installation is slow, and adds up how long that was."""
 
     def __init__(self) -> None:
-        self.told = False
+        self.reported = False
         self.helper: subprocess.Popen[bytes] | None = None  # what compiles on the other core
         self.key: str | None = None  # of what moves, once it is known
         self.seconds = 0.0  # that it spent compiling
         self._depth, self._began = 0, 0.0
         self._bar: Any = None
 
-    def tell(self) -> None:
+    def report(self) -> None:
         """Report that kernels are being compiled: a line, and on a terminal how many there are so far."""
-        if not self.told:
-            self.told = True
+        if not self.reported:
+            self.reported = True
             _say(LINE.format(often="once" if cache.kept() else "every time"))
             style = "compiling: {n_fmt} kernels, {elapsed}"
             self._bar = tqdm(disable=None, leave=False, bar_format=style, file=sys.stderr)
@@ -74,7 +74,7 @@ class Notice(event.Listener):  # type: ignore[misc]
     def on_start(self, happening: Any) -> None:
         """A kernel is compiled, maybe for another one that is."""
         if happening.data["dispatcher"].py_func.__module__.startswith("pirrht."):
-            self.tell()
+            self.report()
             if self._bar is not None:
                 self._bar.update()
         if self._depth == 0:
@@ -142,7 +142,7 @@ def begin(system: System, problem: Problem, *, sampling: bool = True) -> None:
         return
     if moving and not sampling:  # paths in space and time are shortened by other kernels, which take little
         return
-    notice().tell()
+    notice().report()
     words = [system.name] + ["--moving"] * moving + ["--plan"] * (not sampling)
     notice().helper = subprocess.Popen(
         [sys.executable, "-P", "-m", "sim.cli.warm", *words],  # -P: nothing is imported from the current folder

@@ -195,6 +195,18 @@ def test_what_is_compiled_anew_after_its_file_was_lost_is_called_by_what_is_ther
 
 
 @pytest.mark.slow
+def test_a_large_array_is_read_where_it_lies_in_each_process(users: Users):
+    """Its address is part of the code, which is not kept."""
+    table = "import numpy as np\nTABLE = np.arange(300_000.0)\n"
+    users.edit("kernels.py", "@kernel\ndef other", f"{table}@kernel\ndef other")
+    users.edit("kernels.py", "10.0 * x", "10.0 * TABLE[int(x)]")
+    first, second = users.run()[0], users.run()[0]
+    assert first[:2] == second[:2] == ["5.0", "10.0"]
+    assert "other" in second
+    assert "four" not in second
+
+
+@pytest.mark.slow
 def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(users: Users):
     both = [process.communicate()[0].split() for process in [users.begin(), users.begin()]]
     assert [one[:2] for one in both] == [["5.0", "10.0"]] * 2

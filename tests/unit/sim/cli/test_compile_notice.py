@@ -69,7 +69,7 @@ def test_the_first_kernel_that_is_compiled_is_reported_in_one_line(folder, capsy
 
 def test_where_kernels_cannot_be_kept_the_line_says_so(monkeypatch, capsys):
     monkeypatch.setattr(cache, "kept", lambda: False)
-    warm.Notice().tell()
+    warm.Notice().report()
     assert "every time" in capsys.readouterr().err
 
 
