@@ -8,7 +8,7 @@ words=()
 if [ "${1:-}" = --full ]; then
     shift
     extras+=,cluster,docs,nightly,video
-    words=(tests/unit tests/integration tests/nightly --thorough)
+    words=(tests/unit tests/integration tests/nightly --full)
 fi
 prepare ".[$extras]"
 { pirrht warm puck unicycle && pirrht warm --moving puck; } &

@@ -17,15 +17,16 @@ settings.load_profile("suite")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What is asked of the suite beside what pytest knows."""
+    parser.addoption("--full", action="store_true", help="also tests that are marked slow")
     parser.addoption("--thorough", action="store_true", help="also tests that say the same of more scenes and systems")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Without `--thorough` leave out what is marked so, or slow."""
-    if not config.getoption("thorough"):
-        left = [item for item in items if item.get_closest_marker("thorough") or item.get_closest_marker("slow")]
-        config.hook.pytest_deselected(items=left)
-        items[:] = [item for item in items if item not in set(left)]
+    """Leave out what is marked slow without `--full`, and what is marked thorough without `--thorough`."""
+    out = [mark for mark, option in (("slow", "full"), ("thorough", "thorough")) if not config.getoption(option)]
+    left = [item for item in items if any(item.get_closest_marker(mark) for mark in out)]
+    config.hook.pytest_deselected(items=left)
+    items[:] = [item for item in items if item not in set(left)]
 
 
 @pytest.fixture(scope="session", autouse=True)
