@@ -183,9 +183,8 @@ def _code_of_module(name: str) -> str:
         raise Unknown
     tree = ast.parse(Path(path).read_bytes())
     for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
-            body[0].value = ast.Constant(None)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body[0] = ast.Pass()
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
 
 
@@ -255,6 +254,7 @@ def locked(key: str | None) -> Iterator[None]:
         return
     with stream:
         with suppress(OSError):
+            os.utime(stream.name)
             fcntl.flock(stream, fcntl.LOCK_EX)
         yield
 
@@ -305,7 +305,7 @@ def folder() -> Path:
 def _tidy() -> None:
     """Remove, once per process, what was not loaded for a month."""
     now = time.time()
-    for path in [*(folder() / KERNELS).iterdir(), *(folder() / LOCKS).glob("*")]:
+    for path in [path for part in (KERNELS, LOCKS, NOTES) for path in (folder() / part).glob("*")]:
         with suppress(OSError):
             if now - path.stat().st_mtime > UNUSED:
                 path.unlink()
@@ -315,7 +315,7 @@ def _read(path: Path) -> bytes | None:
     try:
         content = path.read_bytes()
         if time.time() - path.stat().st_mtime > DAY:
-            os.utime(path)
+            os.utime(stream.name)
         return content
     except OSError:
         return None

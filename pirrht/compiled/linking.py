@@ -1,4 +1,4 @@
-"""How kernels are compiled and linked: with `libraries` the only module that uses numba's private interface.
+"""How kernels are compiled and linked; this module and `libraries` change what numba does, `cache` asks it for names.
 
 Numba turns every function that a kernel calls into machine code of its own, with a wrapper for Python, and optimises it
 again in each of its callers. Here a function that is called from kernels stays LLVM IR (`Part`); what Python calls

@@ -142,7 +142,6 @@ def begin(system: System, problem: Problem, *, sampling: bool = True) -> None:
         return
     if moving and not sampling:  # paths in space and time are shortened by other kernels, which take little
         return
-    notice().report()
     words = [system.name] + ["--moving"] * moving + ["--plan"] * (not sampling)
     notice().helper = subprocess.Popen(
         [sys.executable, "-P", "-m", "sim.cli.warm", *words],  # -P: nothing is imported from the current folder

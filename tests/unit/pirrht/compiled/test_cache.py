@@ -8,11 +8,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from repository import environment
 
+from pirrht.compiled import cache
 from pirrht.compiled.cache import identity
 from pirrht.compiled.jit import DISABLED, as_jitable, kernel
 
@@ -129,6 +131,30 @@ event.register("numba:compile", Heard())
 print(four(1.0), other(1.0), *sorted(set(made)))
 """,
 }
+
+
+WRITES = """
+def one(builder):
+    \"\"\"Write.\"\"\"
+    builder.ret(1)
+def other(builder):
+    builder.ret(2)
+"""
+
+
+@pytest.mark.parametrize(
+    ("edit", "same"), [(("Write.", "Write one."), True), (("ret(1)", "ret(3)"), False), (("ret(2)", "ret(3)"), False)]
+)
+def test_code_that_writes_code_counts_but_for_docstrings(
+    tmp_path: Path, monkeypatch, edit: tuple[str, str], same: bool
+):
+    digests = []
+    for name, source in (("before", WRITES), ("after", WRITES.replace(*edit))):
+        (tmp_path / f"{name}.py").write_text(source)
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace(__file__=str(tmp_path / f"{name}.py")))
+        digests.append(cache._code_of_module(name))
+    cache._code_of_module.cache_clear()
+    assert (digests[0] == digests[1]) is same
 
 
 class Users:
