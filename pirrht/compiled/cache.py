@@ -315,7 +315,7 @@ def _read(path: Path) -> bytes | None:
     try:
         content = path.read_bytes()
         if time.time() - path.stat().st_mtime > DAY:
-            os.utime(stream.name)
+            os.utime(path)
         return content
     except OSError:
         return None
