@@ -271,11 +271,6 @@ def kept() -> bool:
     return True
 
 
-def cached(module: str) -> bool:
-    """Whether kernels of a module lie compiled on disk."""
-    return any((folder() / KERNELS).glob(f"*.{module}.*"))
-
-
 def noted(name: str) -> bool:
     """Whether somebody has noted that all kernels of a name are there."""
     return (folder() / NOTES / name).exists()
