@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -12,6 +12,7 @@ from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.control.around import Around, Moment
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
+from pirrht.control.blocked import Brake
 from pirrht.control.feedback import ClassMixture, ClassPool
 from pirrht.control.fitting import check_drives, check_fits
 from pirrht.control.hurry import Pace, enough_of, pressed_of
@@ -26,8 +27,7 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Along, Batch, Lead
+from pirrht.guidance.leads import Batch, Lead
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
@@ -113,6 +113,7 @@ class Controller(Policy):
         self.polished, self.rng, self.between = polished, rng, between
         self.around = Around(problem, self.path_integral, homology, mixes=self.method.mixes)
         self.pool = ClassPool(problem) if between == "classes" else None
+        self.brake = Brake(problem)
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
     def begin(self, x: Array, time: float = 0.0) -> None:
@@ -123,6 +124,7 @@ class Controller(Policy):
         if self.pool is not None:
             self.pool.forget()
         self.around.begin()
+        self.brake.begin()
         self._ways = Remembered(polished=self.polished, threads=self.path_integral.threads)
         self._aim(self.homology.asked(x, time))
         self._way, self._pressed, self._pace = Way(), pressed_of(None), Pace()
@@ -159,17 +161,21 @@ class Controller(Policy):
         try:
             references = self._references(x, self._pace.most(left))
         except NoReference:
-            if self._previous is None:
+            if self._previous is None and not self.space.scene.movers:
                 self._blame_speed(x)
                 raise
             references = self._kept(x, set())
             if not references:
-                return self._previous.rest(x, self.drive.since_plan)
+                return self._blocked(x, "no reference")
         batch = self.batch(x, references)
         self.path_integral.prepare(batch)
         if left is not None:
             self._pace.note(len(references), whole - left())
-        plan = self._around(batch, references, left)
+        estimate = self._estimate(batch, left)
+        if estimate is None:
+            return self._blocked(x, "no survivor", batch, references)
+        self.brake.begin()
+        plan = self._plan(batch, references, estimate)
         self._previous, self.drive.since_plan = plan, 0.0
         if self._foreseen is not None:
             self._way.note(plan)
@@ -189,24 +195,41 @@ class Controller(Policy):
         tree = "no tree" if self.tree is None else f"a tree of {self.tree.size} vertices"
         return f"Controller({self.name} for a {of} in {scene}: {self.path_integral.sampling.samples} samples, {tree})"
 
-    def _around(self, batch: Batch, references: list[Reference], left: Callable[[], float] | None) -> Plan:
-        """The plan that a batch of samples around references makes."""
+    def _blocked(self, x: Array, why: str, batch: Batch | None = None, references: Sequence[Reference] = ()) -> Plan:
+        """Brake at x (n,), and wait until there is a way; what is remembered of ways is not true any more."""
+        space = self.space if self._foreseen is None else self._foreseen.space
+        halt = self.brake.halt(x, space, self.now)
+        self.around.begin()
+        if self.pool is not None:
+            self.pool.forget()
+        self.drive.since_plan = 0.0
+        return Plan(
+            state=x,
+            times=halt.times,
+            references=tuple(references),
+            ids=() if batch is None else tuple(batch.classes.values()),
+            estimate=None,
+            fallback=why,
+            instead=halt.tape,
+            law=halt.law,
+            time=self.drive.time,
+            space=self.space,
+            movers=self.movers,
+        )
+
+    def _plan(self, batch: Batch, references: list[Reference], estimate: Estimate) -> Plan:
+        """The plan that samples around references make."""
         x = batch.state
-        estimate = self._estimate(batch, left)
-        ids = tuple(batch.classes.values())
-        law, push = None, None
-        if estimate is not None:
-            push = self.path_integral.leading.push(estimate.rollouts.leads, x, self.now)
-            law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
+        push = self.path_integral.leading.push(estimate.rollouts.leads, x, self.now)
+        law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
         return Plan(
             state=x,
             times=batch.times,
             references=tuple(references),
-            ids=ids,
+            ids=tuple(batch.classes.values()),
             estimate=estimate,
             replay=self.path_integral.replay,
-            fallback="no survivor" if estimate is None else None,
-            instead=self._instead(batch, references) if estimate is None else None,
+            fallback=None,
             law=law,
             classes=batch.named,
             time=self.drive.time,
@@ -295,16 +318,6 @@ class Controller(Policy):
         except NoReference:
             return {}
         return {one.winding: self.tree.steering.reversing(one.trajectory) for one in found}
-
-    def _instead(self, batch: Batch, references: list[Reference]) -> Array:
-        """What to follow without an estimate, (T, m): the guide of the last favourite or the cheapest, or a tape."""
-        led = {one.name: one.lead.guide for one in reversed(batch.proposals) if isinstance(one.lead, Along | Follow)}
-        if not led:
-            steps = (len(batch.times) - 1, self.problem.dynamics.m)
-            return references[0].trajectory.tape(batch.times) if references else np.zeros(steps)
-        last = None if self._previous is None else self._previous.favourite
-        guide = led[last] if last in led else min(led.values(), key=lambda guide: guide.priced)
-        return guide.tape
 
     def _from_start(self, references: list[Reference]) -> list[tuple[int, ...]]:
         """Classes of the driven path and each reference together."""

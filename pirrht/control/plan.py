@@ -128,17 +128,6 @@ class Plan:
         i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
         return self.tape[i] if i < len(self.tape) else np.zeros(self.tape.shape[1])
 
-    def rest(self, x: Array, s: float) -> Plan:
-        """What is left of the tape s [s] later, at state x (n,), for lack of anything newer."""
-        passed = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
-        left = slice(min(passed, len(self.tape) - 1), None)
-        times = np.maximum(self.times[left] - s, 0.0)
-        tape = self.tape[left] if passed < len(self.tape) else np.zeros_like(self.tape[-1:])
-        return Plan(
-            state=x, times=times, references=(), ids=(), estimate=None, fallback="no reference", instead=tape,
-            time=self.time + s, space=self.space, movers=self.movers,
-        )  # fmt: skip
-
     @property
     def favourite(self) -> str | None:
         """Class of greatest weight, or that of the one reference that is followed."""

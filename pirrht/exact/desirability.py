@@ -12,15 +12,16 @@ Samples are judged against it. Three problems can be asked for:
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from importlib import import_module
+from typing import Any, Protocol, cast
 
 import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact import discrete_time, heading_grid, moving, planar
 from pirrht.exact.progress import Progress, untold
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
@@ -53,12 +54,10 @@ class Solver(Protocol):
         """
 
 
-# By dynamics: who solves in continuous time, and who with a step. Another kind of problem is another row.
-SOLVERS: dict[type[Dynamics], tuple[Solver, Solver]] = {
-    SingleIntegrator: (planar, discrete_time),
-    Unicycle: (heading_grid, heading_grid),
-}
-AMONG_MOVERS: dict[type[Dynamics], tuple[Solver, Solver]] = {SingleIntegrator: (moving, moving)}  # where bodies move
+# By dynamics: the modules of this package that solve in continuous time, and with a step. They are imported when asked.
+Modules = Mapping[type[Dynamics], tuple[str, str]]
+SOLVERS: Modules = {SingleIntegrator: ("planar", "discrete_time"), Unicycle: ("heading_grid", "heading_grid")}
+AMONG_MOVERS: Modules = {SingleIntegrator: ("moving", "moving")}  # where bodies move
 
 
 def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
@@ -74,7 +73,7 @@ def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
     if found is None or callable(problem.q) or not d.constant or d.input_form:
         known = " or ".join(kind.__name__ for kind in solvers)
         raise OptionError(f"no grid solves the dynamics {type(d).__name__}{where}; it takes {known} with constant q")
-    return found[0 if dt is None else 1]
+    return cast(Solver, import_module(f"{__package__}.{found[0 if dt is None else 1]}"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

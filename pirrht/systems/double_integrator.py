@@ -78,3 +78,7 @@ class DoubleIntegrator(Dynamics):
     def twist(self, x: Array, rate: Array) -> Array:
         """Accelerations along world x and y, (2,) [m/s^2]: forces on a mass of 1 kg [N]."""
         return rate
+
+    def brake(self, x: Array, place: Array, within: float) -> Array:
+        """Critically damped: the acceleration (2,) [m/s^2] of a spring and a damper at a place (2,) [m]."""
+        return ((place - x[:2]) / within - 2.0 * x[2:]) / within

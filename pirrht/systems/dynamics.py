@@ -67,6 +67,17 @@ class Dynamics(ABC):
         In the input form they are those of the inputs themselves, u + s dw/dt (m,), in units of controls.
         """
 
+    def brake(self, x: Array, place: Array, within: float) -> Array | None:
+        """Control (m,) at x (n,) that brings the robot to rest at a place (2,) [m] and holds it there.
+
+        Args:
+            within: time constant [s].
+
+        Returns:
+            None: it cannot stop.
+        """
+        return None
+
     @property
     def input_form(self) -> bool:
         """Whether noise enters through the inputs of an `input_matrix`, not through the paper's square blocks."""

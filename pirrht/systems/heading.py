@@ -1,9 +1,10 @@
-"""Angles between a heading and the way to a goal's disc, inside compiled functions."""
+"""Angles and distances between a heading and a goal's disc or a place."""
 
 from __future__ import annotations
 
 import math
 
+from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined
 
 AIM = 0.9  # share of the goal's radius that is aimed at
@@ -24,3 +25,8 @@ def beyond_disc(dx, dy, theta, radius):  # type: ignore[no-untyped-def]
     off = wrapped(math.atan2(dy, dx) - theta)
     within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
     return max(0.0, off - within) + min(0.0, off + within)
+
+
+def ahead(x: Array, place: Array) -> float:
+    """How far ahead a place (2,) lies of a state that begins with x, y [m] and heading [rad], along the heading [m]."""
+    return math.cos(x[2]) * float(place[0] - x[0]) + math.sin(x[2]) * float(place[1] - x[1])

@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
 from pirrht.errors import OptionError
 from pirrht.systems.dynamics import Dynamics, _check_noise, no_drift
-from pirrht.systems.heading import TURN_GAIN, beyond_disc
+from pirrht.systems.heading import TURN_GAIN, ahead, beyond_disc
 
 NARROW = 3.0  # it drives where the disc lies less than pi / 2 over this aside: faster it would circle around it
 QUICK = 1.5  # times what the rate of cost asks for, homing turns at most
@@ -76,3 +76,7 @@ class Rover(Dynamics):
     def twist(self, x: Array, rate: Array) -> Array:
         """Forward speed [m/s] and turn rate [rad/s], (2,)."""
         return rate
+
+    def brake(self, x: Array, place: Array, within: float) -> Array:
+        """Forwards or backwards to where a place (2,) [m] is abreast, within a time constant [s]; (2,)."""
+        return np.array([ahead(x, place) / within, 0.0])

@@ -11,7 +11,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
 from pirrht.systems.dynamics import Dynamics, _check_noise
-from pirrht.systems.heading import beyond_disc
+from pirrht.systems.heading import ahead, beyond_disc
 
 GAIN = 3.0  # turn rate per heading error, and acceleration per error of the speed, of what homes in [1/s]
 CRUISE = 1.0  # speed at which a meter costs least [m/s]
@@ -81,3 +81,7 @@ class SecondOrderCar(Dynamics):
     def twist(self, x: Array, rate: Array) -> Array:
         """Acceleration ahead and to the left [m/s^2] and turn rate [rad/s], (3,)."""
         return np.array([rate[1], x[3] * rate[0], rate[0]])
+
+    def brake(self, x: Array, place: Array, within: float) -> Array:
+        """Critically damped along the heading, to where a place (2,) [m] is abreast; no turn; (2,)."""
+        return np.array([0.0, (ahead(x, place) / within - 2.0 * x[3]) / within])

@@ -42,3 +42,7 @@ class SingleIntegrator(Dynamics):
     def twist(self, x: Array, rate: Array) -> Array:
         """World velocities (vx, vy), (2,) [m/s]."""
         return rate
+
+    def brake(self, x: Array, place: Array, within: float) -> Array:
+        """The velocity (2,) [m/s] that shrinks the distance to a place (2,) [m] within a time constant [s]."""
+        return (place - x) / within

@@ -1,0 +1,145 @@
+"""What a robot does while it has no way: it brakes within what is known to be free, and holds its position."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
+from pirrht.problem import Problem
+
+Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrakeSettings:
+    """How a robot brakes and waits.
+
+    Attributes:
+        within: time constant of braking and of holding a position [s].
+        horizon: how long what it does must be free [s]; by then it is asked again many times.
+        step: between two states that are checked [s].
+        clearance: that is enough, from what stands and from what moves [m].
+        rings: how far it gives way to have that [m], nearest first.
+        directions: to which it does.
+    """
+
+    within: float = 0.2
+    horizon: float = 3.0
+    step: float = 0.05
+    clearance: float = 0.1
+    rings: tuple[float, ...] = (0.0, 0.1, 0.2, 0.4, 0.8)
+    directions: int = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Halt:
+    """A law that brakes or, of a robot that cannot, leads along the longest free way; with what comes of it.
+
+    Attributes:
+        law: control (m,) at a state (n,), a time since it was chosen [s].
+        times: ends of steps, (T+1,) [s].
+        tape: the controls of those steps without noise, (T, m).
+        free: how long it touches nothing [s]; infinite if never within the horizon.
+        clearance: the least within the horizon [m].
+    """
+
+    law: Law
+    times: Array
+    tape: Array
+    free: float
+    clearance: float
+
+
+class Brake:
+    """Chooses where to wait, and keeps to it while that stays free.
+
+    Args:
+        settings: how.
+    """
+
+    def __init__(self, problem: Problem, settings: BrakeSettings | None = None) -> None:
+        self.problem, self.settings = problem, settings or BrakeSettings()
+        at_start = problem.dynamics.state_of(problem.scene.start)
+        self.stops = problem.dynamics.brake(at_start, at_start[:2], self.settings.within) is not None
+        self._last: Law | None = None
+
+    def begin(self) -> None:
+        """Forget where it waits: it goes on."""
+        self._last = None
+
+    def halt(self, x: Array, space: FreeSpace, now: float) -> Halt:
+        """What to do at x (n,) among the bodies of a space, at a time of its clock [s].
+
+        The first that keeps enough clearance is taken: to go on waiting where it waits, to brake on the spot, to give
+        way ever farther. If none does, the one that keeps most, or that is free for longest.
+        """
+        best: tuple[float, float] = (-inf, -inf)
+        for law in self._laws(x):
+            found = self._tried(law, x, space, now)
+            if (found.free, found.clearance) > best:
+                best, chosen = (found.free, found.clearance), found
+            if found.free == inf and found.clearance >= self.settings.clearance:
+                break
+        self._last = chosen.law
+        return chosen
+
+    def _laws(self, x: Array) -> Iterator[Law]:
+        """What may be done at x (n,), in the order of preference."""
+        if self._last is not None:
+            yield self._last
+        if not self.stops:
+            yield from map(_steady, self._turns(x))
+            return
+        d, s = self.problem.dynamics, self.settings
+        spot = x[:2] + d.f(x)[:2] * s.within  # where it comes to rest if it brakes at once
+        angles = 2.0 * np.pi * np.arange(s.directions) / s.directions
+        for ring in s.rings:
+            for angle in angles if ring > 0.0 else angles[:1]:
+                place = spot + ring * np.array([np.cos(angle), np.sin(angle)])
+                yield self._to(place)
+
+    def _to(self, place: Array) -> Law:
+        dynamics, within = self.problem.dynamics, self.settings.within
+
+        def law(x: Array, _: float) -> Array:
+            u = dynamics.brake(x, place, within)
+            assert u is not None
+            return u
+
+        return law
+
+    def _turns(self, x: Array) -> Iterator[Array]:
+        """Steady controls (m,) of a robot that cannot stop: none, and up to four times what costs as much as time."""
+        m = self.problem.dynamics.m
+        usual = np.sqrt(2.0 * self.problem.least_rate / np.diag(self.problem.control_cost(x)))
+        yield np.zeros(m)
+        for times in (0.5, 1.0, 2.0, 4.0):
+            for i in range(m):
+                for sign in (1.0, -1.0):
+                    yield sign * times * usual * (np.arange(m) == i)
+
+    def _tried(self, law: Law, x: Array, space: FreeSpace, now: float) -> Halt:
+        """What comes of a law without noise."""
+        d, s = self.problem.dynamics, self.settings
+        count = round(s.horizon / s.step)
+        still, controls, states = np.zeros(d.m), [], [x]
+        for i in range(count):
+            controls.append(law(states[-1], i * s.step))
+            states.append(d.step(states[-1], controls[-1], still, s.step))
+        places, times = np.array(states)[:, :2], np.arange(count + 1) * s.step
+        clearance = space.collision.clearance(places)
+        if space.scene.movers:
+            pairs = zip(places, now + times, strict=True)
+            clearance = np.minimum(clearance, [space.crowd.clearance(place, time) for place, time in pairs])
+        met = np.flatnonzero(clearance <= 0.0)
+        free = float(times[met[0]]) if len(met) else inf
+        return Halt(law=law, times=np.asarray(times), tape=np.array(controls), free=free, clearance=float(clearance.min()))
+
+
+def _steady(u: Array) -> Law:
+    return lambda _x, _s: u
