@@ -72,14 +72,17 @@ class Brake:
         """Forget where it waits: it goes on."""
         self._last = None
 
-    def halt(self, x: Array, space: FreeSpace, now: float) -> Halt:
+    def halt(self, x: Array, space: FreeSpace, now: float, known: Law | None = None) -> Halt:
         """What to do at x (n,) among the bodies of a space, at a time of its clock [s].
 
         The first that keeps enough clearance is taken: to go on waiting where it waits, to brake on the spot, to give
         way ever farther. If none does, the one that keeps most, or that is free for longest.
+
+        Args:
+            known: what else a robot that cannot stop may do, and does rather than turn.
         """
         best: tuple[float, float] = (-inf, -inf)
-        for law in self._laws(x):
+        for law in self._laws(x, known):
             found = self._tried(law, x, space, now)
             if (found.free, found.clearance) > best:
                 best, chosen = (found.free, found.clearance), found
@@ -88,12 +91,11 @@ class Brake:
         self._last = chosen.law
         return chosen
 
-    def _laws(self, x: Array) -> Iterator[Law]:
+    def _laws(self, x: Array, known: Law | None) -> Iterator[Law]:
         """What may be done at x (n,), in the order of preference."""
-        if self._last is not None:
-            yield self._last
+        yield from (law for law in (known, self._last) if law is not None)
         if not self.stops:
-            yield from map(_steady, self._turns(x))
+            yield from (held(np.array([0.0, np.inf]), u[None]) for u in self._turns(x))
             return
         d, s = self.problem.dynamics, self.settings
         spot = x[:2] + d.f(x)[:2] * s.within  # where it comes to rest if it brakes at once
@@ -138,8 +140,11 @@ class Brake:
             clearance = np.minimum(clearance, [space.crowd.clearance(place, time) for place, time in pairs])
         met = np.flatnonzero(clearance <= 0.0)
         free = float(times[met[0]]) if len(met) else inf
-        return Halt(law=law, times=np.asarray(times), tape=np.array(controls), free=free, clearance=float(clearance.min()))
+        return Halt(
+            law=law, times=np.asarray(times), tape=np.array(controls), free=free, clearance=float(clearance.min())
+        )
 
 
-def _steady(u: Array) -> Law:
-    return lambda _x, _s: u
+def held(times: Array, tape: Array) -> Law:
+    """Controls (T, m) of steps that end at `times` (T+1,) [s], and the last one from then on, whatever the state."""
+    return lambda _, s: tape[min(int(np.searchsorted(times, s + 1e-9, side="right")), len(tape)) - 1]

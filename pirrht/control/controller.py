@@ -12,7 +12,7 @@ from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.control.around import Around, Moment
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
-from pirrht.control.blocked import Brake
+from pirrht.control.blocked import Brake, Law, held
 from pirrht.control.feedback import ClassMixture, ClassPool
 from pirrht.control.fitting import check_drives, check_fits
 from pirrht.control.hurry import Pace, enough_of, pressed_of
@@ -27,7 +27,8 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.leads import Batch, Lead
+from pirrht.guidance.following import Follow
+from pirrht.guidance.leads import Along, Batch, Lead
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
@@ -119,7 +120,7 @@ class Controller(Policy):
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
         super().begin(x, time)
-        self._previous: Plan | None = None
+        self._planned = False
         self._followed: str | None = None  # class, where only one is
         if self.pool is not None:
             self.pool.forget()
@@ -161,7 +162,7 @@ class Controller(Policy):
         try:
             references = self._references(x, self._pace.most(left))
         except NoReference:
-            if self._previous is None and not self.space.scene.movers:
+            if not self._planned and not self.space.scene.movers:
                 self._blame_speed(x)
                 raise
             references = self._kept(x, set())
@@ -176,7 +177,7 @@ class Controller(Policy):
             return self._blocked(x, "no survivor", batch, references)
         self.brake.begin()
         plan = self._plan(batch, references, estimate)
-        self._previous, self.drive.since_plan = plan, 0.0
+        self._planned, self.drive.since_plan = True, 0.0
         if self._foreseen is not None:
             self._way.note(plan)
         return plan
@@ -198,7 +199,8 @@ class Controller(Policy):
     def _blocked(self, x: Array, why: str, batch: Batch | None = None, references: Sequence[Reference] = ()) -> Plan:
         """Brake at x (n,), and wait until there is a way; what is remembered of ways is not true any more."""
         space = self.space if self._foreseen is None else self._foreseen.space
-        halt = self.brake.halt(x, space, self.now)
+        known = None if batch is None or self.brake.stops else self._known(batch, references)
+        halt = self.brake.halt(x, space, self.now, known)
         self.around.begin()
         if self.pool is not None:
             self.pool.forget()
@@ -210,6 +212,7 @@ class Controller(Policy):
             ids=() if batch is None else tuple(batch.classes.values()),
             estimate=None,
             fallback=why,
+            stops=self.brake.stops,
             instead=halt.tape,
             law=halt.law,
             time=self.drive.time,
@@ -318,6 +321,13 @@ class Controller(Policy):
         except NoReference:
             return {}
         return {one.winding: self.tree.steering.reversing(one.trajectory) for one in found}
+
+    def _known(self, batch: Batch, references: Sequence[Reference]) -> Law | None:
+        """What a robot that cannot stop knows of a way: the cheapest guide or reference, without feedback."""
+        led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, Along | Follow)]
+        if led:
+            return held(batch.times, min(led, key=lambda guide: guide.priced).tape)
+        return held(batch.times, references[0].trajectory.tape(batch.times)) if references else None
 
     def _from_start(self, references: list[Reference]) -> list[tuple[int, ...]]:
         """Classes of the driven path and each reference together."""

@@ -30,9 +30,10 @@ class Plan:
         references: best known path of every class, cheapest first; empty for methods that have none.
         ids: class of each reference, relative to the start of the drive.
         estimate: what the samples say; None in a fallback, and for methods without samples.
-        fallback: why the estimate is missing: "no reference" or "no survivor"; None if it is not.
+        fallback: why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not.
+        stops: whether the robot can; one that cannot takes the longest free way where it is blocked.
         replay: what makes the tape of an estimate, and paths that are shown.
-        instead: the tape that is followed in a fallback, (T, m) [control].
+        instead: what becomes of the control in a fallback if there is no noise, (T, m) [control].
         law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the tape is held.
         push: what the nearest walls add to a held control, (m,) [control] at a state (n,), so long after [s].
         span: how long the law is followed [s]; then the tape.
@@ -58,6 +59,7 @@ class Plan:
     ids: tuple[str, ...]
     estimate: Estimate | None
     fallback: str | None
+    stops: bool = True
     replay: Replay | None = None
     instead: Array | None = None
     law: Callable[[Array, float], Array] | None = None

@@ -23,7 +23,7 @@ def line(plan: Any) -> str:
     if plan.estimate is not None:
         said = f"v {plan.estimate.value:.4g} +- {plan.estimate.value_error:.2g}"
     else:
-        said = f"{plan.fallback}: what is known is followed" if plan.fallback else f"v {plan.exact or np.nan:.4g}"
+        said = f"blocked, {plan.fallback}" if plan.fallback else f"v {plan.exact or np.nan:.4g}"
     which = f", {len(plan.ids)} classes" if len(plan.ids) != 1 else ", 1 class"
     weight = weights(plan).get(plan.favourite or "")
     lead = f", most weight {shown.turns(plan.favourite)} ({shown.share(weight)})" if weight is not None else ""

@@ -166,7 +166,8 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
     say(
         f"{executed}, {counted(drive.class_switches, 'class switch', 'class switches')} "
         f"({counted(drive.class_reversals, 'reversal')} of a decision), "
-        f"{counted(drive.fallbacks, 'fallback')} (plans without reference or surviving sample), "
+        f"{counted(drive.fallbacks, 'fallback')} (plans without reference or surviving sample"
+        f"{f', blocked for {drive.blocked_time:.2f} s' if drive.fallbacks else ''}), "
         f"least clearance {drive.min_clearance:.3f} m (free distance around the footprint)"
     )
     if drive.doubtful_plans:

@@ -24,6 +24,7 @@ from sim.drive.result import DriveResult
 
 __all__ = ["Frame", "Tally", "run", "size_of"]
 
+BRAKING, GOING = "braking", "this robot cannot stop, and takes the longest free way"
 STRETCH = 1.0  # plans of few effective samples that are less apart than this are told of once [s]
 
 
@@ -71,6 +72,7 @@ class Tally:
     switches: int = 0
     reversals: int = 0
     fallbacks: int = 0
+    blocked: list[tuple[float, float]] = field(default_factory=list)  # from when to when there was no way [s]
     doubtful: int = 0  # plans that rest on few effective samples
     weakest: tuple[float, float] | None = None  # least effective sample size, and the time of that plan [s]
     misses: int = 0
@@ -88,6 +90,7 @@ class Tally:
             self.first = frame.plan
         if frame.plan.fallback is not None:
             self.fallbacks += 1
+            self._block(frame)
         elif self.favourite is not None and frame.plan.favourite != self.favourite:
             self.switches += 1
         if frame.plan.fallback is None:
@@ -103,6 +106,13 @@ class Tally:
             self.timings.append(frame.timing)
         self.last = frame
         return news
+
+    def _block(self, frame: Frame) -> None:
+        """Take note of a period without a way."""
+        if self.last is None or self.last.plan.fallback is None:
+            self.blocked.append((frame.time, frame.end_time))
+        else:
+            self.blocked[-1] = (self.blocked[-1][0], frame.end_time)
 
     def _decide(self, name: str | None) -> None:
         """Take note of a class that has nearly all the weight; None where none has."""
@@ -125,8 +135,12 @@ class Tally:
         news = []
         before = None if self.last is None else self.last.plan.fallback
         favourite, estimate = frame.plan.favourite, frame.plan.estimate
-        if frame.plan.fallback not in (None, before):
-            news.append(f"{frame.plan.fallback} at {frame.time:.2f} s: following what is known; try more --samples")
+        if frame.plan.fallback is not None and before is None:
+            news.append(
+                f"blocked at {frame.time:.2f} s: {frame.plan.fallback}; {BRAKING if frame.plan.stops else GOING}"
+            )
+        elif frame.plan.fallback is None and before is not None:
+            news.append(f"a way at {frame.time:.2f} s, after {frame.time - self.blocked[-1][0]:.2f} s: going on")
         if estimate is not None and estimate.doubtful and frame.time - self._doubted >= STRETCH:
             news.append(f"{estimate.ess:.1f} effective samples at {frame.time:.2f} s: the control is a guess")
         if frame.plan.fallback is None and self.favourite not in (None, favourite):
@@ -160,6 +174,8 @@ class Tally:
             class_switches=self.switches,
             class_reversals=self.reversals,
             fallbacks=self.fallbacks,
+            blocked_time=sum(end - begin for begin, end in self.blocked),
+            blocked=self.blocked,
             doubtful_plans=self.doubtful,
             least_ess=ess,
             least_ess_time=when,

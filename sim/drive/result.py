@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -37,12 +37,14 @@ class DriveResult:
     executed_class: str | None = _told("", "homology class of the driven path; null unless the goal was reached")
     class_switches: int = _told("1", "control steps whose class of greatest weight differs from the one before")
     class_reversals: int = _told("1", "times that a class of nine tenths of the weight followed on another such one")
-    fallbacks: int = _told("1", "control steps without a reference or a surviving sample: the last tape goes on")
+    fallbacks: int = _told("1", "control steps without a reference or a surviving sample: the robot brakes")
+    blocked_time: float = _told("s", "simulated time of those steps")
     doubtful_plans: int = _told("1", "control steps whose plan rests on fewer than 10 effective samples")
     least_ess: float | None = _told("1", "least effective sample size of a plan; null for methods without samples")
     least_ess_time: float | None = _told("s", "simulated time of that plan")
     step_ms: Mapping[str, float]  # median, p95 and max of the wall time of a plan [ms]
     deadline_misses: int  # plans that took longer than the period
+    blocked: Sequence[tuple[float, float]] = ()  # from when to when the robot was [s]
     real_time: Mapping[str, Any] | None = None  # how a real-time drive kept its times (`realtime_timing.figures`)
 
     def __repr__(self) -> str:
