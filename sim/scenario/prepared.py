@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from sim.mjcf import load
+from sim.scenario.room import REACTION, default_margin
 from sim.scenario.scenario import Scenario
 from sim.scenario.trees import AMONG
 from sim.settings import settle
@@ -45,7 +47,8 @@ def prepare(
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
     moves = None if system is None else chosen(system)
-    loaded = load(scene, robot=robot, radius=radius, margin=margin, start=start, goal=goal, system=moves, loose=loose)
+    read = partial(load, scene, robot=robot, radius=radius, start=start, goal=goal, system=moves, loose=loose)
+    loaded = read(margin=margin)
     kind = named(loaded.dynamics_name)
     said = given or {}
     overlay = kind.preset(preset)
@@ -56,6 +59,11 @@ def prepare(
     if known is not None:
         known(kind, problem)
     space = FreeSpace.of(loaded.scene)
+    if margin is None and "margin" not in loaded.scene.defaults:
+        margin = default_margin(problem, space, settings.period if settings.between == "hold" else REACTION)
+        if margin > 0.0:
+            loaded = read(margin=margin)
+            problem, space = kind.problem(loaded.scene, settings), FreeSpace.of(loaded.scene)
     scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)
     if driven:
         scenario.plant()
