@@ -33,7 +33,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     x = _state(arguments.at, scenario)
     _check_bodies(scenario, x, arguments.time)
     truth = _truth(scenario, x, arguments.time) if arguments.truth else None
-    tree, _ = (None, []) if scenario.settings.method in TREELESS else planned(scenario)
+    tree, _ = (None, []) if scenario.settings.method in TREELESS else planned(scenario, x)
     controller = scenario.driver(tree)
     controller.begin(x, arguments.time)
     estimates: list[Estimate | None] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -12,6 +11,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact.progress import Progress
 from pirrht.tree.homology_tree import HomologyTree
@@ -68,14 +68,16 @@ def check_outputs(arguments: argparse.Namespace, *options: str) -> None:
             check_writable(path, f"--{option}")
 
 
-def planned(scenario: Scenario) -> tuple[HomologyTree, list[Reference]]:
-    """The grown tree and the references at the start."""
+def planned(scenario: Scenario, at: Array | None = None) -> tuple[HomologyTree, list[Reference]]:
+    """The grown tree and the references at the start; its limit is wide enough there, or at another state (n,)."""
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
-        tree = scenario.grown_tree(lambda size: bar.update(size - bar.n))
+        tree = scenario.grown_tree(lambda size: bar.update(size - bar.n), at)
     references = scenario.references(tree)
     if tree.limit > scenario.settings.limit and scenario.settings.tree is None:
-        no = f"no class reaches the goal from the start within |1 - H_i| <= {scenario.settings.limit:g}"
-        print(f"{no}: grown within {tree.limit:g}", file=sys.stderr)
+        say(
+            f"|1 - H_i| <= {scenario.settings.limit:g} leaves out ways that are not much longer than the shortest: "
+            f"grown within {tree.limit:g} (--limit keeps to a limit)"
+        )
     warm.notice().done("plan")
     return tree, references
 

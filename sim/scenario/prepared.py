@@ -64,7 +64,8 @@ def prepare(
         if margin > 0.0:
             loaded = read(margin=margin)
             problem, space = kind.problem(loaded.scene, settings), FreeSpace.of(loaded.scene)
-    scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space)
+    widens = said.get("limit") is None and "limit" not in overlay
+    scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space, widens=widens)
     if driven:
         scenario.plant()
     return scenario

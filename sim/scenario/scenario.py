@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
 from pirrht.control.optimal import Optimal
@@ -52,15 +53,16 @@ class Scenario(Task):
         """A tree that has its roots only; within another limit than the settings' if one is given."""
         return trees.empty(self, limit)
 
-    def grown_tree(self, progress: Callable[[int], None] | None = None) -> HomologyTree:
+    def grown_tree(self, progress: Callable[[int], None] | None = None, at: Array | None = None) -> HomologyTree:
         """A tree of `settings.vertices` vertices, or the one that was saved as `settings.tree`.
 
-        Where no class reaches the goal from the start within the robot's own limit, it is grown anew within wider ones.
+        Where the limit leaves out a short way from the start, or from another state (n,), it is grown anew within a
+        wider one, unless the limit was asked for.
 
         Raises:
             OptionError: that is no tree for this scene, robot and limit.
         """
-        return trees.grown(self, progress)
+        return trees.grown(self, progress, at)
 
     def references(self, tree: HomologyTree) -> list[Reference]:
         """The best path of every class from the start, cheapest first.

@@ -34,6 +34,7 @@ class Task:
     settings: Settings
     problem: Problem
     space: FreeSpace
+    widens: bool = True  # whether the limit H_limit may give way; not one that was asked for
 
     def __post_init__(self) -> None:
         memory.check(self.settings, self._size())
@@ -89,7 +90,8 @@ class Task:
         """
         refuse(self.system, {name: v for name, v in changes.items() if v != getattr(self.settings, name)})
         settings = replace(self.settings, **changes)
-        return replace(self, settings=settings, problem=self.system.problem(self.loaded.scene, settings))
+        problem = self.system.problem(self.loaded.scene, settings)
+        return replace(self, settings=settings, problem=problem, widens=self.widens and "limit" not in changes)
 
     @property
     def sampling(self) -> Sampling:

@@ -6,15 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import NoReference, SceneError
 from pirrht.freespace import FreeSpace
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.left_out import left_out
 from pirrht.tree.reference import Reference
 from sim.mjcf.covered import covered
 from sim.scenario.task import Task
 
-WIDER = (0.8, 1.0, 1.5)  # H_limit where no class reaches the goal within the robot's own
+WIDER = (0.8, 1.0, 1.5)  # H_limit where the robot's own leaves out what it should not
 AMONG = 0.8  # H_limit where bodies move and nobody says another: who waits for one is turned about by it meanwhile
 
 
@@ -29,27 +31,35 @@ def empty(task: Task, limit: float | None = None) -> HomologyTree:
     return rooted(task, task.space, np.random.default_rng(task.seeds()[0]), limit)
 
 
-def grown(task: Task, progress: Callable[[int], None] | None = None) -> HomologyTree:
+def grown(task: Task, progress: Callable[[int], None] | None = None, at: Array | None = None) -> HomologyTree:
     """A tree of `settings.vertices` vertices, or the one that was saved as `settings.tree`.
 
-    Where no class reaches the goal from the start within the robot's own limit, it is grown anew within wider ones.
+    Where no class reaches the goal, or the limit leaves out a way that is not much longer than the shortest, it is
+    grown anew within a wider one, unless the limit was asked for.
+
+    Args:
+        at: the state (n,) from which; None: the start.
 
     Raises:
         OptionError: that is no tree for this scene, robot and limit.
     """
-    s = task.settings
+    s, x = task.settings, task.start if at is None else at
     if s.tree is not None:
         return tree_file.load(s.tree, task.space, task.steering(), limit=s.limit, classes=s.classes)
-    own = s.limit == (AMONG if task.moving else task.system.settings.limit)
-    first: HomologyTree | None = None
-    for limit in (s.limit, *(wider for wider in WIDER if own and wider > s.limit)):
-        tree = empty(task, limit)
-        tree.grow(s.vertices, progress=progress)
-        if tree.lengths(tree.homology.asked(task.start, 0.0)):
+    first = tree = _grown_within(task, s.limit, progress)
+    while task.widens and tree.limit < WIDER[-1]:
+        least = max((way.limit for way in left_out(tree, x)), default=0.0)
+        if tree.lengths(tree.homology.asked(x, 0.0)) and not least:
             return tree
-        first = first or tree
-    assert first is not None
-    return first
+        wider = (limit for limit in WIDER if limit > tree.limit)
+        tree = _grown_within(task, next((limit for limit in wider if limit >= least), WIDER[-1]), progress)
+    return tree if tree.lengths(tree.homology.asked(x, 0.0)) else first
+
+
+def _grown_within(task: Task, limit: float, progress: Callable[[int], None] | None) -> HomologyTree:
+    tree = empty(task, limit)
+    tree.grow(task.settings.vertices, progress=progress)
+    return tree
 
 
 def references(task: Task, tree: HomologyTree) -> list[Reference]:

@@ -21,7 +21,11 @@ def narrow(limit: float = NARROW) -> Scenario:
     """`slit` for a robot of which no class is within its own limit, and which asks for `limit`."""
     scenario = prepare("slit", given={"vertices": 300})
     system = replace(scenario.system, defaults={**scenario.system.defaults, "limit": NARROW})
-    return replace(scenario, system=system).with_settings(limit=limit)
+    return (
+        replace(scenario, system=system).with_settings(limit=limit)
+        if limit != NARROW
+        else replace(scenario, system=system, settings=replace(scenario.settings, limit=NARROW))
+    )
 
 
 def test_the_tree_is_grown_within_the_next_limit_that_lets_a_class_reach_the_goal():
