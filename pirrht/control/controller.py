@@ -154,6 +154,7 @@ class Controller(Policy):
         if x.shape != (self.problem.dynamics.n,):
             moves = f"{type(self.problem.dynamics).__name__} ({', '.join(self.problem.dynamics.states)})"
             raise OptionError(f"the state has the shape {x.shape}; {moves} has {self.problem.dynamics.n} numbers")
+        self.drive.ask(x)
         foreseen = self._look(x, self._way.left(x, self.drive.time), enough_of(left))
         if foreseen is not None:
             self.tree = self.tree and foreseen.tree
@@ -237,7 +238,6 @@ class Controller(Policy):
             classes=batch.named,
             time=self.drive.time,
             push=push,
-            span=self.path_integral.sampling.dt,
             shares=None if law is None else law.weights(x, 0.0),
             followed=self._followed,
             space=self.space,

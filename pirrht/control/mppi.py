@@ -38,6 +38,7 @@ from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 
 HORIZON = 3.0  # [s]
+USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
 
 
 class Mppi(Policy):
@@ -46,7 +47,7 @@ class Mppi(Policy):
     Args:
         problem: of the samples. One with more noise than the robot's explores more widely: as R stays, lambda grows
             with Sigma, which is how MPPI is tuned.
-        sampling: `samples` counts all that a plan draws; they hold the tape open loop.
+        sampling: `samples` counts all that a plan draws; they hold the tape open loop. None: 600 independent ones.
         horizon: length of the tape [s].
         beyond: what the way from states (k, n) at the horizon to the goal costs, (k,) [cost]; None: `straight_home`.
         homology: tells classes of drives apart where bodies move; None: that of the problem.
@@ -61,7 +62,7 @@ class Mppi(Policy):
         self,
         problem: Problem,
         space: FreeSpace,
-        sampling: Sampling,
+        sampling: Sampling | None = None,
         *,
         horizon: float = HORIZON,
         beyond: Callable[[Array], Array] | None = None,
@@ -71,6 +72,7 @@ class Mppi(Policy):
     ) -> None:
         if not (np.isfinite(horizon) and horizon > 0):
             raise OptionError(f"the horizon is {horizon:g} s; it must be a positive number")
+        sampling = sampling or USUAL
         if sampling.guide != "open-loop":
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
         self.problem, self.space, self.rng = problem, space, rng
@@ -98,6 +100,7 @@ class Mppi(Policy):
             left: time left for sampling [s]; samples are drawn until it is up.
         """
         x = np.asarray(x, dtype=float)
+        self.drive.ask(x)
         foreseen = self._look(x, None)
         if foreseen is not None:
             self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)

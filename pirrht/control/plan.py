@@ -36,7 +36,6 @@ class Plan:
         instead: what becomes of the control in a fallback if there is no noise, (T, m) [control].
         law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the tape is held.
         push: what the nearest walls add to a held control, (m,) [control] at a state (n,), so long after [s].
-        span: how long the law is followed [s]; then the tape.
         shares: weight of every class under the law, from 0 to 1.
         followed: the class that the control is of, where it is of one alone.
         classes: names of the references' classes by additive key.
@@ -64,7 +63,6 @@ class Plan:
     instead: Array | None = None
     law: Callable[[Array, float], Array] | None = None
     push: Callable[[Array, float], Array] | None = None
-    span: float = np.inf
     shares: dict[str, float] | None = None
     followed: str | None = None
     classes: Mapping[int, str] = field(default_factory=dict)
@@ -120,10 +118,10 @@ class Plan:
     def at(self, x: Array, s: float) -> Array:
         """Control (m,) at time s [s] after the plan was made, at state x (n,).
 
-        With feedback between plans the control follows the state for a while. Where it is held, under feedback
+        With feedback between plans the control follows the state. Where it is held, under feedback
         guidance the part that the nearest wall accounts for still follows the state.
         """
-        if self.law is not None and s + 1e-9 < self.span:
+        if self.law is not None:
             return self.law(x, s)
         if s + 1e-9 < self.times[1]:
             return self.control + (0.0 if self.push is None else self.push(x, s) - self.push(self.state, 0.0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,6 +12,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.prediction import Foreseen, Prediction
+from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.problem import Problem
@@ -34,10 +36,23 @@ class Drive:
         self.since_plan = 0.0  # [s]
         self.since_estimate = 0.0  # since the last plan that samples told anything [s]
         self.time = time  # of the drive, which is that of bodies that move [s]
+        self.asked: Array | None = None  # the state of a plan since which no time has passed, (n,)
         self.known = time  # until when it is not only expected [s]
+
+    def ask(self, x: Array) -> None:
+        """Take note of a plan at x (n,); a warning if the robot has moved since the last one and nobody says how."""
+        if self.asked is not None and not np.array_equal(x, self.asked):
+            warnings.warn(
+                f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({self.asked[0]:.4g}, {self.asked[1]:.4g}), and "
+                "nothing was observed in between: call step(x, dt) for each control, or observe(states, dt) after it; "
+                "begin(x) if this is another drive",
+                RuntimeWarning, stacklevel=3,
+            )  # fmt: skip
+        self.asked = x
 
     def passed(self, duration: float) -> None:
         """Let time [s] pass."""
+        self.asked = None
         self.since_plan += duration
         self.since_estimate += duration
         self.time += duration
@@ -61,15 +76,42 @@ class Policy(ABC):
     drive: Drive
     movers: tuple[Mover, ...]
     _foreseen: Foreseen | None = None
+    _held: float | None = None  # how long the control of the last step is held [s]
 
     @abstractmethod
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,); `left` tells the time left for sampling [s], where that is limited."""
 
+    def step(self, x: Array, dt: float) -> Array:
+        """The control (m,) at x (n,) for the next dt [s]: what was driven since the last step is observed, and planned.
+
+        Args:
+            dt: how long the control will be held, until the next step [s].
+
+        Raises:
+            OptionError: dt is not positive.
+            NoReference: no class reaches the goal from where the drive begins.
+
+        Example:
+            A loop of your own; `begin(x)` starts another drive:
+
+            >>> while not arrived:  # doctest: +SKIP
+            ...     u = controller.step(robot.state, 0.02)
+            ...     robot.drive(u, 0.02)
+        """
+        if not (np.isfinite(dt) and dt > 0):
+            raise OptionError(f"dt is {dt:g}; a control is held for a positive number of seconds")
+        x = np.asarray(x, dtype=float)
+        if self._held is not None:
+            self.observe(x[None], self._held)
+        plan = self.plan(x)
+        self._held = dt
+        return plan.control
+
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
         self.drive = Drive(self.homology, x, time)
-        self._foreseen, self.movers = None, self.space.scene.movers
+        self._foreseen, self.movers, self._held = None, self.space.scene.movers, None
         if self.predict is not None:
             self.predict.begin()
 

@@ -35,6 +35,7 @@ class Rollouts:
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
     setup: Setup | MovingSetup | None = None  # what they met; None: what a replay knows
+    rise: Array | None = None  # (H, m) what each lead is now above its mean over the first step [control]
 
     @property
     def x0(self) -> Array:
@@ -65,7 +66,8 @@ class Estimate:
         weight: normalised, (S,), of the samples in `rollouts`; with others in `parts` they sum to less than 1.
         class_weights: weight, from 0 to 1, by the class of each sample's own path, "other" for the rest.
         class_ess: effective sample size within each class.
-        class_controls: u* now within each class, (m,) [control], without what the nearest wall adds.
+        class_controls: mean of u* over the first step within each class, (m,) [control], without what the nearest wall
+            adds.
         proposal_weights: weight by the reference a sample was drawn around, (H,).
         survivors: number of samples that reached the goal.
         rollouts: the last samples that have any weight.
@@ -200,11 +202,13 @@ def weigh(
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
     free, unresolved = walls.told(control, np.einsum("s,sm->m", weight, paths.led))
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
+    drawn_around = drawn_around.reshape(len(parts), -1).sum(axis=0)
+    rise = np.zeros(len(free)) if parts[0].rise is None else drawn_around @ parts[0].rise
     ends = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
     rollouts = parts[shown]
     return Estimate(
-        control=free + walls.push,
+        control=free + rise + walls.push,
         log_psi=log_psi,
         value=-problem.temperature * log_psi,
         value_error=problem.temperature * float(errors[0]),
@@ -217,7 +221,7 @@ def weigh(
             name: total / max(under_way, 1e-300) + (free - control)
             for name, total, under_way in zip(names, groups.control, groups.span.tolist(), strict=True)
         },
-        proposal_weights=drawn_around.reshape(len(parts), -1).sum(axis=0).tolist(),
+        proposal_weights=drawn_around.tolist(),
         survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
         rollouts=rollouts,
         parts=tuple(parts),

@@ -159,7 +159,14 @@ class PathIntegral:
             log_weight[slice(*part)] = log_weights(self.problem, self.sampling.weights, paths, first, part)
 
         _in_parallel(work, S, self.threads if self.kernels.alone < S else 1)
-        rollouts = Rollouts(origin=origin, leads=leads, paths=paths, log_weight=log_weight, setup=self.setup)
+        rollouts = Rollouts(
+            origin=origin,
+            leads=leads,
+            paths=paths,
+            log_weight=log_weight,
+            setup=self.setup,
+            rise=None if self.guidance is None else _rise(batch, leads.trust),
+        )
         return rollouts if self.beyond is None else self._completed(rollouts, self.beyond)
 
     def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Rollouts:
@@ -192,6 +199,12 @@ class PathIntegral:
         """
         first = parts[0]
         return weigh(self.problem, parts, self.leading.near_walls(first.leads, first.x0, first.origin.time), classes)
+
+
+def _rise(batch: Batch, trust: float) -> Array:
+    """What leads of a batch are now above their means over the first step, (H, m) [control]."""
+    x = batch.state
+    return np.array([trust * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals])
 
 
 def _in_parallel(work, count: int, threads: int) -> None:  # type: ignore[no-untyped-def]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import math
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -121,8 +121,6 @@ class Planner:
         share = np.clip(1.0 - RESERVE * after / self.period, LEAST, SHARE)
         until = zero + now + float(share) * self.period
         plan = self.controller.plan(x, lambda: until - clock.now())
-        # A plan that is late leaves the robot to the old law, not to its tape.
-        plan = replace(plan, span=np.inf) if plan.law is not None else plan
         ended = clock.now()
         if began < until:
             self._after.append(max(0.0, ended - until))

@@ -62,8 +62,8 @@ PLANNER_OPTIONS = (
     ),
     _number(
         "limit", "H_limit of |1 - H_i| <= H_limit, kept to if given; the robot's or the scene's own, 0.8 among bodies "
-        "that move, is widened to 0.8, 1 or 1.5 where it leaves out a way of at most 1.25 times the shortest", "H", 1e-3, 100.0,
-        "less forbids every path, and no path of use winds so often", numeric=True,
+        "that move, is widened to 0.8, 1 or 1.5 where it leaves out a way of at most 1.25 times the shortest", "H",
+        1e-3, 100.0, "less forbids every path, and no path of use winds so often", numeric=True,
     ),
     _number(
         "samples", "samples around each reference", "N", 1, 10_000_000,

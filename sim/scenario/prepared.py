@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
+from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from sim.mjcf import load
+from sim.options.table import BY_SETTING
 from sim.scenario.room import REACTION, default_margin
 from sim.scenario.scenario import Scenario
 from sim.scenario.trees import AMONG
@@ -51,6 +54,10 @@ def prepare(
     loaded = read(margin=margin)
     kind = named(loaded.dynamics_name)
     said = given or {}
+    strange = [name for name in said if name not in BY_SETTING]
+    if strange:
+        takes = "an argument of prepare itself" if strange[0] in signature(prepare).parameters else "no setting"
+        raise OptionError(f"given: {strange[0]!r} is {takes}; settings are {', '.join(sorted(BY_SETTING))}")
     overlay = kind.preset(preset)
     refuse(kind, said)
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings

@@ -98,7 +98,7 @@ class FakeDriver:
         u = np.array([0.01 * (i + 1), 0.0])
         return Plan(
             state=x, times=np.array([0.0, 0.1]), references=(), ids=(), estimate=None, fallback=None,
-            instead=u[None], law=lambda state, s: u, span=0.1,
+            instead=u[None], law=lambda state, s: u,
         )  # fmt: skip
 
 
@@ -186,7 +186,7 @@ def test_a_drive_that_is_given_up_leaves_no_thread_behind(slit: Scenario):
 
 def test_a_plant_that_is_late_is_foreseen_in_no_more_steps(slit: Scenario):
     driver = FakeDriver(slit, FakeClock(), lambda i: 0.0)
-    plan = replace(driver.plan(slit.start), span=np.inf)
+    plan = driver.plan(slit.start)
     ready = Ready(plan=plan, begin=0.0, seconds=0.0, slack=0.0, samples=0, vertices=0)
     states = foreseen(driver, ready, 0.0, slit.start, 1.0, 0.01)
     assert len(states) == MOST + 1
