@@ -9,7 +9,8 @@
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
     python scripts/benchmark.py calibration  plans at random states of random scenes: how often is the truth within the
                                             standard errors that they claim? --part car: v of the car;
-                                            --part moving: at random states and times among bodies
+                                            --part moving: at random states and times among bodies;
+                                            --part mazes: which errors beyond 5 standard errors go without a warning?
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
                                             --part line: on a line, against the exact grid; --robot rover|car
 
@@ -29,7 +30,7 @@ from sim.text import table, width
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
     "speed": (None, "rollouts", "planners", "drive", "systems", "moving"),
-    "calibration": (None, "car", "moving"),
+    "calibration": (None, "car", "moving", "mazes"),
     "mass": (None, "line"),
 }
 TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "mass")

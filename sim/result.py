@@ -113,6 +113,7 @@ def settings_json(scenario: Scenario) -> dict[str, Any]:
         "samples": s.samples,
         "dt": s.dt,
         "period": s.period,
+        "margin": scenario.margin,
         **({"predict": s.predict} if scenario.moving else {}),
     }
 

@@ -68,14 +68,7 @@ class Dynamics(ABC):
         """
 
     def brake(self, x: Array, place: Array, within: float) -> Array | None:
-        """Control (m,) at x (n,) that brings the robot to rest at a place (2,) [m] and holds it there.
-
-        Args:
-            within: time constant [s].
-
-        Returns:
-            None: it cannot stop.
-        """
+        """Control (m,) at x (n,) to come to rest at a place (2,) [m], within a time constant [s]; None: it cannot."""
         return None
 
     @property

@@ -79,6 +79,10 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
         from benchmarks import calibration_moving
 
         return calibration_moving.rows(options)
+    if options.part == "mazes":
+        from benchmarks import mazes
+
+        return mazes.rows(options)
     states = collect(options)
     found = summaries(states)
     if options.png is not None:

@@ -34,8 +34,10 @@ ASIDE = 20.0  # borders beside the line are so far off [m]
 R = 2.0
 NOISES = (0.1, 0.2, 0.3)
 STATES, SAMPLES = 20, 100_000
+PLANS, PLAN, PERIOD = 10, 300, 0.05  # plans at each state, their samples, and their first step [s]
 NEAR, SLOWEST, FASTEST = 0.1, -0.8, 1.2  # positions so far from both ends [m], velocities in between [m/s]
 HEADER = ["b", "p", "v", "cost by grid", "its error", "cost by samples", "s.e.", "off by %", "in errors", "ESS"]
+HEADER += ["u by grid", "u of plans", "its s.e.", "within 2 %"]
 
 
 def random_line_states(count: int, seed: int) -> Array:
@@ -73,14 +75,17 @@ def sampled(integral: PathIntegral, p: float, v: float, count: int, seed: int, g
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON."""
     states = random_line_states(options.states or STATES, options.first_seed)
-    found = []
+    found, count = [], options.plans or PLANS
     with tqdm(total=len(options.noises or NOISES) * len(states), desc="states", leave=False, disable=None) as bar:
         for b in options.noises or NOISES:
-            truth, integral = mass_on_line(b=b), sampler(b)
+            truth, integral, small = mass_on_line(b=b), sampler(b), sampler(b, first=PERIOD, samples=PLAN)
             for k, (p, v) in enumerate(states.tolist()):
-                found.append(record(truth, sampled(integral, p, v, options.samples or SAMPLES, k), b, p, v))
+                one = record(truth, sampled(integral, p, v, options.samples or SAMPLES, k), b, p, v)
+                plans = [sampled(small, p, v, PLAN, 1000 * k + j) for j in range(count)]
+                found.append(one | control_record(truth.control(p, v), plans))
                 bar.update()
-    return HEADER, [_text(one) for one in found], found
+    last = ["all", *[""] * (len(HEADER) - 2), f"{100 * np.mean([one['within'] for one in found]):.0f}"]
+    return HEADER, [*(_text(one) for one in found), last], found
 
 
 def record(truth: MassOnLine, said: Estimate, b: float, p: float, v: float) -> dict[str, float]:
@@ -94,9 +99,19 @@ def record(truth: MassOnLine, said: Estimate, b: float, p: float, v: float) -> d
     }  # fmt: skip
 
 
+def control_record(u: float, plans: list[Estimate]) -> dict[str, float]:
+    """What plans of default size say of the control along the line, which is u [m/s^2]."""
+    said, error = np.array([[plan.control[0], plan.control_error[0]] for plan in plans]).T
+    return {
+        "u": u, "u_mean": float(said.mean()), "u_error": float(error.mean()),
+        "within": float(np.mean(np.abs(said - u) <= 2.0 * error)),
+    }  # fmt: skip
+
+
 def _text(one: dict[str, float]) -> list[str]:
     return [
         f"{one['noise']:g}", f"{one['p']:.3f}", f"{one['v']:+.3f}", f"{one['grid']:.4f}", f"{one['grid_error']:.4f}",
         f"{one['samples']:.4f}", f"{one['samples_error']:.4f}", f"{100 * one['share']:+.3f}", f"{one['errors']:+.1f}",
-        f"{one['ess']:.0f}",
+        f"{one['ess']:.0f}", f"{one['u']:.4f}", f"{one['u_mean']:.4f}", f"{one['u_error']:.4f}",
+        f"{100 * one['within']:.0f}",
     ]  # fmt: skip

@@ -131,7 +131,7 @@ def scenario_of(seed: int, given: Mapping[str, Any], *, most: int = 8, **task: A
     robot = task.get("robot")
     least = 0.0 if robot is None or task.get("radius") else read_robot(robot, None).radius
     with tempfile.TemporaryDirectory() as folder:
-        return prepare(write_scene(seed, Path(folder), most, least), given=given, **task)
+        return prepare(write_scene(seed, Path(folder), most, least), given=given, margin=0.0, **task)
 
 
 def random_states(space: FreeSpace, count: int, seed: int) -> Array:

@@ -151,7 +151,8 @@ def odds(scenario: Scenario) -> str:
     unit = scenario.system.noise_in.removeprefix("in ")
     heeds = "noise" in scenario.system.heeds
     noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if heeds else "noise of its own"
-    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}"
+    margin = f", margin {scenario.margin:.3g} m" if scenario.margin > 0.0 else ""
+    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}"
 
 
 def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
@@ -170,6 +171,8 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
         f"{f', blocked for {drive.blocked_time:.2f} s' if drive.fallbacks else ''}), "
         f"least clearance {drive.min_clearance:.3f} m (free distance around the footprint)"
     )
+    if drive.outcome == "collision":
+        say("noise moves the robot between two controls: --margin M makes plans leave so much more room [m]")
     if drive.doubtful_plans:
         say(
             f"{drive.doubtful_plans} of {counted(drive.steps, 'plan')} on fewer than {FEW:g} effective samples, the "

@@ -66,13 +66,16 @@ def prepare(
     if known is not None:
         known(kind, problem)
     space = FreeSpace.of(loaded.scene)
+    room = loaded.scene.defaults.get("margin", 0.0) if margin is None else margin
     if margin is None and "margin" not in loaded.scene.defaults:
-        margin = default_margin(problem, space, settings.period if settings.between == "hold" else REACTION)
-        if margin > 0.0:
-            loaded = read(margin=margin)
+        room = default_margin(problem, space, settings.period if settings.between == "hold" else REACTION)
+        if room > 0.0:
+            loaded = read(margin=room)
             problem, space = kind.problem(loaded.scene, settings), FreeSpace.of(loaded.scene)
     widens = said.get("limit") is None and "limit" not in overlay
-    scenario = Scenario(loaded=loaded, system=kind, settings=settings, problem=problem, space=space, widens=widens)
+    scenario = Scenario(
+        loaded=loaded, system=kind, settings=settings, problem=problem, space=space, margin=room, widens=widens
+    )
     if driven:
         scenario.plant()
     return scenario

@@ -34,6 +34,7 @@ class Task:
     settings: Settings
     problem: Problem
     space: FreeSpace
+    margin: float = 0.0  # that plans leave around the robot [m]
     widens: bool = True  # whether the limit H_limit may give way; not one that was asked for
 
     def __post_init__(self) -> None:

@@ -73,7 +73,7 @@ def test_what_happens_in_the_last_period_counts_more_than_the_clock(outcome: Out
 
 
 def test_every_figure_is_described_and_is_a_column_of_a_sweep():
-    told = {f.name for f in fields(DriveResult)} - {"step_ms", "deadline_misses", "real_time"}
+    told = {f.name for f in fields(DriveResult)} - {"step_ms", "deadline_misses", "real_time", "blocked"}
     assert {figure.name for figure in FIGURES} == told
     assert all(figure in COLUMNS for figure in FIGURES)
     assert all(figure.text in explained() for figure in FIGURES)

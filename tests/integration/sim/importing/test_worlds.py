@@ -59,7 +59,7 @@ def test_shapes_have_their_sizes_and_the_scene_its_defaults(run):
         "egg": ("ellipsoid", 0.3, 0.4, 0.5),
     }
     assert (imported.geoms, imported.obstacles, loaded.robot) == (5, 5, "unicycle")
-    assert loaded.scene.defaults == load("clutter").scene.defaults
+    assert {**loaded.scene.defaults, "margin": 0.0} == load("clutter").scene.defaults
     np.testing.assert_allclose(loaded.scene.start, [0, 0, 1.5])
     np.testing.assert_allclose([*loaded.scene.lower, *loaded.scene.upper], [-1, -5, 9, 5])
 

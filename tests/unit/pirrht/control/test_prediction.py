@@ -214,6 +214,7 @@ def test_samples_of_a_class_that_was_not_looked_at_have_its_name_still(monkeypat
 def test_where_all_classes_are_looked_at_no_other_has_a_name():
     one = controller()
     for x in (START, START + np.array([0.3, 0.1])):
+        one.begin(x)
         plan = one.plan(x)
         assert list(plan.classes.values()) == list(plan.ids)
 

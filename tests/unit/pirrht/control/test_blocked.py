@@ -1,0 +1,126 @@
+"""Without a way a robot brakes within what is free, waits there and gives way to what comes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from discs import disc
+from moving import moved
+
+from pirrht.control.blocked import Brake, BrakeSettings
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Mover
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.problem import Problem
+from pirrht.systems.double_integrator import DoubleIntegrator
+from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.rover import Rover
+from pirrht.systems.second_order_car import SecondOrderCar
+from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.systems.unicycle import Unicycle
+
+RADIUS, WITHIN = 0.2, 0.2
+MOVING = {
+    SingleIntegrator: np.array([2.0, 1.5]),
+    DoubleIntegrator: np.array([2.0, 1.5, 0.8, -0.4]),
+    Rover: np.array([2.0, 1.5, 0.5]),
+    SecondOrderCar: np.array([2.0, 1.5, 0.5, 0.9]),
+}
+
+
+def room(*movers: Mover) -> Scene:
+    """4 m by 3 m without anything that stands."""
+    return Scene(
+        name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(),
+        goal=Goal(center=np.array([3.6, 1.5]), radius=0.3), start=np.array([0.6, 1.5, 0.0]), robot_radius=RADIUS,
+        movers=movers,
+    )  # fmt: skip
+
+
+def walker(*rows: tuple[float, float, float]) -> Mover:
+    """A disc of 0.25 m that is at x, y [m] at times [s]."""
+    return moved("person", [(t, x, y, 0.0) for t, x, y in rows], disc("person", 0.0, 0.0, 0.25))
+
+
+def brake_of(dynamics: Dynamics, scene: Scene) -> tuple[Brake, FreeSpace]:
+    R = np.diag([2.0, 0.5]) if isinstance(dynamics, Rover) else np.eye(dynamics.m)
+    problem = Problem(dynamics=dynamics, scene=scene, R=R)
+    return Brake(problem), FreeSpace.of(scene)
+
+
+def driven(dynamics: Dynamics, law, x: np.ndarray, seconds: float, seed: int | None = None) -> np.ndarray:
+    """States (k, n) every 2 ms under a law; with a seed under noise."""
+    rng, states = np.random.default_rng(seed), [x]
+    for i in range(round(seconds / 0.002)):
+        dw = np.zeros(dynamics.m) if seed is None else rng.normal(size=dynamics.m) * np.sqrt(0.002)
+        states.append(dynamics.step(states[-1], law(states[-1], 0.002 * i), dw, 0.002))
+    return np.array(states)
+
+
+@pytest.mark.parametrize("kind", MOVING)
+def test_every_robot_that_can_stop_comes_to_rest_ahead_of_it_and_does_not_swing_back(kind):
+    dynamics, x = kind(), MOVING[kind]
+    brake, space = brake_of(dynamics, room())
+    assert brake.stops
+    halt = brake.halt(x, space, 0.0)
+    states = driven(dynamics, halt.law, x, 3.0)
+    way = states[:, :2] - x[:2]
+    ahead = way @ (way[-1] / max(np.hypot(*way[-1]), 1e-12))
+    assert np.all(np.diff(ahead) > -1e-9)
+    np.testing.assert_allclose(states[-1, :2], x[:2] + dynamics.f(x)[:2] * WITHIN, atol=0.01)
+    assert np.hypot(*(states[-1] - states[-2])[:2]) < 1e-6
+
+
+@pytest.mark.parametrize("kind", MOVING)
+def test_noise_does_not_carry_it_away_while_it_waits(kind):
+    """The place of a point wanders by b sqrt(WITHIN / 2) = 0.03 m; with five such deviations 20 s pass, by one seed."""
+    dynamics, x = kind(b=0.1), MOVING[kind].copy()
+    if kind is not SingleIntegrator:
+        x[-1] = 0.0
+    brake, space = brake_of(dynamics, room())
+    states = driven(dynamics, brake.halt(x, space, 0.0).law, x, 20.0, seed=3)
+    assert np.hypot(*(states[:, :2] - states[0, :2]).T).max() < (0.16 if kind is SingleIntegrator else 0.35)
+
+
+def test_who_is_walked_towards_gives_way_in_time():
+    scene = room(walker((0.0, 3.2, 1.5), (2.0, 1.2, 1.5), (9.0, 1.2, 2.9)))
+    dynamics = SingleIntegrator()
+    brake, space = brake_of(dynamics, scene)
+    x = np.array([2.0, 1.5])
+    assert space.crowd.clearance(x, 1.2) < 0.0  # who stays is run over
+    halt = brake.halt(x, space, 0.0)
+    assert halt.free == np.inf
+    assert halt.clearance >= BrakeSettings().clearance
+    places = driven(dynamics, halt.law, x, 3.0)[:, :2]
+    assert min(space.crowd.clearance(place, 0.002 * i) for i, place in enumerate(places)) > 0.05
+
+
+def test_it_stays_where_it_waits_rather_than_wander_off():
+    brake, space = brake_of(SingleIntegrator(), room())
+    first = brake.halt(np.array([2.0, 1.5]), space, 0.0)
+    blown = np.array([2.05, 1.5])
+    np.testing.assert_array_equal(brake.halt(blown, space, 0.1).law(blown, 0.0), first.law(blown, 0.0))
+    brake.begin()
+    np.testing.assert_array_equal(brake.halt(blown, space, 0.2).law(blown, 0.0), np.zeros(2))
+
+
+def test_a_robot_that_cannot_stop_turns_away_from_the_wall():
+    dynamics = Unicycle()
+    brake, space = brake_of(dynamics, room())
+    assert not brake.stops
+    x = np.array([2.2, 1.5, 0.0])  # 1.6 m to the border ahead, of which straight on takes as many seconds
+    halt = brake.halt(x, space, 0.0)
+    assert halt.free == np.inf
+    assert abs(halt.law(x, 0.0)[0]) > 0.0
+    assert space.collision.clearance(driven(dynamics, halt.law, x, 2.9)[:, :2]).min() > 0.0
+
+
+def test_where_nothing_is_free_for_good_what_is_free_for_longest_is_taken():
+    cage = [
+        walker((0.0, 2.0 + 1.2 * np.cos(a), 1.5 + 1.2 * np.sin(a)), (2.0, 2.0, 1.5)) for a in np.arange(0, 6.2, 0.5)
+    ]
+    brake, space = brake_of(SingleIntegrator(), room(*cage))
+    x = np.array([2.0, 1.5])
+    halt = brake.halt(x, space, 0.0)
+    assert 0.5 < halt.free < np.inf
+    assert np.all(np.isfinite(halt.tape))

@@ -1,0 +1,59 @@
+"""A loop of one's own is step(x, dt): it observes, plans and decides; a plan that was told of no motion warns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pirrht.control.mppi import USUAL, Mppi
+from pirrht.errors import OptionError
+from sim.scenario import Scenario
+
+DT = 0.05
+
+
+def test_steps_are_the_plans_of_a_loop_that_observes(slit: Scenario, slit_tree):
+    one, other = (slit.with_settings(samples=50).controller(slit_tree) for _ in range(2))
+    x = slit.start
+    for k in range(3):
+        u = one.step(x, DT)
+        if k:
+            other.observe(x[None], DT)
+        np.testing.assert_array_equal(u, other.plan(x).control)
+        x = x + DT * u
+    assert one.drive.time == pytest.approx(2 * DT)
+    one.begin(slit.start)
+    one.step(slit.start, DT)
+    assert one.drive.time == 0.0
+
+
+def test_who_forgets_to_observe_is_told(slit: Scenario):
+    mppi = slit.with_settings(samples=50).mppi()
+    mppi.plan(slit.start)
+    mppi.plan(slit.start)  # the same question again
+    with pytest.warns(RuntimeWarning, match=r"nothing was observed in between: call step\(x, dt\)"):
+        mppi.plan(slit.start + 0.01)
+    mppi.begin(slit.start + 0.02)
+    mppi.plan(slit.start + 0.02)
+
+
+def test_a_step_takes_time(slit: Scenario):
+    with pytest.raises(OptionError, match="dt is 0"):
+        slit.mppi().step(slit.start, 0.0)
+
+
+def test_mppi_without_a_word_has_settings_that_arrive(slit: Scenario):
+    """Four drives of the equation itself at b = 0.1, seeds 0 to 3."""
+    for seed in range(4):
+        rng, problem = np.random.default_rng([seed, 1]), slit.problem
+        mppi = Mppi(problem, slit.space, rng=np.random.default_rng(seed))
+        assert mppi.path_integral.sampling is USUAL
+        x = slit.start
+        for _ in range(400):
+            u = mppi.step(x, DT)
+            for _ in range(10):
+                x = problem.dynamics.step(x, u, rng.normal(size=2) * np.sqrt(DT / 10), DT / 10)
+                assert slit.space.clearance(x) > 0.0
+            if slit.space.scene.goal.contains(x):
+                break
+        assert slit.space.scene.goal.contains(x), seed
