@@ -256,7 +256,8 @@ class Controller(Policy):
         """What samples say; None if none survives."""
         ids, seed = list(batch.classes.values()), int(self.rng.integers(2**63))
         try:
-            estimate = sample(self.path_integral, batch, seed, left=left)
+            least = self.path_integral.sampling.least if left is None and self.drive.begins else 0.0
+            estimate = sample(self.path_integral, batch, seed, left=left, least=least)
         except NoSurvivingSample:
             return None
         self.around.learn(batch, estimate)

@@ -36,8 +36,14 @@ class Drive:
         self.since_plan = 0.0  # [s]
         self.since_estimate = 0.0  # since the last plan that samples told anything [s]
         self.time = time  # of the drive, which is that of bodies that move [s]
+        self.begun = time  # when it started [s]
         self.asked: Array | None = None  # the state of a plan since which no time has passed, (n,)
         self.known = time  # until when it is not only expected [s]
+
+    @property
+    def begins(self) -> bool:
+        """Whether no time has passed."""
+        return self.time == self.begun
 
     def ask(self, x: Array) -> None:
         """Take note of a plan at x (n,); a warning if the robot has moved since the last one and nobody says how."""

@@ -20,15 +20,24 @@ from pirrht.guidance.leads import Batch
 
 FILLED = 0.6  # of the time left is used by the next round, since the pace changes; with the last, it is all used
 FIRST = 0.1  # of the samples of a plan come first where bodies move, lest what else a plan needs makes them late
+FIRST_MOST = 64  # times the samples of a plan that the first of a drive draws at most (`Sampling.least`)
 MOST = 150_000  # samples of a plan, however much time there is: weighing more of them takes longer than it is worth
 
 
-def sample(integral: PathIntegral, batch: Batch, seed: int, *, left: Callable[[], float] | None = None) -> Estimate:
+def sample(
+    integral: PathIntegral,
+    batch: Batch,
+    seed: int,
+    *,
+    left: Callable[[], float] | None = None,
+    least: float = 0.0,
+) -> Estimate:
     """Sample the paths of a batch, more like them as settings or time ask for, and weigh all (Algorithm 4, line 4).
 
     Args:
         seed: of the plan; equal seeds give equal paths.
         left: time left [s]; more batches are drawn until it is up.
+        least: more batches are drawn until so many effective samples are there.
 
     Raises:
         NoSurvivingSample: no sample has any weight.
@@ -50,6 +59,10 @@ def sample(integral: PathIntegral, batch: Batch, seed: int, *, left: Callable[[]
         more = min(drawn, most - drawn)
         draw(np.maximum(1, np.rint(more * number)).astype(np.int64))
         drawn += more
+    most = min(FIRST_MOST, MOST / max(1.0, float(number.sum())))
+    while least > 0.0 and 2.0 * drawn <= most and _ess(integral, parts) < least:
+        draw(np.rint(drawn * number).astype(np.int64))
+        drawn *= 2.0
     return integral.weighed(parts, batch.named)
 
 
@@ -69,6 +82,14 @@ def _until(
             return
         draw(np.rint(more * number).astype(np.int64))
         pace, drawn = (before - left()) / more, drawn + more
+
+
+def _ess(integral: PathIntegral, parts: Sequence[Rollouts]) -> float:
+    """Effective samples so far."""
+    try:
+        return integral.weighed(parts).ess
+    except NoSurvivingSample:
+        return 0.0
 
 
 def _known(integral: PathIntegral, parts: Sequence[Rollouts], target: float) -> bool:

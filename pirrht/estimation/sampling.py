@@ -35,6 +35,7 @@ class Sampling:
         window: under feedback the control now is averaged over so long [s] where walls and goal are far.
         draws: "antithetic" pairs of samples with opposite noise, or "independent" ones (the paper's).
         target: sample on until the control's standard error is no larger [control]: consistent, not unbiased.
+        least: effective samples of the first plan of a drive: more are drawn until it has so many, 64 N at most.
         budget: with a target, samples around each reference at most; None: 16 N.
         allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper), as those of a
             unicycle are anyway.
@@ -61,6 +62,7 @@ class Sampling:
     window: float = 0.4
     draws: str = "antithetic"
     target: float | None = None
+    least: float = 0.0
     budget: int | None = None
     allocation: str = "contribution"
     threads: int | None = None

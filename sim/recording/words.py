@@ -18,7 +18,9 @@ def page(plan: Plan, reasons: Sequence[Reason], time: float) -> str:
     """What a plan made at a time [s] rests on."""
     estimate = plan.estimate
     if estimate is None:
-        why = plan.fallback or ("the exact solution is followed" if plan.exact is not None else "no samples")
+        why = "the exact solution is followed" if plan.exact is not None else "no samples"
+        if plan.fallback is not None:
+            why = f"blocked, {plan.fallback}: {'braking' if plan.stops else 'the longest free way is taken'}"
         value = "" if plan.exact is None else f" Exact value {plan.exact:.2f}."
         return f"**At {time:.2f} s: {why}.**{value}"
     if not reasons:

@@ -20,6 +20,8 @@ from sim.mjcf import Loaded
 from sim.settings import Settings
 from sim.systems import System, refuse
 
+ENOUGH = 30.0  # effective samples that the first plan of a drive rests on, if it can be had
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Task:
@@ -110,6 +112,7 @@ class Task:
             allocation=s.allocation,
             draws=s.draws,
             target=s.target_error,
+            least=ENOUGH if s.guide == "feedback" else 0.0,
             budget=s.budget,
             threads=s.threads,
         )
