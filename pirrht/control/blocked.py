@@ -13,6 +13,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
+NEARER = 0.01  # so much nearer something may come than when a place to wait was chosen, before others are tried [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +46,7 @@ class Halt:
         times: ends of steps, (T+1,) [s].
         tape: the controls of those steps without noise, (T, m).
         free: how long it touches nothing [s]; infinite if never within the horizon.
-        clearance: the least within the horizon [m].
+        clearance: the least within the horizon, once it has settled [m].
     """
 
     law: Law
@@ -67,6 +68,7 @@ class Brake:
         at_start = problem.dynamics.state_of(problem.scene.start)
         self.stops = problem.dynamics.brake(at_start, at_start[:2], self.settings.within) is not None
         self._last: Law | None = None
+        self._enough = 0.0  # clearance at which it goes on waiting where it waits [m]
 
     def begin(self) -> None:
         """Forget where it waits: it goes on."""
@@ -86,9 +88,11 @@ class Brake:
             found = self._tried(law, x, space, now)
             if (found.free, found.clearance) > best:
                 best, chosen = (found.free, found.clearance), found
-            if found.free == inf and found.clearance >= self.settings.clearance:
+            enough = self._enough if law is self._last else self.settings.clearance
+            if found.free == inf and found.clearance >= enough:
                 break
-        self._last = chosen.law
+        self._last = None if chosen.law is known else chosen.law
+        self._enough = min(self.settings.clearance, chosen.clearance - NEARER)
         return chosen
 
     def _laws(self, x: Array, known: Law | None) -> Iterator[Law]:
@@ -138,11 +142,10 @@ class Brake:
         if space.scene.movers:
             pairs = zip(places, now + times, strict=True)
             clearance = np.minimum(clearance, [space.crowd.clearance(place, time) for place, time in pairs])
-        met = np.flatnonzero(clearance <= 0.0)
+        met = np.flatnonzero(clearance <= 0.0 if clearance[0] > 0.0 else clearance < clearance[0])  # out of a margin
         free = float(times[met[0]]) if len(met) else inf
-        return Halt(
-            law=law, times=np.asarray(times), tape=np.array(controls), free=free, clearance=float(clearance.min())
-        )
+        least = float(clearance[times >= 2.0 * s.within].min())
+        return Halt(law=law, times=np.asarray(times), tape=np.array(controls), free=free, clearance=least)
 
 
 def held(times: Array, tape: Array) -> Law:

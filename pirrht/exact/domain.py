@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.jit import inlined
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Goal, Scene
 
 MOST = 1_000_000  # grid points in the plane that are solved for in about half a minute
@@ -34,7 +33,7 @@ class Domain:
 
         def at(points: Array) -> Array:
             out = np.empty(len(points))
-            _sample(space.field, np.ascontiguousarray(points), out)
+            clearances(space.field, np.ascontiguousarray(points), out)
             close = np.flatnonzero(out < BAND)
             out[close] = space.collision.clearance(points[close])
             return out
@@ -85,9 +84,3 @@ def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> f
             f"choose more --noise{remedy} or a smaller workspace"
         )
     return spacing
-
-
-@kernel
-def _sample(field, points, out):  # type: ignore[no-untyped-def]
-    for k in range(len(points)):
-        out[k] = clearance(field, points[k, 0], points[k, 1])

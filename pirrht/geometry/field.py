@@ -222,3 +222,10 @@ def clearance(field, x, y):  # type: ignore[no-untyped-def]
     if edge <= 0.0:
         return edge
     return min(edge, interpolate(field, field.nearest, x, y))
+
+
+@kernel
+def clearances(field, points, out):  # type: ignore[no-untyped-def]
+    """Write the clearance at points (k, 2) to out (k,) [m]."""
+    for k in range(len(points)):
+        out[k] = clearance(field, points[k, 0], points[k, 1])

@@ -8,15 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from pirrht.arrays import Array
 from pirrht.errors import NoReference
+from pirrht.geometry.field import clearances
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 
 FACTOR = 1.25  # a way of no more than so many times the shortest matters
-POINTS = 4000  # of the grid on which ways are measured, at most
-STEPS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 1), (1, 2), (2, -1), (1, -2))  # to neighbours: at most 3 % too long
+POINTS = 4000  # of the lattice on which ways are measured
+NEIGHBOURS = 2.3  # points that are so many spacings apart are connected: in the open ways are at most 3 % too long
 NOWHERE = -9999  # what SciPy has before the first point of a way
 
 
@@ -24,7 +26,7 @@ NOWHERE = -9999  # what SciPy has before the first point of a way
 class LeftOut:
     """A collision-free way that no allowed class takes."""
 
-    length: float  # [m]
+    length: float  # on a lattice: beside walls up to 15 % too long [m]
     limit: float  # the least H_limit that allows it [turns]
 
 
@@ -63,34 +65,28 @@ def left_out(tree: HomologyTree, x: Array, factor: float = FACTOR) -> list[LeftO
 
 
 def _ways(tree: HomologyTree, start: Array, places: Array) -> list[tuple[float, Array]]:
-    """The shortest way from a start (2,) to the goal, and those through places (k, 2): lengths, points (l, 2) [m]."""
-    scene = tree.space.scene
-    size = scene.upper - scene.lower
-    spacing = max(0.5 * scene.robot_radius, math.sqrt(float(np.prod(size)) / POINTS))
-    ends = np.vstack([start[None], scene.goal.center[None], places])
-    nx, ny = np.maximum(np.ceil(size / spacing).astype(int), 2) + 1
-    i, j = (one.ravel() for one in np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"))
-    points = np.vstack([scene.lower + np.column_stack([i, j]) * size / [nx - 1, ny - 1], ends])
-    tails, heads = [], []
-    number = np.arange(nx * ny).reshape(nx, ny)
-    for di, dj in STEPS:
-        tails.append(number[: nx - di, max(0, -dj) : ny - max(0, dj)].ravel())
-        heads.append(number[di:, max(0, dj) : ny - max(0, -dj)].ravel())
-    for k in range(nx * ny, len(points)):
-        near = np.flatnonzero(np.hypot(*(points[: nx * ny] - points[k]).T) < 2.5 * spacing)
-        tails.append(np.full(len(near), k))
-        heads.append(near)
-    tail, head = np.concatenate(tails), np.concatenate(heads)
-    free = tree.space.collision.clearance(points)
+    """The shortest way from a start (2,) to the goal, and those through places (k, 2): lengths, points (l, 2) [m].
+
+    They lead over a coarse lattice and along the axes of passages, which have points where a lattice has none.
+    """
+    scene, collision = tree.space.scene, tree.space.collision
+    spacing = math.sqrt(float(np.prod(scene.upper - scene.lower)) / POINTS)
+    lattice = [
+        np.arange(low + 0.5 * spacing, high, spacing) for low, high in zip(scene.lower, scene.upper, strict=True)
+    ]
+    grid = np.stack(np.meshgrid(*lattice), axis=-1).reshape(-1, 2)
+    points = np.vstack([start, scene.goal.center, places, tree.passages.way[:, :2], grid])
+    free, own = np.empty(len(points)), len(points) - len(grid)
+    clearances(tree.space.field, points, free)
+    tail, head = cKDTree(points).query_pairs(NEIGHBOURS * spacing, output_type="ndarray").T
     length = np.hypot(*(points[tail] - points[head]).T)
-    # Clearance changes no faster than the place: two discs of free space that overlap hold the line between them.
     open_ = (free[tail] > 0.0) & (free[head] > 0.0)
+    # Two discs of free space that overlap hold the line between them; on axes of passages they may be too small.
     sure = open_ & (free[tail] + free[head] >= length)
-    asked = np.flatnonzero(open_ & ~sure)
-    sure[asked] = tree.space.collision.segments_free(points[tail[asked]], points[head[asked]])
+    asked = np.flatnonzero(open_ & ~sure & (tail < own) & (head < own) & (length < scene.robot_radius))
+    sure[asked] = collision.segments_free(points[tail[asked]], points[head[asked]])
     graph = csr_matrix((length[sure], (tail[sure], head[sure])), shape=(len(points), len(points)))
-    begin, end = nx * ny, nx * ny + 1
-    found, before = dijkstra(graph, directed=False, indices=[begin, end], return_predecessors=True)
+    found, before = dijkstra(graph, directed=False, indices=[0, 1], return_predecessors=True)
 
     def back(row: int, k: int) -> list[int]:
         """Points from k back to the source of a row, both included."""
@@ -99,7 +95,7 @@ def _ways(tree: HomologyTree, start: Array, places: Array) -> list[tuple[float, 
             chain.append(int(before[row, chain[-1]]))
         return chain
 
-    ways = [(float(found[0, end]), back(0, end)[::-1])]
-    for k in range(end + 1, len(points)):
+    ways = [(float(found[0, 1]), back(0, 1)[::-1])]
+    for k in range(2, 2 + len(places)):
         ways.append((float(found[0, k] + found[1, k]), [*back(0, k)[::-1], *back(1, k)[1:]]))
     return [(length, points[chain]) for length, chain in ways if math.isfinite(length)]

@@ -124,3 +124,12 @@ def test_where_nothing_is_free_for_good_what_is_free_for_longest_is_taken():
     halt = brake.halt(x, space, 0.0)
     assert 0.5 < halt.free < np.inf
     assert np.all(np.isfinite(halt.tape))
+
+
+def test_out_of_a_margin_it_moves_to_where_there_is_room():
+    brake, space = brake_of(SingleIntegrator(), room())
+    x = np.array([0.19, 1.5])  # a centimetre nearer to the border than the footprint allows
+    halt = brake.halt(x, space, 0.0)
+    end = driven(SingleIntegrator(), halt.law, x, 2.0)[-1]
+    assert halt.free == np.inf
+    assert space.clearance(end) >= 0.09
