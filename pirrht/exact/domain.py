@@ -12,6 +12,7 @@ from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.field import clearances
 from pirrht.geometry.scene import Goal, Scene
 
 MOST = 1_000_000  # grid points in the plane that are solved for in about half a minute
