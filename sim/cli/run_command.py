@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     with solving() as progress:
         truth = scenario.truth(progress) if arguments.truth else None
     witness = None if truth is None else Witness(truth)
-    tree, references = (None, []) if settings.method in TREELESS else planned(scenario)
+    tree, references = (None, []) if settings.method in TREELESS else planned(scenario, waits=True)
     if references:
         print(tables.class_table(references, width(), scenario.homology))
         as_they_stand(scenario)

@@ -68,11 +68,19 @@ def check_outputs(arguments: argparse.Namespace, *options: str) -> None:
             check_writable(path, f"--{option}")
 
 
-def planned(scenario: Scenario, at: Array | None = None) -> tuple[HomologyTree, list[Reference]]:
-    """The grown tree and the references at the start; its limit is wide enough there, or at another state (n,)."""
+def planned(
+    scenario: Scenario, at: Array | None = None, *, waits: bool = False
+) -> tuple[HomologyTree, list[Reference]]:
+    """The grown tree and the references at the start; its limit is wide enough there, or at another state (n,).
+
+    Args:
+        waits: whether there may be none among bodies that move, since a drive waits for a way.
+    """
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
         tree = scenario.grown_tree(lambda size: bar.update(size - bar.n), at)
-    references = scenario.references(tree)
+    references = scenario.references(tree, waits=waits)
+    if not references:
+        say("no class reaches the goal from the start as bodies move: the robot waits for a way")
     if tree.limit > scenario.settings.limit and scenario.settings.tree is None:
         say(
             f"|1 - H_i| <= {scenario.settings.limit:g} leaves out ways that are not much longer than the shortest: "

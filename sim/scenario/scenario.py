@@ -64,14 +64,17 @@ class Scenario(Task):
         """
         return trees.grown(self, progress, at)
 
-    def references(self, tree: HomologyTree) -> list[Reference]:
+    def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
         """The best path of every class from the start, cheapest first.
+
+        Args:
+            waits: whether there may be none among bodies that move, since a drive waits for a way.
 
         Raises:
             NoReference: no class reaches the goal.
             SceneError: none does, and a body that moves comes to rest there.
         """
-        return trees.references(self, tree)
+        return trees.references(self, tree, waits)
 
     def truth(self, progress: Progress = untold) -> Desirability:
         """The exact solution: in continuous time, or for steps of dt if exit is judged at their ends.

@@ -62,8 +62,11 @@ def _grown_within(task: Task, limit: float, progress: Callable[[int], None] | No
     return tree
 
 
-def references(task: Task, tree: HomologyTree) -> list[Reference]:
+def references(task: Task, tree: HomologyTree, waits: bool = False) -> list[Reference]:
     """The best path of every class from the start, cheapest first.
+
+    Args:
+        waits: whether there may be none among bodies that move, since a drive waits for a way.
 
     Raises:
         NoReference: no class reaches the goal.
@@ -73,6 +76,8 @@ def references(task: Task, tree: HomologyTree) -> list[Reference]:
         return tree.references(tree.homology.asked(task.start, 0.0), polished=task.settings.polish)
     except NoReference:
         why = covered(task.loaded.scene)
+        if why is None and waits and task.moving:
+            return []
         if why is None:
             raise
         raise SceneError(

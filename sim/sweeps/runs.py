@@ -234,9 +234,9 @@ def _planned(scenario: Scenario) -> Planned:
     rehearse(scenario)
     began = time.perf_counter()
     tree = scenario.grown_tree()
-    references = scenario.references(tree)
+    references = scenario.references(tree, waits=True)
     seconds = time.perf_counter() - began
-    return Planned(tree=pack(tree), shortest=min(r.length for r in references), seconds=seconds)
+    return Planned(tree=pack(tree), shortest=min((r.length for r in references), default=None), seconds=seconds)
 
 
 def pack(tree: HomologyTree) -> bytes:
