@@ -60,7 +60,11 @@ def sample(
         draw(np.maximum(1, np.rint(more * number)).astype(np.int64))
         drawn += more
     most = min(FIRST_MOST, MOST / max(1.0, float(number.sum())))
-    while least > 0.0 and 2.0 * drawn <= most and _ess(integral, parts) < least:
+    lacking = least > 0.0 and _ess(integral, parts) < least
+    while lacking and 2.0 * drawn <= most:
+        lacking = (
+            _ess(integral, parts) < least
+        )  # once they are there another round is drawn, which chance did not choose
         draw(np.rint(drawn * number).astype(np.int64))
         drawn *= 2.0
     return integral.weighed(parts, batch.named)

@@ -51,13 +51,13 @@ def rings(rng: np.random.Generator) -> list[Wall]:
 
 
 def spiral(rng: np.random.Generator) -> list[Wall]:
-    """A square spiral around the goal, of lanes 0.5 to 0.6 m wide."""
-    lane, points, heading = rng.uniform(0.5, 0.6), [np.array([2.8, 2.9])], int(rng.integers(4))
-    for k in range(7):
-        step = lane * (1 + k // 2 + 0.6) * np.array([np.cos(0.5 * np.pi * heading), np.sin(0.5 * np.pi * heading)])
-        points.append(np.clip(points[-1] + step, 0.45, SIDE - 0.45))
-        heading += 1
-    return [(*a, *b) for a, b in zip(points[:-1], points[1:], strict=True)]
+    """A square spiral around the goal, of lanes 0.5 to 0.6 m wide, in one of four directions."""
+    lane, a = rng.uniform(0.5, 0.6), 0.45
+    b, c = a + lane, a + 2.0 * lane
+    corners = np.array([[a, a], [-a, a], [-a, -a], [b, -a], [b, b], [-b, b], [-b, -b], [c, -b], [c, c]])
+    turn = 0.5 * np.pi * rng.integers(4)
+    points = 2.5 + corners @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return [(*p, *q) for p, q in zip(points[:-1], points[1:], strict=True)]
 
 
 def comb(rng: np.random.Generator) -> list[Wall]:
@@ -92,7 +92,7 @@ def hooks(rng: np.random.Generator) -> list[Wall]:
     """Three pockets that open away from the goal."""
     walls: list[Wall] = []
     for k in range(3):
-        x, y, deep, wide = 1.0 + 1.1 * k, rng.uniform(1.2, 3.8), rng.uniform(0.5, 0.8), rng.uniform(0.4, 0.7)
+        x, y, deep, wide = 1.3 + 1.0 * k, rng.uniform(1.2, 3.8), rng.uniform(0.5, 0.8), rng.uniform(0.4, 0.7)
         walls += [(x, y - wide, x, y + wide), (x, y - wide, x - deep, y - wide), (x, y + wide, x - deep, y + wide)]
     return walls
 

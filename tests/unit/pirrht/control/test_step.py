@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,3 +59,20 @@ def test_mppi_without_a_word_has_settings_that_arrive(slit: Scenario):
             if slit.space.scene.goal.contains(x):
                 break
         assert slit.space.scene.goal.contains(x), seed
+
+
+def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit: Scenario, slit_tree):
+    few = slit.with_settings(samples=4, noise=0.3)
+    plain, until = (few.controller(slit_tree) for _ in range(2))
+    plain.path_integral.sampling = replace(few.sampling, least=0.0)
+    until.path_integral.sampling = replace(few.sampling, least=40.0)
+    first = plain.plan(slit.start).estimate
+    more = until.plan(slit.start).estimate
+    assert first is not None
+    assert more is not None
+    assert first.ess < 40.0 <= more.ess
+    np.testing.assert_array_equal(more.parts[0].log_weight, first.parts[0].log_weight)  # the first round is the same
+    until.observe(slit.start[None], DT)
+    later = until.plan(slit.start).estimate
+    assert later is not None
+    assert len(later.parts) == 1
