@@ -13,6 +13,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
+SOON, FINE = 1.0, 0.02  # [s], and the step in which room is compared [m]
 NEARER = 0.01  # so much nearer something may come than when a place to wait was chosen, before others are tried [m]
 
 
@@ -45,6 +46,7 @@ class Halt:
         law: control (m,) at a state (n,), a time since it was chosen [s].
         times: ends of steps, (T+1,) [s].
         tape: the controls of those steps without noise, (T, m).
+        room: clearance from what stands once it has settled, as much as counts [m].
         free: how long it touches nothing [s]; infinite if never within the horizon.
         clearance: the least within the horizon, once it has settled [m].
     """
@@ -52,6 +54,7 @@ class Halt:
     law: Law
     times: Array
     tape: Array
+    room: float
     free: float
     clearance: float
 
@@ -78,21 +81,25 @@ class Brake:
         """What to do at x (n,) among the bodies of a space, at a time of its clock [s].
 
         The first that keeps enough clearance is taken: to go on waiting where it waits, to brake on the spot, to give
-        way ever farther. If none does, the one that keeps most, or that is free for longest.
+        way ever farther. If none does, what touches nothing for SOON counts first, then room to what stands, since
+        noise uses it up, then how long it is free: what comes later may go elsewhere.
 
         Args:
             known: what else a robot that cannot stop may do, and does rather than turn.
         """
-        best: tuple[float, float] = (-inf, -inf)
+        best: tuple[float, ...] = (-inf,)
         for law in self._laws(x, known):
             found = self._tried(law, x, space, now)
-            if (found.free, found.clearance) > best:
-                best, chosen = (found.free, found.clearance), found
+            worth = min(found.free, SOON), found.room // FINE, found.free, found.clearance
+            if worth > best:
+                best, chosen = worth, found
             enough = self._enough if law is self._last else self.settings.clearance
             if found.free == inf and found.clearance >= enough:
                 break
+        if chosen.law is not self._last:
+            half = 0.5 * self.settings.clearance
+            self._enough = max(half, min(2.0 * half, chosen.clearance - NEARER))
         self._last = None if chosen.law is known else chosen.law
-        self._enough = min(self.settings.clearance, chosen.clearance - NEARER)
         return chosen
 
     def _laws(self, x: Array, known: Law | None) -> Iterator[Law]:
@@ -138,14 +145,20 @@ class Brake:
             controls.append(law(states[-1], i * s.step))
             states.append(d.step(states[-1], controls[-1], still, s.step))
         places, times = np.array(states)[:, :2], np.arange(count + 1) * s.step
-        clearance = space.collision.clearance(places)
+        standing = clearance = space.collision.clearance(places)
         if space.scene.movers:
             pairs = zip(places, now + times, strict=True)
             clearance = np.minimum(clearance, [space.crowd.clearance(place, time) for place, time in pairs])
         met = np.flatnonzero(clearance <= 0.0 if clearance[0] > 0.0 else clearance < clearance[0])  # out of a margin
-        free = float(times[met[0]]) if len(met) else inf
-        least = float(clearance[times >= 2.0 * s.within].min())
-        return Halt(law=law, times=np.asarray(times), tape=np.array(controls), free=free, clearance=least)
+        settled = times >= 2.0 * s.within
+        return Halt(
+            law=law,
+            times=np.asarray(times),
+            tape=np.array(controls),
+            room=min(float(standing[settled].min()), s.clearance),
+            free=float(times[met[0]]) if len(met) else inf,
+            clearance=float(clearance[settled].min()),
+        )
 
 
 def held(times: Array, tape: Array) -> Law:

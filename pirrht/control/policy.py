@@ -46,7 +46,13 @@ class Drive:
         return self.time == self.begun
 
     def ask(self, x: Array) -> None:
-        """Take note of a plan at x (n,); a warning if the robot has moved since the last one and nobody says how."""
+        """Take note of a plan at x (n,); a warning if the robot has moved since the last one and nobody says how.
+
+        Raises:
+            OptionError: x has entries that are no finite numbers.
+        """
+        if not np.all(np.isfinite(x)):
+            raise OptionError(f"the state is {x.tolist()}; all of it must be finite numbers")
         if self.asked is not None and not np.array_equal(x, self.asked):
             warnings.warn(
                 f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({self.asked[0]:.4g}, {self.asked[1]:.4g}), and "

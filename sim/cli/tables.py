@@ -171,6 +171,8 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
         f"{f', blocked for {drive.blocked_time:.2f} s' if drive.fallbacks else ''}), "
         f"least clearance {drive.min_clearance:.3f} m (free distance around the footprint)"
     )
+    if drive.outcome == "timeout" and drive.fallbacks > drive.steps // 2:
+        say("no way for most of the time: more --samples or --vertices, or less --margin, may find one")
     if drive.outcome == "collision":
         say("noise moves the robot between two controls: --margin M makes plans leave so much more room [m]")
     if drive.doubtful_plans:

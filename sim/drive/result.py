@@ -28,8 +28,8 @@ class DriveResult:
     vertices: int = _told("1", "of the tree")
     min_clearance: float = _told(
         "m",
-        "clearance: free distance around the footprint, the disc as which the robot plans, least after any physics "
-        "step, 0 after a collision; below 0 where a body that is slimmer passed without touching",
+        "clearance: free distance around the footprint, the disc as which the robot plans with its margin, least after "
+        "any physics step, 0 after a collision; below 0 where a body that is slimmer passed without touching",
     )
     value_estimate: float | None = _told(
         "cost", "v at the start: estimated, of the method optimal exact; infinite if no sample survived"

@@ -55,7 +55,7 @@ TASK = (
         "margin", "room that plans leave around the robot, where there is some: its footprint grows by so much, what "
         "collides of it does not", kind=float, metavar="M", numeric=True,
         unset="the scene's, or three standard deviations of what noise moves the robot in 0.01 s, 0.01 m at least and "
-        "half of the room in the narrowest passage at most",
+        "a quarter of the room in the narrowest passage at most",
         bounds=Bounds(low=0.0, high=10.0, why="less is a bump, and no scene has more room"),
     ),
     _task("start", "start: X Y [m] and TH [rad]", kind=float, count="+", metavar="X", unset="the scene's"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 from functools import partial
 from inspect import signature
 from pathlib import Path
@@ -55,9 +56,13 @@ def prepare(
     kind = named(loaded.dynamics_name)
     said = given or {}
     strange = [name for name in said if name not in BY_SETTING]
-    if strange:
-        takes = "an argument of prepare itself" if strange[0] in signature(prepare).parameters else "no setting"
-        raise OptionError(f"given: {strange[0]!r} is {takes}; settings are {', '.join(sorted(BY_SETTING))}")
+    for name in strange:
+        if name in signature(prepare).parameters:
+            raise OptionError(f"given: {name!r} is no setting but an argument: prepare(..., {name}=...)")
+        like = get_close_matches(name, BY_SETTING, n=1) or sorted(BY_SETTING)
+        raise OptionError(
+            f"given: {name!r} is no setting; {'did you mean' if len(like) == 1 else 'those are'} {', '.join(like)}"
+        )
     overlay = kind.preset(preset)
     refuse(kind, said)
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings

@@ -11,16 +11,16 @@ from pirrht.problem import Problem
 REACTION = 0.01  # how long feedback takes to answer noise [s]
 DEVIATIONS = 3.0  # of the robot's place after that time without control
 LEAST = 0.01  # margin [m]: contacts and servos are not exact either
-SHARE = 0.5  # of the room that the robot has in the narrowest passage, at the start and at the goal point
+SHARE = 0.25  # of the room that the robot has in the narrowest passage, at the start and at the goal point
 STEPS = 20  # of that time, by which the noise adds up
-WORTH = 1e-3  # a smaller margin is none [m]
+WORTH = 2e-3  # a smaller margin is none [m]
 
 
 def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float:
     """The margin [m] for a problem without one; 0 where there is no room.
 
     It is three standard deviations of the place that noise alone moves the robot to before it reacts [s], and takes
-    no more than half of the room anywhere, so that no class is lost.
+    no more than a quarter of the room anywhere, so that no class is lost.
     """
     scene = space.scene
     ends = space.collision.clearance(np.array([scene.start[:2], scene.goal.center[:2]]))
