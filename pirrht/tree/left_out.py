@@ -18,7 +18,7 @@ from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 
 FACTOR = 1.25  # a way of no more than so many times the shortest matters
-POINTS = 4000  # of the lattice on which ways are measured
+POINTS = (4000, 16_000, 64_000)  # of the lattice on which ways are measured: the first on which there is one
 NEIGHBOURS = 2.3  # points that are so many spacings apart are connected: in the open ways are at most 3 % too long
 NOWHERE = -9999  # what SciPy has before the first point of a way
 START, GOAL = 0, 1  # numbers of the first points
@@ -41,11 +41,14 @@ def left_out(tree: HomologyTree, x: Array, factor: float = FACTOR) -> list[LeftO
     """
     if isinstance(tree.homology, TimedHomology) or tree.homology.M == 0 or _surely_none(tree, x, factor):
         return []
-    points, before, length = _shortest_ways(tree, x[:2])
-    whole = length.sum(axis=0)
-    near = np.flatnonzero(whole <= factor * whole[START])
-    if not math.isfinite(whole[START]):
+    for count in POINTS:
+        points, before, length = _shortest_ways(tree, x[:2], count)
+        whole = length.sum(axis=0)
+        if math.isfinite(whole[START]):
+            break
+    else:
         return []
+    near = np.flatnonzero(whole <= factor * whole[START])
     to, on = (_turns(points, before[row], tree.homology.markers, near) for row in (START, GOAL))
     to *= -1.0  # both are turns from a point to the end of its row
     windings = np.rint(to + on - tree.homology.straight(x[None, :2])).astype(np.int64)
@@ -81,13 +84,13 @@ def _surely_none(tree: HomologyTree, x: Array, factor: float) -> bool:
     return cheapest <= factor * math.dist(x[:2], goal) and not np.any(around <= factor * cheapest)
 
 
-def _shortest_ways(tree: HomologyTree, start: Array) -> tuple[Array, IntArray, Array]:
+def _shortest_ways(tree: HomologyTree, start: Array, count: int) -> tuple[Array, IntArray, Array]:
     """Points (k, 2) [m], and what comes before each on its shortest way from start and goal, with its length, (2, k).
 
-    They are a coarse lattice and the axes of passages, which have points where a lattice has none.
+    They are a lattice of about `count` points and the axes of passages, which have points where a lattice has none.
     """
     scene, collision = tree.space.scene, tree.space.collision
-    spacing = math.sqrt(float(np.prod(scene.upper - scene.lower)) / POINTS)
+    spacing = math.sqrt(float(np.prod(scene.upper - scene.lower)) / count)
     lattice = [
         np.arange(low + 0.5 * spacing, high, spacing) for low, high in zip(scene.lower, scene.upper, strict=True)
     ]

@@ -11,7 +11,6 @@ from pirrht.errors import NoReference, SceneError
 from pirrht.freespace import FreeSpace
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.left_out import left_out
 from pirrht.tree.reference import Reference
 from sim.mjcf.covered import covered
 from sim.scenario.task import Task
@@ -43,6 +42,8 @@ def grown(task: Task, progress: Callable[[int], None] | None = None, at: Array |
     Raises:
         OptionError: that is no tree for this scene, robot and limit.
     """
+    from pirrht.tree.left_out import left_out  # SciPy's graphs, which take a while to import
+
     s, x = task.settings, task.start if at is None else at
     if s.tree is not None:
         return tree_file.load(s.tree, task.space, task.steering(), limit=s.limit, classes=s.classes)
