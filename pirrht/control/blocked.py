@@ -87,15 +87,17 @@ class Brake:
         Args:
             known: what else a robot that cannot stop may do, and does rather than turn.
         """
-        best: tuple[float, ...] = (-inf,)
+        chosen: Halt | None = None
+        best: tuple[float, ...] = ()
         for law in self._laws(x, known):
             found = self._tried(law, x, space, now)
             worth = min(found.free, SOON), found.room // FINE, found.free, found.clearance
-            if worth > best:
+            if chosen is None or worth > best:
                 best, chosen = worth, found
             enough = self._enough if law is self._last else self.settings.clearance
             if found.free == inf and found.clearance >= enough:
                 break
+        assert chosen is not None  # there are always laws
         if chosen.law is not self._last:
             half = 0.5 * self.settings.clearance
             self._enough = max(half, min(2.0 * half, chosen.clearance - NEARER))

@@ -164,6 +164,7 @@ class Controller(Policy):
             references = self._references(x, self._pace.most(left))
         except NoReference:
             if not self._planned and not self.space.scene.movers:
+                self.drive.asked = None  # nothing was planned
                 self._blame_speed(x)
                 raise
             references = self._kept(x, set())

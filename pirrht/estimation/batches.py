@@ -60,13 +60,11 @@ def sample(
         draw(np.maximum(1, np.rint(more * number)).astype(np.int64))
         drawn += more
     most = min(FIRST_MOST, MOST / max(1.0, float(number.sum())))
-    lacking = least > 0.0 and _ess(integral, parts) < least
-    while lacking and 2.0 * drawn <= most:
-        lacking = (
-            _ess(integral, parts) < least
-        )  # once they are there another round is drawn, which chance did not choose
+    enough = 2 if least <= 0.0 or _ess(integral, parts) >= least else 0
+    while enough < 2 and 2.0 * drawn <= most:  # twice: so many may be chance, until a heavy sample comes
         draw(np.rint(drawn * number).astype(np.int64))
         drawn *= 2.0
+        enough = enough + 1 if _ess(integral, parts) >= least else 0
     return integral.weighed(parts, batch.named)
 
 

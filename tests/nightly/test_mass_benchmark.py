@@ -110,7 +110,7 @@ def test_a_benchmark_prints_its_table_and_writes_it(tmp_path, monkeypatch, capsy
     assert benchmark.main() == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("b ")
-    assert len(lines) == 4
+    assert len(lines) == 5
     found = json.loads((tmp_path / "line.json").read_text())
     assert all(abs(one["share"]) < 0.01 for one in found)
 

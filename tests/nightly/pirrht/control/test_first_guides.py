@@ -159,6 +159,7 @@ def test_the_valley_that_noise_leaves_is_forgotten_and_the_other_leads():
     first = controller.around.guides.last[()]
     ahead = 1.0 if first.modes[0, 1] < 0.0 else -1.0  # whether it is the one that drives ahead
     controller.drive.since_plan = 0.2
+    controller.drive.asked = None  # as if it had turned in the time
     controller.plan(np.array([0.6, 1.5, np.pi / 2 + 0.7 * ahead]))  # towards where the other one turns
     assert controller.around.guides.rivals == {}
     assert controller.around.guides.last[()].modes[0, 1] * first.modes[0, 1] < 0.0

@@ -49,7 +49,7 @@ def test_a_film_shows_the_drive_and_a_still_its_end(graphics, tmp_path, capsys, 
     last = np.asarray(image.open(still))
     assert last.shape == pictures[0].shape == (180, 320, 3)
     assert np.abs(pictures[-1].astype(int) - last).mean() < 6.0
-    assert yellow(last) > yellow(pictures[0]) + 20
+    assert yellow(last) > yellow(pictures[0]) + 10  # who has no samples brakes, and leaves a short trace
     assert sorted(tmp_path.iterdir()) == [video, still]
 
 
