@@ -25,7 +25,7 @@ class BrakeSettings:
         within: time constant of braking and of holding a position [s].
         horizon: how long what it does must be free [s]; by then it is asked again many times.
         step: between two states that are checked [s].
-        clearance: that is enough, from what stands and from what moves [m].
+        clearance: that is enough, from standing and moving obstacles [m].
         rings: how far it gives way to have that [m], nearest first.
         directions: to which it does.
     """

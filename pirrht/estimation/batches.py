@@ -55,16 +55,16 @@ def sample(
         draw(np.maximum(1, np.rint(part * number)).astype(np.int64))
         _until(left, (before - left()) / part, part, number, draw)
     drawn, most = 1.0, max(1.0, settings.most / settings.samples)
-    while settings.target is not None and drawn < most and not _known(integral, parts, settings.target):
+    while settings.target is not None and drawn < most and not _so_far(integral, parts)[0] <= settings.target:
         more = min(drawn, most - drawn)
         draw(np.maximum(1, np.rint(more * number)).astype(np.int64))
         drawn += more
     most = min(FIRST_MOST, MOST / max(1.0, float(number.sum())))
-    enough = 2 if least <= 0.0 or _ess(integral, parts) >= least else 0
+    enough = 2 if least <= 0.0 or _so_far(integral, parts)[1] >= least else 0
     while enough < 2 and 2.0 * drawn <= most:  # twice: so many may be chance, until a heavy sample comes
         draw(np.rint(drawn * number).astype(np.int64))
         drawn *= 2.0
-        enough = enough + 1 if _ess(integral, parts) >= least else 0
+        enough = enough + 1 if _so_far(integral, parts)[1] >= least else 0
     return integral.weighed(parts, batch.named)
 
 
@@ -86,20 +86,13 @@ def _until(
         pace, drawn = (before - left()) / more, drawn + more
 
 
-def _ess(integral: PathIntegral, parts: Sequence[Rollouts]) -> float:
-    """Effective samples so far."""
+def _so_far(integral: PathIntegral, parts: Sequence[Rollouts]) -> tuple[float, float]:
+    """The control's largest standard error [control] and effective samples; infinite and 0 if none survives."""
     try:
-        return integral.weighed(parts).ess
+        estimate = integral.weighed(parts)
     except NoSurvivingSample:
-        return 0.0
-
-
-def _known(integral: PathIntegral, parts: Sequence[Rollouts], target: float) -> bool:
-    """Whether the control is known up to `target`, as far as the samples can tell."""
-    try:
-        return float(integral.weighed(parts).control_error.max()) <= target
-    except NoSurvivingSample:
-        return False
+        return np.inf, 0.0
+    return float(estimate.control_error.max()), estimate.ess
 
 
 def _seed(seed: int, r: int) -> int:

@@ -119,8 +119,7 @@ def optimiser(kind: Kind) -> Optimiser:
         for _ in range(rounds):
             done += 1
             expected = backward(setup, task, times, course, steps, points, damping)
-            little = expected < task.tolerance
-            if little and not flat:
+            if expected < task.tolerance and not flat:
                 break
             flat = False
             better, step = False, 1.0

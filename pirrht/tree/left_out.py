@@ -6,9 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import NoReference
@@ -28,7 +25,7 @@ START, GOAL = 0, 1  # numbers of the first points
 class LeftOut:
     """A class of collision-free ways that is not allowed."""
 
-    length: float  # of its shortest way on a lattice: beside walls up to 15 % too long [m]
+    length: float  # of its shortest way on a lattice: next to walls up to 15 % too long [m]
     limit: float  # the least H_limit that allows it [turns]
 
 
@@ -89,6 +86,10 @@ def _shortest_ways(tree: HomologyTree, start: Array, count: int) -> tuple[Array,
 
     They are a lattice of about `count` points and the axes of passages, which have points where a lattice has none.
     """
+    from scipy.sparse import csr_matrix  # these take a tenth of a second, and most scenes ask for no ways
+    from scipy.sparse.csgraph import dijkstra
+    from scipy.spatial import cKDTree
+
     scene, collision = tree.space.scene, tree.space.collision
     spacing = math.sqrt(float(np.prod(scene.upper - scene.lower)) / count)
     lattice = [

@@ -7,8 +7,8 @@ room is its clearance over b sqrt(1 s), what noise moves the robot in a second: 
 that of u along u*. A bad state is one where more than a tenth of the plans lie beyond 3.
 Truth has an error of its own: the last lines hold it against a grid of half the spacing in the first scene, and
 tell the greatest difference there, and the greatest in standard errors of a plan (under `over 3`).
-With --part car truth is a million samples, see `calibration_car`; with --part moving bodies move, see
-`calibration_moving`.
+With --part car truth is a million samples, see `calibration_car`; with --part moving obstacles move, see
+`calibration_moving`; with --part mazes scenes are mazes, see `calibration_mazes`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import argparse
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -71,25 +72,17 @@ def _scenario(file: str | None, seed: int, threads: int | None = None) -> Scenar
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON; with --png also a picture."""
-    if options.part == "car":
-        from benchmarks import calibration_car
-
-        return calibration_car.rows(options)
-    if options.part == "moving":
-        from benchmarks import calibration_moving
-
-        return calibration_moving.rows(options)
-    if options.part == "mazes":
-        from benchmarks import mazes
-
-        return mazes.rows(options)
+    if options.part is not None:
+        part = import_module(f"benchmarks.calibration_{options.part}")
+        found: tuple[list[str], list[list[str]], object] = part.rows(options)
+        return found
     states = collect(options)
-    found = summaries(states)
+    table_rows = summaries(states)
     if options.png is not None:
         calibration_plot.draw(options.png, states, lambda state: _scenario(state["file"], state["seed"]))
     truth = truth_errors(states)
-    table = [text_of(row) for row in found] + [truth_text(row) for row in truth]
-    return HEADER, table, {"table": found, "truth": truth, "states": states}
+    table = [text_of(row) for row in table_rows] + [truth_text(row) for row in truth]
+    return HEADER, table, {"table": table_rows, "truth": truth, "states": states}
 
 
 def jobs(options: argparse.Namespace) -> list[Job]:

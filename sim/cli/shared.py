@@ -74,7 +74,7 @@ def planned(
     """The grown tree and the references at the start; its limit is wide enough there, or at another state (n,).
 
     Args:
-        waits: whether there may be none among bodies that move, since a drive waits for a way.
+        waits: whether there may be none among moving obstacles, since a drive waits for a way.
     """
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
         tree = scenario.grown_tree(lambda size: bar.update(size - bar.n), at)

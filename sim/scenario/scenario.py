@@ -68,7 +68,7 @@ class Scenario(Task):
         """The best path of every class from the start, cheapest first.
 
         Args:
-            waits: whether there may be none among bodies that move, since a drive waits for a way.
+            waits: whether there may be none among moving obstacles, since a drive waits for a way.
 
         Raises:
             NoReference: no class reaches the goal.

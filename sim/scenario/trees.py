@@ -11,6 +11,7 @@ from pirrht.errors import NoReference, SceneError
 from pirrht.freespace import FreeSpace
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.left_out import left_out
 from pirrht.tree.reference import Reference
 from sim.mjcf.covered import covered
 from sim.scenario.task import Task
@@ -42,19 +43,22 @@ def grown(task: Task, progress: Callable[[int], None] | None = None, at: Array |
     Raises:
         OptionError: that is no tree for this scene, robot and limit.
     """
-    from pirrht.tree.left_out import left_out  # SciPy's graphs, which take a while to import
-
     s, x = task.settings, task.start if at is None else at
     if s.tree is not None:
         return tree_file.load(s.tree, task.space, task.steering(), limit=s.limit, classes=s.classes)
     first = tree = _grown_within(task, s.limit, progress)
     while task.widens and tree.limit < WIDER[-1]:
         least = max((way.limit for way in left_out(tree, x)), default=0.0)
-        if tree.lengths(tree.homology.asked(x, 0.0)) and not least:
+        if not least and _reaches(tree, x):
             return tree
         wider = (limit for limit in WIDER if limit > tree.limit)
         tree = _grown_within(task, next((limit for limit in wider if limit >= least), WIDER[-1]), progress)
-    return tree if tree.lengths(tree.homology.asked(x, 0.0)) else first
+    return tree if tree is first or _reaches(tree, x) else first
+
+
+def _reaches(tree: HomologyTree, x: Array) -> bool:
+    """Whether any class reaches the goal from x (n,)."""
+    return bool(tree.lengths(tree.homology.asked(x, 0.0)))
 
 
 def _grown_within(task: Task, limit: float, progress: Callable[[int], None] | None) -> HomologyTree:
@@ -67,7 +71,7 @@ def references(task: Task, tree: HomologyTree, waits: bool = False) -> list[Refe
     """The best path of every class from the start, cheapest first.
 
     Args:
-        waits: whether there may be none among bodies that move, since a drive waits for a way.
+        waits: whether there may be none among moving obstacles, since a drive waits for a way.
 
     Raises:
         NoReference: no class reaches the goal.

@@ -14,9 +14,9 @@ RUN = ("--noise", "0.05", "--period", "0.05", "--samples", "100", "--vertices", 
 
 @pytest.mark.parametrize("stays", [False, True])
 def test_the_robot_waits_for_who_stands_in_the_door_as_far_as_it_can_see(tmp_path, capsys, stays):
-    file, told = door(tmp_path, stays=stays), tmp_path / "run.json"
-    status = main(["run", file, *RUN, "--predict", "velocity", "--json", str(told)])
-    drive, shown = json.loads(told.read_text()), capsys.readouterr()
+    file, result = door(tmp_path, stays=stays), tmp_path / "run.json"
+    status = main(["run", file, *RUN, "--predict", "velocity", "--json", str(result)])
+    drive, shown = json.loads(result.read_text()), capsys.readouterr()
     assert (status, drive["outcome"]) == ((1, "timeout") if stays else (0, "goal"))
     assert drive["min_clearance"] > 0.0
     begin, end = drive["blocked"][0][0], drive["blocked"][-1][1]

@@ -1,4 +1,4 @@
-"""Nobody is hit in a door: every robot that can stop, with known motions and with foretold ones."""
+"""Nobody is hit in a door: every robot that can stop, with known motions and with predicted ones."""
 
 from __future__ import annotations
 

@@ -187,4 +187,4 @@ def test_without_a_survivor_the_robot_brakes_and_goes_on_when_one_survives(slit:
     assert plan.favourite == plan.ids[0] == "0,0"
     np.testing.assert_allclose(plan.control, [0.0, 0.0], atol=1e-9)
     controller.observe(np.array([[5.0, 2.5]]), 0.1)
-    assert controller.plan(np.array([5.0, 2.5])).fallback is None  # beside the goal
+    assert controller.plan(np.array([5.0, 2.5])).fallback is None  # close to the goal

@@ -1,4 +1,4 @@
-"""A loop of one's own is step(x, dt): it observes, plans and decides; a plan that was told of no motion warns."""
+"""A loop of one's own is step(x, dt): it observes, plans and decides; a plan elsewhere without an observation warns."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_steps_are_the_plans_of_a_loop_that_observes(slit: Scenario, slit_tree):
     assert one.drive.time == 0.0
 
 
-def test_who_forgets_to_observe_is_told(slit: Scenario):
+def test_who_forgets_to_observe_is_warned(slit: Scenario):
     mppi = slit.with_settings(samples=50).mppi()
     mppi.plan(slit.start)
     mppi.plan(slit.start)  # the same question again

@@ -44,7 +44,7 @@ def grown(space: FreeSpace, limit: float) -> HomologyTree:
     return tree
 
 
-def test_the_limit_that_is_told_allows_the_way_and_a_little_less_does_not():
+def test_the_limit_that_is_reported_allows_the_way_and_a_little_less_does_not():
     space = hook()
     ways = left_out(grown(space, 0.3), BEHIND)
     assert ways

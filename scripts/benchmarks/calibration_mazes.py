@@ -1,7 +1,7 @@
 """Estimates in mazes against the exact grid: rings with doors, spirals, combs and corridors of 1.1 diameters.
 
-A maze is a kind and a seed. Three of each kind, some as they are and some of another seed, make 18; five random states
-in each are asked at three noise levels. An estimate counts as flagged if its plan says that it is in doubt: few
+A maze is a kind and a seed. Six kinds of three seeds make 18; five random states in each are asked at three noise
+levels. An estimate counts as flagged if its plan says that it is in doubt: few
 effective samples, a heavy tail, or a class that matters and hardly has a sample. The trees are those of `pirrht
 estimate --at`, with a limit that is wide enough for the state.
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.scenes import places_of
+from benchmarks.scenes import SIDE, places_of
 from tqdm import tqdm
 
 from pirrht.arrays import Array
@@ -26,7 +26,6 @@ from sim.cli.tables import doubts
 from sim.scenario import Scenario, prepare
 
 RADIUS, THICK = 0.1, 0.08  # of the robot, and of walls [m]
-SIDE = 5.0  # of the workspace [m]
 NOISES = (0.1, 0.2, 0.3)
 MAZES, STATES, FAR = 18, 5, 5.0  # an estimate is off if it is beyond FAR standard errors
 HEADER = ["maze", "x", "b", "v", "v estimated", "s.e.", "in errors", "u in errors", "ESS", "flagged", "limit"]
