@@ -52,6 +52,8 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
     for name in MEANINGLESS if not scenario.moving else ():
         if given(arguments).get(name) is not None:
             say(f"--{name.replace('_', '-')} changes nothing here: nothing moves in this scene")
+    for note in scenario.loaded.notes:
+        say(note)
     said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
     return scenario
 

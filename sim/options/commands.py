@@ -60,6 +60,14 @@ TASK = (
     ),
     _task("start", "start: X Y [m] and TH [rad]", kind=float, count="+", metavar="X", unset="the scene's"),
     _task("goal", "goal disc", kind=float, count=3, metavar=("X", "Y", "R"), unset="the scene's"),
+    _task(
+        "freeze", "weld bodies with joints where the scene's first keyframe, else its default pose, has them, and drop "
+        "its actuators", kind=bool,
+    ),
+    _task(
+        "without", "leave out bodies of the scene, say a robot of its own, and all that refers to them", count="+",
+        metavar="BODY",
+    ),
 )  # fmt: skip
 
 WARM = (

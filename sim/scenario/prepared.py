@@ -32,6 +32,8 @@ def prepare(
     margin: float | None = None,
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
+    freeze: bool | None = None,
+    without: Sequence[str] | None = None,
     preset: str | None = None,
     given: Mapping[str, Any] | None = None,
     known: Callable[[System, Problem], object] | None = None,
@@ -42,6 +44,7 @@ def prepare(
 
     Args:
         system: what moves, in place of what the robot's file names: MODULE:NAME, or one that is registered.
+        freeze, without: what becomes of the scene's own bodies that move (`sim.mjcf.load`).
         given: settings by name, None where not said.
         known: told of system and problem as soon as they are known, before anything is compiled for them.
         loose: whether what stands can be moved (`sim.mjcf.load`).
@@ -51,7 +54,10 @@ def prepare(
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
     moves = None if system is None else chosen(system)
-    read = partial(load, scene, robot=robot, radius=radius, start=start, goal=goal, system=moves, loose=loose)
+    read = partial(
+        load, scene, robot=robot, radius=radius, start=start, goal=goal, system=moves, freeze=bool(freeze),
+        without=without, loose=loose,
+    )  # fmt: skip
     loaded = read(margin=margin)
     kind = named(loaded.dynamics_name)
     said = given or {}
