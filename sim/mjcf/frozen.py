@@ -36,8 +36,8 @@ def leave_out(spec: mujoco.MjSpec, names: Sequence[str], path: Path) -> str:
     for eye in [*spec.cameras, *spec.lights]:  # MuJoCo removes the rest of what refers to a body
         if eye.targetbody in gone:
             eye.targetbody, eye.mode = "", mujoco.mjtCamLight.mjCAMLIGHT_FIXED
-    _delete([skin for skin in spec.skins if gone & set(skin.bodyname)], spec)
-    _delete(spec.tuples, spec)
+    for group in (spec.skins, spec.tuples):  # what they refer to may stand in files of their own
+        _delete(group, spec)
     dropped = before - len(spec.actuators)
     also = f" and {counted(dropped, 'actuator')}" if dropped else ""
     return f"left out: {listed(list(dict.fromkeys(names)))}{also}"
@@ -64,11 +64,11 @@ def freeze(spec: mujoco.MjSpec, moving: Collection[str], path: Path) -> str:
         where = f'keyframe "{model.key(0).name}"' if model.key(0).name else "the first keyframe"
     mujoco.mj_kinematics(model, data)
     jointed = [body for body in spec.bodies if list(body.joints)]
-    frames = _frames(spec, path)
+    frames = _frames(spec, path) if list(spec.frames) else None
     for body in [*jointed, *(b for b in spec.bodies if b.mocap and b.name not in moving)]:
         parent = int(model.body_parentid[body.id])
         pose = _relative((data.xpos[parent], data.xquat[parent]), (data.xpos[body.id], data.xquat[body.id]))
-        body.pos, body.quat = _relative(frames[body.id], pose)
+        body.pos, body.quat = _relative(frames[body.id], pose) if frames else pose
         body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     roots = [spec.bodies[i].name or f"unnamed body {i}" for i in _roots(model, [body.id for body in jointed])]
     dropped = len(spec.actuators)

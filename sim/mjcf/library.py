@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,6 +18,12 @@ from sim.mjcf import limits
 # Without a handler MuJoCo leaves a MUJOCO_LOG.TXT in the folder one happens to work in, and Python prints the warning.
 logging.getLogger("mujoco").addHandler(logging.NullHandler())
 mujoco.set_mju_user_warning(logging.getLogger("mujoco").warning)
+
+_SIZES = {
+    **dict.fromkeys(("nkey", "nuserdata"), 0),
+    **dict.fromkeys(("memory", "njmax", "nconmax", "nstack"), -1),
+    **{f"nuser_{kind}": -1 for kind in ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")},
+}  # as in a file without the element `size`
 
 
 def models_folder() -> Path:
@@ -89,12 +98,24 @@ def _pose(path: Path) -> None:
 
 
 def _read(path: Path) -> mujoco.MjSpec:
+    """The spec of a file, without what it says of the sizes of memory: MuJoCo knows them itself."""
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        with _quiet():
+            spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise SceneError(f"{path}: not MJCF: {_one_line(error)}; correct the XML there") from None
+    for name, value in _SIZES.items():
+        setattr(spec, name, value)
     _lend_meshes(spec, path)
     return spec
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep to themselves the warnings by which MuJoCo speaks of deprecated attributes, a line each."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
 
 
 def _lend_meshes(spec: mujoco.MjSpec, path: Path) -> None:
@@ -109,7 +130,8 @@ def _lend_meshes(spec: mujoco.MjSpec, path: Path) -> None:
 def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     """The compiled model; SceneError names the file that is to blame."""
     try:
-        return spec.compile()
+        with _quiet():
+            return spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise SceneError(f"{path}: MuJoCo cannot compile it: {_one_line(error)}; correct that element") from None
 

@@ -40,7 +40,6 @@ _COUNTS = {  # element -> attributes whose product is how much it asks for, and 
     "user": (("dim",), MOST),
 }
 _REPEATS = ("replicate", "composite", "flexcomp")  # make `count` of what they hold
-_BYTES = {"k": 10, "m": 20, "g": 30, "t": 40, "p": 50, "e": 60}  # binary orders of the suffixes of `memory`
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _WORDS = {  # attributes whose value is a name
     "name", "class", "childclass", "model", "prefix", "mesh", "material", "texture", "hfield", "joint", "joint1",
@@ -199,22 +198,17 @@ def _check_numbers(file: Path, element: Element) -> None:
         if key not in _WORDS and not key.startswith("file") and element.tag != "text" and _has_nan(value):
             raise SceneError(f'{called} has {key}="{_short(value)}"; write numbers there')
     keys, most = _COUNTS.get(element.tag, ((), MOST))
-    asks = [(keys, most)] if keys else []
-    if element.tag == "size":
-        asks = [((key,), MEMORY // 2 if key == "memory" else MOST) for key in element.attrib]
-    for keys, most in asks:
-        if _asked(element, keys) > most:
-            given = " ".join(f'{key}="{_short(element.get(key, ""))}"' for key in keys if key in element.attrib)
-            raise SceneError(f"{called} has {given}, {'and' if len(keys) > 1 else 'which'} may be {most} at most")
+    if _asked(element, keys) > most:
+        given = " ".join(f'{key}="{_short(element.attrib[key])}"' for key in keys if key in element.attrib)
+        raise SceneError(f"{called} has {given}; write {most} at most" + (", multiplied" if " " in given else ""))
 
 
 def _asked(element: Element, keys: tuple[str, ...]) -> int:
     """The product of what attributes ask for; 1 for what is no number, of which MuJoCo has words of its own."""
     product = 1
     for word in " ".join(element.get(key, "") for key in keys).split():
-        order = _BYTES.get(word[-1].lower(), 0) if "memory" in keys else 0
         try:
-            value = float(word[:-1] if order else word) * 2**order
+            value = float(word)
         except ValueError:
             continue
         product *= max(1, int(value)) if math.isfinite(value) else sys.maxsize

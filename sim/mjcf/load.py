@@ -65,6 +65,7 @@ _FROM_ROBOT = (
     *("cone", "impratio", "solver", "iterations", "tolerance", "noslip_iterations"),
 )  # options of the physics
 _GEOM = mujoco.mjtGeom
+DECOMPOSE = "`pirrht import MESH --decompose` makes convex parts of a mesh"
 REACH = 1e4  # of a goal at most [m]
 DEFAULT = "puck"  # the robot of scenes that name none
 ABOUT = "pirrht_about"  # what a scene says of itself
@@ -101,6 +102,7 @@ def load(
     margin: float | None = None,
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
+    workspace: Sequence[float] | None = None,
     system: System | None = None,
     freeze: bool = False,
     without: Sequence[str] | None = None,
@@ -115,6 +117,7 @@ def load(
         margin: by which the footprint is larger than that [m]; without it the scene's `pirrht_margin`, else 0.
         start: x, y [m] and optionally heading [rad], in place of the site `start`.
         goal: x, y, radius [m], in place of the site `goal`.
+        workspace: x0, x1, y0, y1 [m], in place of the site `workspace` or the floor.
         system: what moves, in place of the one that the robot names.
         freeze: whether bodies with joints are welded where the first keyframe, else the default pose, has them, and
             actuators, sensors, tendons and equalities dropped.
@@ -143,10 +146,10 @@ def load(
     faults.of(refuse_turns, model, path)
     mask, solids = read_obstacles(model, data, robot_geoms, span, path, faults)
     moving, numbers = moved_geoms(model, motions), np.flatnonzero(mask)
-    workspace = faults.of(read_workspace, model, data, path)
+    borders = faults.of(read_workspace, model, data, workspace, path)
     disc, place = faults.of(_goal, model, data, goal, path), faults.of(_start, model, data, start, path)
     faults.settle()
-    assert workspace is not None and disc is not None  # noqa: PT018
+    assert borders is not None and disc is not None  # noqa: PT018
     assert place is not None
     concave = concave_meshes(model, mask, solids)
     if concave:
@@ -155,8 +158,8 @@ def load(
         notes.append(_on_hulls(list(concave.values())))
     values = Scene(
         name=path.stem,
-        lower=workspace[0],
-        upper=workspace[1],
+        lower=borders[0],
+        upper=borders[1],
         obstacles=tuple(solid for solid, geom in zip(solids, numbers, strict=True) if not moving[geom]),
         goal=disc,
         start=place,
@@ -195,8 +198,8 @@ def _posed(model: mujoco.MjModel) -> mujoco.MjData:
 def _on_hulls(concave: Sequence[Concave]) -> str:
     """A line on meshes that are not convex."""
     return (
-        f"MuJoCo collides with convex hulls, and so do plans: {listed([one.words for one in concave])}; "
-        "`pirrht import MESH --decompose` makes convex parts of a mesh"
+        f"MuJoCo collides with the convex hulls of meshes, and so do plans: {listed([one.words for one in concave])}; "
+        f"{DECOMPOSE}"
     )
 
 
@@ -325,5 +328,8 @@ def _check_start(
             body = f'body "{model.body(model.body_rootid[model.geom_bodyid[geom]]).name}"'
             raise SceneError(f"{where}{'' if body in where else f' of {body}'}, and {MOVES}")
         if geom in concave:
-            where += f", and MuJoCo collides with the convex hull of a mesh ({concave[geom].volumes}); decompose it"
-        raise SceneError(f'{where}; move site "start", or choose another --start or a smaller --radius')
+            where = where.replace("touches", "touches the convex hull of")
+            where += f" ({concave[geom].volumes}), with which MuJoCo collides: {DECOMPOSE}"
+        body = model.body(model.body_rootid[model.geom_bodyid[geom]]).name
+        spare = f', leave out body "{body}" (--without)' if body and body != "world" else ""
+        raise SceneError(f'{where}; move site "start"{spare}, or choose another --start or a smaller --radius')

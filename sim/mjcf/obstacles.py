@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from pirrht.geometry.scene import Kind, Obstacle
 from sim.mjcf.coordinates import GROUND
 from sim.mjcf.faults import Faults
 from sim.mjcf.frozen import listed
-from sim.mjcf.numbers import MOTION, refuse_far
+from sim.mjcf.numbers import FAR, MOTION, refuse_far
 
 Mask = NDArray[np.bool_]
 
@@ -72,15 +73,30 @@ def read_obstacles(
     return mask, tuple(obstacles)
 
 
-def read_workspace(model: mujoco.MjModel, data: mujoco.MjData, path: Path) -> tuple[Array, Array]:
-    """Least and greatest corner (2,) of the site `workspace`, else of the first horizontal plane [m]."""
+def read_workspace(
+    model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path
+) -> tuple[Array, Array]:
+    """Least and greatest corner (2,) [m]: as given, else of the site `workspace`, else of the first horizontal plane.
+
+    Args:
+        given: x0, x1, y0, y1 [m], or None.
+
+    Raises:
+        SceneError: there is none, it is askew or no box, or what is given is empty; names the remedy.
+    """
+    if given is not None:
+        bounds = np.array(given, dtype=float)
+        if bounds.shape != (4,) or not np.all(np.abs(bounds) <= FAR) or not np.all(bounds[::2] < bounds[1::2]):
+            raise SceneError(f"{path}: the workspace {bounds.tolist()} is none; give x0 < x1 and y0 < y1")
+        return bounds[::2], bounds[1::2]
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "workspace")
     if site >= 0:
         if int(model.site_type[site]) != int(_GEOM.mjGEOM_BOX):
             raise SceneError(f'{path}: site "workspace" must be a box; write type="box" and its half sizes')
         pose = data.site_xpos[site], data.site_xmat[site]
         return _extent(*pose, model.site_size[site], 'site "workspace"', path)
-    remedy = 'add <site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
+    site_text = '<site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
+    remedy = f"add {site_text} or give --workspace X0 X1 Y0 Y1"
     planes = [g for g in np.flatnonzero(model.geom_type == _PLANE) if _faces_up(data, int(g))]
     planes = [g for g in planes if model.geom(g).name != f"robot/{GROUND}"]
     if not planes:

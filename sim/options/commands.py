@@ -61,6 +61,10 @@ TASK = (
     _task("start", "start: X Y [m] and TH [rad]", kind=float, count="+", metavar="X", unset="the scene's"),
     _task("goal", "goal disc", kind=float, count=3, metavar=("X", "Y", "R"), unset="the scene's"),
     _task(
+        "workspace", "border of the robot's centre", kind=float, count=4, metavar=("X0", "X1", "Y0", "Y1"),
+        unset="the scene's site or floor", bounds=PLACE,
+    ),
+    _task(
         "freeze", "weld bodies with joints where the scene's first keyframe, else its default pose, has them, and drop "
         "its actuators", kind=bool,
     ),

@@ -32,6 +32,7 @@ def prepare(
     margin: float | None = None,
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
+    workspace: Sequence[float] | None = None,
     freeze: bool | None = None,
     without: Sequence[str] | None = None,
     preset: str | None = None,
@@ -44,6 +45,7 @@ def prepare(
 
     Args:
         system: what moves, in place of what the robot's file names: MODULE:NAME, or one that is registered.
+        workspace: x0, x1, y0, y1 [m], in place of the scene's.
         freeze, without: what becomes of the scene's own bodies that move (`sim.mjcf.load`).
         given: settings by name, None where not said.
         known: told of system and problem as soon as they are known, before anything is compiled for them.
@@ -55,8 +57,8 @@ def prepare(
     """
     moves = None if system is None else chosen(system)
     read = partial(
-        load, scene, robot=robot, radius=radius, start=start, goal=goal, system=moves, freeze=bool(freeze),
-        without=without, loose=loose,
+        load, scene, robot=robot, radius=radius, start=start, goal=goal, workspace=workspace, system=moves,
+        freeze=bool(freeze), without=without, loose=loose,
     )  # fmt: skip
     loaded = read(margin=margin)
     kind = named(loaded.dynamics_name)
