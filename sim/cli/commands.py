@@ -75,6 +75,7 @@ def import_world(arguments: argparse.Namespace) -> int:
             unknown=arguments.unknown,
             motion=arguments.motion,
             number=arguments.number,
+            decompose=bool(arguments.decompose),
             progress=progress,
         )
     moving = f", and {imported.movers} bodies that move" if imported.movers else ""

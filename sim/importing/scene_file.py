@@ -17,7 +17,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.files import why_unreadable
-from sim.importing import dynabarn, ros_map
+from sim.importing import decomposed, dynabarn, ros_map
 from sim.importing.limits import content_of
 from sim.importing.sdf import Solid, World, read_sdf
 from sim.importing.target import (
@@ -68,6 +68,7 @@ def import_world(
     unknown: str | None = None,
     motion: bool = False,
     number: str | None = None,
+    decompose: bool = False,
     progress: Callable[[int, int], object] | None = None,
 ) -> Imported:
     """Write the static obstacles of an SDF world, or the walls of a ROS map, as a scene for the unicycle.
@@ -80,6 +81,7 @@ def import_world(
         workspace: x0, x1, y0, y1, the box that holds the robot's centre [m].
         motion: it is a file of motions, whatever its name ends in.
         number: which of its worlds.
+        decompose: it is a mesh, of which convex parts are made.
         unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
         progress: told how many of how many cells of a map, or shapes of a world, are done, now and then.
 
@@ -93,6 +95,14 @@ def import_world(
         what = "the JSON file of a set of motions" if moves else "an SDF world file or the YAML file of a map"
         raise SceneError(f"{source}: it {why}, so it cannot be read; give {what}")
     check_target(source, target)
+    if decompose != (source.suffix.lower() in decomposed.SUFFIXES):
+        kinds = ", ".join(decomposed.SUFFIXES)
+        raise OptionError(
+            f"--decompose is for meshes, whose names end in {kinds}; leave it out" if decompose else
+            f"{source}: MuJoCo collides with the convex hull of a mesh; add --decompose for its convex parts"
+        )  # fmt: skip
+    if decompose:
+        return _import_mesh(source, target, start, goal, workspace)
     if moves:
         if unknown is not None:
             raise OptionError("--unknown is for maps, and this is a file of motions; leave it out")
@@ -119,6 +129,22 @@ def import_world(
         obstacles = len(loaded(new, source).scene.obstacles)
         new.replace(target)
     return Imported(path=target, geoms=len(world.solids), obstacles=obstacles)
+
+
+def _import_mesh(
+    source: Path, target: Path, start: Sequence[float] | None, goal: Sequence[float] | None,
+    workspace: Sequence[float] | None,
+) -> Imported:  # fmt: skip
+    place, disc = _task(source, "mesh", start, goal)
+    parts = decomposed.read_parts(source)
+    bounds = decomposed.ground(parts) if workspace is None else numbers_of(source, BORDER, workspace, (4,))
+    check_borders(source, bounds)
+    meshes = list(decomposed.assets(parts))
+    scene = scene_text(target.stem, _CUSTOM, list(decomposed.geoms(parts)), place, disc, bounds, meshes)
+    with draft(scene, target) as new:
+        obstacles = len(loaded(new, source).scene.obstacles)
+        new.replace(target)
+    return Imported(path=target, geoms=len(parts), obstacles=obstacles)
 
 
 def _refuse_motions(source: Path) -> None:

@@ -188,13 +188,17 @@ OTHERS = (
     _file("recording", "made by `pirrht run --record`, whole or not", "FILE.rrd", "export", positional=True),
     _file("output", "the table to write, .parquet or .npz", "TABLE", "export", short="o", required=True),
     _file(
-        "world", "an SDF file (.world, .sdf), a map's .yaml, or a file of motions (.json)", "WORLD", "import",
+        "world", "an SDF file (.world, .sdf), a map's .yaml, a file of motions (.json), or a mesh", "WORLD", "import",
         positional=True,
     ),
     _file("output", "the scene to write", "SCENE.xml", "import", short="o", required=True),
     Option(
         name="motion", text="WORLD is a file of motions, as that of DynaBARN, whatever its name ends in", kind=bool,
         commands=("import",),
+    ),
+    Option(
+        name="decompose", text="WORLD is a mesh (.obj, .stl, .ply, .off), in metres and with z up: write its convex "
+        "parts, since MuJoCo collides with hulls (extra `decompose`)", kind=bool, commands=("import",),
     ),
     Option(
         name="world", attribute="number", text="which world of a file of motions", metavar="NUMBER",
