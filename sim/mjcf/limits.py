@@ -24,7 +24,8 @@ from pirrht.errors import SceneError
 from pirrht.files import MISSING, why_unreadable
 
 LARGEST_XML, LARGEST_FILE = 32 * 2**20, 128 * 2**20  # bytes
-MOST_ELEMENTS = 200_000  # of a file with all that it includes, replicas counted one by one
+MOST_ELEMENTS = 60_000  # of a file with all that it includes, copies counted one by one: MuJoCo takes 7 s for them
+MOST_COPIES = 10_000  # of an element, by all that repeats it: 3 s
 MOST_FOLDERS = 32  # in which files are searched
 MOST_PIXELS, MOST_POINTS, MOST = 2**26, 2**24, 1_000_000
 MEMORY, CPU, WALL = 2 * 2**30, 20, 120  # of the trial: bytes beyond what this process has, and seconds
@@ -32,9 +33,9 @@ MEMORY, CPU, WALL = 2 * 2**30, 20, 120  # of the trial: bytes beyond what this p
 _COUNTS = {  # element -> attributes whose product is how much it asks for, and the most that it may
     "texture": (("width", "height"), MOST_PIXELS),
     "hfield": (("nrow", "ncol"), MOST_POINTS),
-    "replicate": (("count",), MOST_ELEMENTS),
-    "composite": (("count",), MOST_ELEMENTS),
-    "flexcomp": (("count",), MOST_ELEMENTS),
+    "replicate": (("count",), MOST_COPIES),
+    "composite": (("count",), MOST_COPIES),
+    "flexcomp": (("count",), MOST_COPIES),
     "camera": (("resolution",), MOST_PIXELS),
     "numeric": (("size",), MOST),
     "user": (("dim",), MOST),
@@ -65,6 +66,8 @@ def check(path: Path) -> None:
         file = waiting.pop()
         for element, copies in _elements(file):
             number += copies
+            if copies > MOST_COPIES:
+                raise SceneError(f"{file}: {element.tag} is there more than {MOST_COPIES} times; write smaller counts")
             if number > MOST_ELEMENTS:
                 raise SceneError(f"{path}: it has more than {MOST_ELEMENTS} elements; write fewer, or smaller counts")
             _check_numbers(file, element)
