@@ -36,8 +36,8 @@ FILES: dict[str, str | bytes] = {
 WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the remedy that the answer names
     ("plan missing.xml", "missing.xml", "slit"),
     ("plan empty.xml", "empty.xml", "write"),
-    ("plan binary.xml", "binary.xml", "mend"),
-    ("plan broken.xml", "broken.xml", "mend"),
+    ("plan binary.xml", "binary.xml", "correct"),
+    ("plan broken.xml", "broken.xml", "correct"),
     ("plan scene.txt", "scene.txt", "rename"),
     ("plan .", ".", "give the path"),
     ("plan no_goal.xml", "no_goal.xml", '<site name="goal"'),
