@@ -10,8 +10,8 @@ from random import Random
 
 from mjcf_samples import SITES
 
-HUGE = ("1000000", "1000000000", "99999999999", "2147483647", "40000", "-5", "1e9")
-NO_NUMBERS = ("nan", "inf", "-inf", "1e308", "1e-320", "NaN", "+nan", "infinity", "nan(1)", "0", "1e200")
+HUGE = ("3", "200", "5000", "1000000", "1000000000", "99999999999", "2147483647", "40000", "-5", "1e9")
+NO_NUMBERS = ("nan", "inf", "-inf", "1e308", "1e-320", "NaN", "+nan", "infinity", "nan(1)", "0", "1e200", "0.5", "1e5")
 TURNS = {"euler": 3, "quat": 4, "axisangle": 4, "xyaxes": 6, "zaxis": 3}
 BOX = 'type="box" size="0.1 2 1" pos="5 5 0"'
 POINTS = "0 0 0 1 0 0 0 1 0 0 0 1"
@@ -183,7 +183,7 @@ def hostile(folder: Path, rng: Random) -> Path:
     declared = rng.choice(("", "", "", "latin-1", "utf-16", "ebcdic-cp-us", "nonsense", "us-ascii"))
     if declared:
         text = f'<?xml version="1.0" encoding="{declared}"?>{text}'
-    spoilt = rng.randrange(24)
+    spoilt = rng.randrange(36)
     if spoilt == 0:
         text = text.replace("<worldbody>", "<!-- <worldbody> -- --><worldbody>")
     elif spoilt == 1:

@@ -75,5 +75,5 @@ def test_hostile_files_load_or_are_refused_with_one_line(tmp_path):
         else:
             shutil.rmtree(folder)
     assert not wrong, f"{len(wrong)} of {FILES}\n" + "\n\n".join(wrong[:10])
-    assert found["loaded"] >= 10
+    assert found["loaded"] >= 50
     assert found["refused"] >= 300
