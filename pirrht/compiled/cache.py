@@ -179,6 +179,8 @@ def _of_intrinsic(value: Any, above: tuple[Any, ...]) -> str:
 def _code_of_module(name: str) -> str:
     """A digest of a module's code without docstrings and comments."""
     path = getattr(sys.modules[name], "__file__", None)
+    if name.split(".")[0] == "numba":
+        return name  # its version is in every key
     if path is None or not os.path.exists(path):
         raise Unknown
     tree = ast.parse(Path(path).read_bytes())

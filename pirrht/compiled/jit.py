@@ -24,6 +24,7 @@ _OPTIONS = {
     "nopython": True, "nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": False, "_nrt": True,
     "no_cfunc_wrapper": True,
 }  # fmt: skip
+linking.keep_functions_of_numba(_OPTIONS)
 
 
 def kernel(function: Callable[..., Any], **options: Any) -> Any:

@@ -10,6 +10,7 @@ What is used of numba, and what a change of it breaks (`tests/unit/pirrht/compil
 * `JITCodeLibrary`: its linking, its finalization and its form on disk.
 * `FunctionIdentity._unique_ids`: names of machine code.
 * `BaseFunction.get_call_type`: types of operations, remembered.
+* `_OverloadFunctionTemplate._get_jit_decorator`: numba's own functions on arrays and numbers become parts.
 """
 
 from __future__ import annotations
@@ -34,12 +35,14 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys
 from numba.core.typed_passes import NativeLowering
 from numba.core.types.functions import BaseFunction
+from numba.core.typing.templates import _OverloadFunctionTemplate
 
 from pirrht.compiled import cache
 from pirrht.compiled.libraries import EntryLibrary, PartLibrary
 from pirrht.compiled.unbroken import unbroken
 
 VALUES = (types.Number, types.Boolean, types.Array, types.BaseTuple)
+KEPT = ("numba.cpython.builtins", "numba.np.arrayobj")  # modules of numba whose functions become parts
 BITS = 48  # among a thousand processes two share a count with a chance of one in a million
 
 
@@ -292,6 +295,18 @@ def register(function: Callable[..., Any], options: dict[str, Any]) -> None:
     """Let kernels call a Python function."""
     part = _parts[function] = Part(function, options)
     part.typingctx.insert_global(function, types.Dispatcher(part))
+
+
+def keep_functions_of_numba(options: dict[str, Any]) -> None:
+    """Make parts of numba's own functions on arrays and numbers, which it would compile anew in every process."""
+    plain = _OverloadFunctionTemplate._get_jit_decorator
+
+    def decorator(self: Any) -> Any:
+        if self._overload_func.__module__ not in KEPT:
+            return plain(self)
+        return lambda **given: lambda function: Part(function, options | given)
+
+    _OverloadFunctionTemplate._get_jit_decorator = decorator
 
 
 def _widened(kind: Any) -> Any:
