@@ -19,7 +19,7 @@ from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
 from pirrht.guidance.tracking import FEW
 from pirrht.problem import Problem
 from pirrht.steering.trajectory import Trajectory, running_cost
-from pirrht.topology.homology import Homology, class_id
+from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.reference import Reference
 
@@ -75,7 +75,7 @@ class Around:
         if not references:
             still = Tape(times, np.zeros((len(times) - 1, self.problem.dynamics.m)))
             return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),), time=moment.now)
-        names = [class_id(whole) for whole in classes]
+        names = [self.homology.name(whole) for whole in classes]
         wanted = [
             Wanted(
                 whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory, winding=one.winding,

@@ -9,7 +9,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.guides import Whole
 from pirrht.steering.motion import Motions
-from pirrht.topology.homology import Homology, class_id, integers
+from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
@@ -59,6 +59,6 @@ class Remembered:
         left_out: dict[Whole, Motions] = {}
         if most is not None:
             left_out = self._known
-            self.unseen = {homology.key(way): class_id(whole) for way, whole in zip(before, left_out, strict=True)}
+            self.unseen = {homology.key(way): homology.name(whole) for way, whole in zip(before, left_out, strict=True)}
         self._known = left_out | {integers(np.add(driven, one.winding)): one.path for one in found}
         return found
