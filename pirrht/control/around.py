@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.aside import Aside
-from pirrht.control.guides import Guides, Wanted, Whole
+from pirrht.control.guides import Guides, Wanted, Whole, kept
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
@@ -62,6 +62,18 @@ class Around:
         if self.allocation is not None:
             self.allocation.forget()
         self.guides, self.aside = Guides(), Aside()
+
+    def inherit(self, before: Around, heirs: Mapping[Whole, Whole], names: Mapping[str, str]) -> None:
+        """Go on with what an earlier one remembers of classes.
+
+        Args:
+            heirs: the class now of each guide that goes on.
+            names: the name now of each class that does.
+        """
+        self.guides.inherit(before.guides, heirs)
+        self.aside.shares = kept(before.aside.shares, names)
+        if self.allocation is not None and before.allocation is not None:
+            self.allocation.inherit(before.allocation, names)
 
     def batch(self, x: Array, references: Sequence[Reference], classes: Sequence[Whole], moment: Moment) -> Batch:
         """What a plan at x (n,) draws: around references, or of passive dynamics if there is none.
