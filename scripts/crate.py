@@ -54,9 +54,9 @@ def main() -> int:
         driven += states
     print(f"from class {plans[0].favourite} to {plans[1].favourite}, driven {controller.driven_class()}")
 
-    _, axes = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
-    for plan, axis in zip(plans, axes, strict=True):
-        plan.plot(axes=axis)
+    _, axes = plt.subplots(1, 2, figsize=(12, 4.3), layout="constrained")
+    for when, plan, axis in zip(("before", "after"), plans, axes, strict=True):
+        plan.plot(axes=axis).set_title(f"{when} the crate")
     axes[1].plot(*np.array(driven).T, color="k", lw=1)
     plt.savefig(options.png)
     return 0 if scene.goal.contains(x) else 1

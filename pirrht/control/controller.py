@@ -21,7 +21,7 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import Prediction, Way
 from pirrht.control.remembered import Remembered
-from pirrht.control.update import heirs, renamed, renewed
+from pirrht.control.update import entered, heirs, renamed, renewed
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
@@ -33,7 +33,6 @@ from pirrht.guidance.leads import Batch, Lead
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
-from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
@@ -137,29 +136,28 @@ class Controller(Policy):
         self._aim(self.homology.asked(x, time))
         self._way, self._pressed, self._pace = Way(), pressed_of(None), Pace()
 
-    def update(self, scene: Scene) -> None:
+    def update(self, scene: Scene, vertices: int | None = None) -> None:
         """Go on among other obstacles: the next plan knows them, and the drive so far is not forgotten.
 
-        A new tree grows to the size of the last one. Classes keep their names: obstacles keep their numbers, and new
-        ones are counted last, about which turns count from where the robot is. Guides, control sequences and
-        statistics of every class go on whose path is still free. An obstacle that has moved off its own marker is
-        another one. Nothing changes if the scene is as it was, or if it is refused.
+        A new tree grows. Classes keep their names: obstacles keep their numbers, and new ones come last, about which
+        turns count from where the robot is; a name gets another number only where its path turns about one of these.
+        Guides, control sequences and statistics of every class go on whose path is still free. An obstacle that has
+        moved off its own marker is another one. Nothing changes if the scene is as it was, or is refused.
 
         Args:
             scene: with the same goal; its start does not matter.
+            vertices: of the tree; None: as many as the last one has.
 
         Raises:
             OptionError: the goal is another, or obstacles move.
             SceneError: an obstacle covers the goal point, or the workspace is too large for the robot.
         """
-        new = renewed(self.problem, self.space, self.tree, scene)
+        new = renewed(self.problem, self.space, self.tree, scene, vertices)
         if new is None:
             return
-        around, pool, homology, path = self.around, self.pool, self.homology, self.drive.path
-        assert isinstance(path, Driven)
-        assert isinstance(homology, Homology)
+        around, pool, homology = self.around, self.pool, self.homology
         self._enter(*new, self.path_integral.sampling)
-        path.enter(self.space.homology)
+        path = entered(self.drive.path, self.space.homology)
         guides = heirs(self.space, path, around.guides.lines(self.drive.since_plan, scene.goal.center))
         classes = guides | heirs(self.space, path, self._ways.lines())
         names = renamed(classes, homology, self.space.homology)

@@ -14,15 +14,21 @@ from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
-from pirrht.topology.driven import Driven
+from pirrht.topology.driven import Driven, DrivenInTime
 from pirrht.topology.homology import Homology, integers
+from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 
 Renewed = tuple[Problem, FreeSpace, HomologyTree | None]
 
 
-def renewed(problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene) -> Renewed | None:
-    """The problem, the free space and a tree of as many vertices in another scene; None if it is as it was.
+def renewed(
+    problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
+) -> Renewed | None:
+    """The problem, the free space and a tree in another scene; None if it is as it was.
+
+    Args:
+        vertices: of the tree; None: as many as the last one has.
 
     Raises:
         OptionError: the goal is another, or obstacles move.
@@ -45,8 +51,15 @@ def renewed(problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene
     grown = None
     if tree is not None:
         grown = HomologyTree(now, tree.steering, limit=tree.limit, classes=tree.classes, rng=tree.rng)
-        grown.grow(tree.size)
+        grown.grow(tree.size if vertices is None else vertices)
     return replace(problem, scene=scene), now, grown
+
+
+def entered(driven: Driven | DrivenInTime, homology: Homology) -> Driven:
+    """The driven path of a drive among obstacles that stand, which from here on counts turns about other markers."""
+    assert isinstance(driven, Driven)
+    driven.enter(homology)
+    return driven
 
 
 def heirs(space: FreeSpace, driven: Driven, lines: Mapping[Whole, Array]) -> dict[Whole, Whole]:
@@ -59,7 +72,7 @@ def heirs(space: FreeSpace, driven: Driven, lines: Mapping[Whole, Array]) -> dic
     return found
 
 
-def renamed(classes: Mapping[Whole, Whole], before: Homology, after: Homology) -> dict[str, str]:
+def renamed(classes: Mapping[Whole, Whole], before: Homology | TimedHomology, after: Homology) -> dict[str, str]:
     """The names of classes then, and of the same now."""
     return {before.name(then): after.name(now) for then, now in classes.items()}
 
