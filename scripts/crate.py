@@ -1,4 +1,4 @@
-"""A world from Python in which a crate appears before the robot: it plans anew, and goes another way."""
+"""A world from Python in which a crate appears in front of the robot, which replans to another class."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, Scene, SingleIntegrator, StraightLine
 
-WALLS = [[2.2, 0.6, 2.6, 2.2], [2.2, 2.8, 2.6, 4.4]]  # x0, y0, x1, y1 [m]; between them is the shortest way
+WALLS = [[2.2, 0.6, 2.6, 2.2], [2.2, 2.8, 2.6, 4.4]]  # x0, y0, x1, y1 [m]; between them is the shortest path
 CRATE = [2.9, 2.1, 3.5, 2.9]
 APPEARS, LONGEST = 0.8, 20.0  # when the crate does, and how long a run may take [s]
 PERIOD, STEP = 0.02, 0.002  # between plans, and of the equation [s]
@@ -24,7 +24,7 @@ def room(*boxes: list[float]) -> Scene:
 
 
 def main() -> int:
-    """Drive once and draw the plans before and after the crate; the exit status is 0 if it was not hit."""
+    """Run once and draw the plans before and after the crate; the exit status is 0 if it was not hit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--noise", type=float, default=0.15, help="b of dx = u dt + b dw")
     parser.add_argument("--seed", type=int, default=0)

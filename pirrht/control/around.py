@@ -64,11 +64,11 @@ class Around:
         self.guides, self.aside = Guides(), Aside()
 
     def inherit(self, before: Around, heirs: Mapping[Whole, Whole], names: Mapping[str, str]) -> None:
-        """Go on with what an earlier one remembers of classes.
+        """Take over what an earlier one remembers of classes.
 
         Args:
-            heirs: the class now of each guide that goes on.
-            names: the name now of each class that does.
+            heirs: the class now of each guide that is kept.
+            names: the name now of each class that is.
         """
         self.guides.inherit(before.guides, heirs)
         self.aside.shares = kept(before.aside.shares, names)

@@ -137,7 +137,7 @@ class Controller(Policy):
         self._way, self._pressed, self._pace = Way(), pressed_of(None), Pace()
 
     def update(self, scene: Scene, vertices: int | None = None) -> None:
-        """Go on among other obstacles: the next plan knows them, and the drive so far is not forgotten.
+        """Continue among other static obstacles; the path driven so far still counts.
 
         A new tree grows. Classes keep their names: obstacles keep their numbers, and new ones come last, about which
         turns count from where the robot is; a name gets another number only where its path turns about one of these.

@@ -159,7 +159,7 @@ class ClassPool:
         self._last = None
 
     def inherit(self, before: ClassPool, names: Mapping[str, str]) -> None:
-        """Go on with what is known of earlier classes; `names` are theirs now."""
+        """Take over what is known of earlier classes; `names` are theirs now."""
         laws = {} if before._last is None else kept(before._last.classes, names)
         self._last = replace(before._last, classes=laws) if before._last is not None and laws else None
 

@@ -21,7 +21,7 @@ V = TypeVar("V")
 
 
 def kept(known: Mapping[K, V], heirs: Mapping[K, K]) -> dict[K, V]:
-    """What is known of classes, by what each is now; of several that became one, what came first."""
+    """Return what is known of classes by what each is now; of several that became one, what came first."""
     return {heirs[one]: value for one, value in reversed([*known.items()]) if one in heirs}
 
 
@@ -102,12 +102,12 @@ class Guides:
         return guides, counts
 
     def lines(self, elapsed: float, goal: Array) -> dict[Whole, Array]:
-        """The paths that are left after a time [s], (k, 2) [m] each, of those that have not arrived."""
+        """Return what is left of paths after a time [s], (k, 2) [m] each, of those that have not arrived."""
         rests = {whole: guide.rest(elapsed, goal) for whole, guide in self.last.items()}
         return {whole: rest.points for whole, rest in rests.items() if rest is not None}
 
     def inherit(self, before: Guides, heirs: Mapping[Whole, Whole]) -> None:
-        """Go on with earlier guides, by the classes that theirs are now."""
+        """Take over earlier guides, by the classes that theirs are now."""
         self.last, self.rivals = kept(before.last, heirs), kept(before.rivals, heirs)
         self.strong = {heirs[whole] for whole in before.strong if whole in heirs}
 

@@ -34,11 +34,11 @@ class Remembered:
         self.unseen: dict[int, str] = {}
 
     def lines(self) -> dict[Whole, Array]:
-        """The paths of the last plan, (k, 2) [m] each, by class."""
+        """Return the paths of the last plan, (k, 2) [m] each, by class."""
         return {whole: np.vstack(path.points(SPACING)) for whole, path in self._known.items()}
 
     def inherit(self, heirs: Mapping[Whole, Whole]) -> None:
-        """Go on with them by the classes that theirs are now."""
+        """Keep them by the classes that theirs are now."""
         self._known = kept(self._known, heirs)
 
     def reversed(self, tree: HomologyTree | None, x: Array) -> dict[Whole, Trajectory]:

@@ -1,4 +1,4 @@
-"""Obstacles that come and go while the robot is under way: what plans are made by then, and what goes on."""
+"""Static obstacles that change during an episode: what the next plan is made with, and what is kept of the last."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Renewed = tuple[Problem, FreeSpace, HomologyTree | None]
 def renewed(
     problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
 ) -> Renewed | None:
-    """The problem, the free space and a tree in another scene; None if it is as it was.
+    """Return the problem, the free space and a tree in another scene; None if it is as it was.
 
     Args:
         vertices: of the tree; None: as many as the last one has.
@@ -39,8 +39,8 @@ def renewed(
         raise OptionError(f"an update keeps the goal, {before.goal}; for {scene.goal} make another Controller")
     if before.movers or scene.movers:
         raise OptionError(
-            f"an update changes what stands, and {len(scene.movers or before.movers)} obstacles move; for others make "
-            "another Controller"
+            f"an update is of static obstacles, and {len(scene.movers or before.movers)} move here; make another "
+            "Controller"
         )
     parts = "lower", "upper", "robot_radius", "robot_height"
     alike = all(np.array_equal(getattr(before, part), getattr(scene, part)) for part in parts)
@@ -56,14 +56,14 @@ def renewed(
 
 
 def entered(driven: Driven | DrivenInTime, homology: Homology) -> Driven:
-    """The driven path of a drive among obstacles that stand, which from here on counts turns about other markers."""
+    """Return the driven path among static obstacles, which counts turns about other markers from here on."""
     assert isinstance(driven, Driven)
     driven.enter(homology)
     return driven
 
 
 def heirs(space: FreeSpace, driven: Driven, lines: Mapping[Whole, Array]) -> dict[Whole, Whole]:
-    """What each class is called now, of those whose path ahead, (k, 2) [m], is still free."""
+    """Map earlier classes to what they are now, those whose path ahead, (k, 2) [m], is still free."""
     found = {}
     for whole, line in lines.items():
         if np.all(space.collision.segments_free(line[:-1], line[1:])):
@@ -73,7 +73,7 @@ def heirs(space: FreeSpace, driven: Driven, lines: Mapping[Whole, Array]) -> dic
 
 
 def renamed(classes: Mapping[Whole, Whole], before: Homology | TimedHomology, after: Homology) -> dict[str, str]:
-    """The names of classes then, and of the same now."""
+    """Map the earlier names of classes to the names now."""
     return {before.name(then): after.name(now) for then, now in classes.items()}
 
 

@@ -36,7 +36,7 @@ class Allocation:
         self._contribution, self._shortfall = {}, {}
 
     def inherit(self, before: Allocation, names: Mapping[str, str]) -> None:
-        """Go on with what is known of earlier classes; `names` are theirs now."""
+        """Take over what is known of earlier classes; `names` are theirs now."""
         found = {names[name]: value for name, value in before._contribution.items() if name in names}
         self._contribution = found
         self._shortfall = {names[name]: value for name, value in before._shortfall.items() if name in names}

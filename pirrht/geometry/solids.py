@@ -16,7 +16,7 @@ SMALLEST = 1e-6  # side, radius, or area of a solid that counts as one [m], [m^2
 
 
 def boxes(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
-    """Boxes of a height [m] from rows (k, 4 or 5): least x, y, greatest x, y [m], and a yaw about the middle [rad]."""
+    """Make boxes of a height [m] from rows (k, 4 or 5): least x, y, greatest x, y [m], a yaw about the middle [rad]."""
     numbers = table(rows, (4, 5), "boxes", "x0, y0, x1, y1 [m] and perhaps a yaw [rad]")
     half, middle = 0.5 * (numbers[:, 2:4] - numbers[:, :2]), 0.5 * (numbers[:, :2] + numbers[:, 2:4])
     for i in np.flatnonzero(np.any(half < SMALLEST, axis=1)):
@@ -28,7 +28,7 @@ def boxes(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
 
 
 def discs(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
-    """Upright cylinders of a height [m] from rows (k, 3): x, y, radius [m]."""
+    """Make upright cylinders of a height [m] from rows (k, 3): x, y, radius [m]."""
     numbers = table(rows, (3,), "discs", "x, y, radius [m]")
     for i in np.flatnonzero(numbers[:, 2] < SMALLEST):
         raise SceneError(f"disc {i + 1} is {numbers[i].tolist()}; its radius must be positive")
@@ -39,7 +39,7 @@ def discs(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
 
 
 def prisms(polygons: Sequence[ArrayLike], height: float) -> tuple[Obstacle, ...]:
-    """Upright prisms of a height [m] over polygons, corners (l, 2) [m] each; triangles where one is not convex."""
+    """Make upright prisms of a height [m] over polygons (l, 2) [m]; triangles where one is not convex."""
     solids = []
     for i, polygon in enumerate(polygons, start=1):
         parts = _convex_parts(f"polygon {i}", table(polygon, (2,), f"polygon {i}", "corners x, y [m]"))
@@ -49,7 +49,7 @@ def prisms(polygons: Sequence[ArrayLike], height: float) -> tuple[Obstacle, ...]
 
 
 def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) -> tuple[Obstacle, ...]:
-    """Boxes of a height [m] whose union are the occupied cells (rows, columns) of a side [m]; the first row is lowest.
+    """Make boxes of a height [m] that cover just the occupied cells (rows, columns) of a side [m]; row 0 is the lowest.
 
     Args:
         origin: lower left corner of the grid, (2,) [m].
@@ -61,7 +61,7 @@ def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) 
 
 
 def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
-    """Rows of finite numbers (k, widest); what a row of fewer numbers leaves out is 0.
+    """Return rows of finite numbers (k, widest); what a row of fewer numbers leaves out is 0.
 
     Raises:
         SceneError: a row is something else; says which, and what a row holds.
@@ -87,7 +87,7 @@ def _standing(name: str, kind: Kind, size: Array, xy: Array, height: float, rota
 
 
 def _prism(name: str, corners: Array, height: float) -> Obstacle:
-    """A convex polygon (l, 2), counter-clockwise, with a floor and a ceiling."""
+    """Make a mesh of a convex polygon (l, 2), counter-clockwise, with a floor and a ceiling."""
     count, middle = len(corners), corners.mean(axis=0)
     z = np.repeat([-0.5 * height, 0.5 * height], count)
     fan = np.array([[0, k, k + 1] for k in range(1, count - 1)])
@@ -101,7 +101,7 @@ def _prism(name: str, corners: Array, height: float) -> Obstacle:
 
 
 def _convex_parts(name: str, corners: Array) -> list[Array]:
-    """A simple polygon (l, 2) itself if it is convex, else triangles, ear by ear; counter-clockwise.
+    """Return a simple polygon (l, 2) itself if it is convex, else its triangles, ear by ear; counter-clockwise.
 
     Raises:
         SceneError: it has no inside, or crosses itself.

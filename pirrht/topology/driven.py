@@ -44,7 +44,7 @@ class Driven:
         return self._last
 
     def enter(self, homology: Homology) -> None:
-        """Go on among other markers, to the same goal; turns about those that are new count from here on."""
+        """Continue among other markers, to the same goal; turns about those that are new count from here on."""
         old = self._homology
         sure, last = (self._turns, self._last) if self._sure is None else self._sure
         M = min(old.M, homology.M)

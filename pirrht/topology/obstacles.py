@@ -53,7 +53,7 @@ def components(collision: Collision) -> tuple[Component, ...]:
 def continued(
     parts: Sequence[Component], before: Sequence[Component], collision: Collision, named: int
 ) -> tuple[Component, ...]:
-    """Components of a changed world that have a marker (2,) [m], in the order of earlier ones, then new ones.
+    """Return the components of a changed world with a marker (2,) [m], in the order of earlier ones, then new ones.
 
     An earlier marker stays where it is while an inflated solid covers it, since signatures may wind around any point of
     a component, and around two of one. Else it is put outside of the workspace, where no path winds around it, until a

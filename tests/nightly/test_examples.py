@@ -99,7 +99,7 @@ def test_samples_of_an_example_count(folder, words, at):
 
 
 @pytest.mark.parametrize("seed", [0, thorough(1)])
-def test_the_robot_before_which_a_crate_appears_goes_another_way(seed, tmp_path, monkeypatch, capsys):
+def test_the_robot_replans_to_another_class_when_a_crate_appears(seed, tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")
     import crate
 
