@@ -21,7 +21,7 @@ from pirrht.geometry.survey import build_field
 from pirrht.geometry.traffic import Traffic
 from pirrht.topology.homology import Homology
 from pirrht.topology.moving import MovingHomology
-from pirrht.topology.obstacles import Component, components
+from pirrht.topology.obstacles import Component, components, continued
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,14 +54,35 @@ class FreeSpace:
         collision = Collision(scene.world, scene.footprint)
         _check_task(scene, collision)
         parts = components(collision)
-        encircled = tuple(part for part in parts if part.marker is not None)
+        return cls._of(scene, collision, parts, tuple(part for part in parts if part.marker is not None))
+
+    def updated(self, scene: Scene) -> FreeSpace:
+        """Examine a scene with the same goal and other obstacles, so that classes keep their names.
+
+        Each obstacle keeps its number, its place in (M,) turns, while its marker is covered; new ones come last, or
+        where one had gone before. The start may be covered: the robot is under way.
+
+        Raises:
+            SceneError: the goal point is in collision, or the workspace is too large for the robot.
+        """
+        collision = Collision(scene.world, scene.footprint)
+        _check_task(scene, collision, under_way=True)
+        named = self.homology.M if self.homology.named is None else self.homology.named
+        parts = components(collision)
+        return self._of(scene, collision, parts, continued(parts, self.obstacles, collision, named), named)
+
+    @classmethod
+    def _of(
+        cls, scene: Scene, collision: Collision, parts: Sequence[Component], encircled: tuple[Component, ...],
+        named: int | None = None,
+    ) -> FreeSpace:  # fmt: skip
         markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
         return cls(
             scene=scene,
             collision=collision,
             field=_field(scene, collision, sorted(i for part in parts for i in part.members)),
             obstacles=encircled,
-            homology=Homology(markers=markers, goal=scene.goal.center.astype(float)),
+            homology=Homology(markers=markers, goal=scene.goal.center.astype(float), named=named),
             **_moving(scene),
         )
 
@@ -75,7 +96,7 @@ class FreeSpace:
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
         _check_task(scene, self.collision)
         center = scene.goal.center.astype(float)
-        homology = Homology(markers=self.homology.markers, goal=center)
+        homology = Homology(markers=self.homology.markers, goal=center, named=self.homology.named)
         return replace(self, scene=scene, homology=homology, moving=replace(self.moving, goal=center))
 
     def among(self, movers: Sequence[Mover]) -> FreeSpace:
@@ -121,8 +142,8 @@ def _field(scene: Scene, collision: Collision, members: list[int]) -> Field:
         raise SceneError(f"{scene.name}: {error}") from None
 
 
-def _check_task(scene: Scene, collision: Collision) -> None:
-    for what, point in (("start", scene.start), ("goal", scene.goal.center)):
+def _check_task(scene: Scene, collision: Collision, *, under_way: bool = False) -> None:
+    for what, point in (("start", scene.start), ("goal", scene.goal.center))[under_way:]:
         clearance = float(collision.clearance(point[None, :2])[0])
         if clearance <= 0.0:
             raise SceneError(

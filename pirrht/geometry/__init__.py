@@ -5,6 +5,7 @@ shapes        distances from solids in closed form; fcl_shapes: solids as object
 collision     how far the obstacles are and whether a path is free: FCL's word, which is the last one
 walls         the two nearest walls: the nearest solid, and the nearest in another direction
 field         both distances on a grid with their error bound, for millions of questions at once
+solids        obstacles from plain numbers; rectangles: few that cover a set of cells
 survey        how a field is sampled: dense, on one grid in a small world; blocks, fine where needed in a large one
 flat          cells in which distances are linear, so that coarse blocks err by nothing
 certify       what the field certifies about points, segments and curves (`ObstacleFree` of Algorithms 2 and 3)

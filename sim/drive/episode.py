@@ -43,7 +43,11 @@ def run(
     controller.begin(plant.state)
     odometer = Odometer(controller.problem, controller.space, plant.state, max_time, homology=controller.homology)
     outcome: Outcome | None = None
+    space = controller.space
     while outcome is None:
+        if controller.space is not space:
+            space = controller.space
+            odometer.enter(space)
         began = time.perf_counter()
         plan = controller.plan(plant.state)
         seconds = time.perf_counter() - began
@@ -170,7 +174,7 @@ class Tally:
             vertices=self.last.vertices,
             min_clearance=self.min_clearance,
             value_estimate=self.first.exact if estimate is None else estimate.value,
-            executed_class=class_id(self.last.driven_class) if self.outcome is Outcome.GOAL else None,
+            executed_class=self._executed_class(),
             class_switches=self.switches,
             class_reversals=self.reversals,
             fallbacks=self.fallbacks,
@@ -187,6 +191,13 @@ class Tally:
             deadline_misses=self.misses,
             real_time=figures(self.timings, self.period) if self.timings else None,
         )
+
+    def _executed_class(self) -> str | None:
+        """The name of the driven path's class; None unless the goal was reached."""
+        if self.last is None or self.outcome is not Outcome.GOAL:
+            return None
+        space = self.last.plan.space
+        return class_id(self.last.driven_class, None if space is None else space.homology.named)
 
     def result(self) -> dict[str, Any]:
         """The figures of the drive under the names of the public JSON (SI units)."""

@@ -18,8 +18,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.rectangles import Cells, cover
 from sim.importing.limits import FARTHEST, MOST_PIXELS, check_regular, content_of
-from sim.importing.rectangles import Cells, cover
 from sim.importing.sdf import Solid, World
 
 UNKNOWN = ("occupied", "free")
