@@ -37,7 +37,11 @@ from sim.importing.target import (
 __all__ = ["Imported", "import_world"]
 
 WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a workspace [m]
-_ROBOTS = {"world": "unicycle", "map": "rover"}  # robots that a lidar maps turn on the spot, or nearly
+ROVER = "rover"  # robots that map with a lidar turn on the spot, or nearly
+_ROBOTS = {
+    "world": ('<text name="pirrht_robot" data="unicycle"/>', '<numeric name="pirrht_noise" data="0.03"/>'),
+    "map": (f'<text name="pirrht_robot" data="{ROVER}"/>',),
+}
 _CUSTOM = (
     '<numeric name="pirrht_period" data="0.1"/>',
     '<numeric name="pirrht_dt" data="0.1"/>',
@@ -47,7 +51,7 @@ _CUSTOM = (
     '<numeric name="pirrht_classes" data="16"/>',
     '<numeric name="pirrht_phi" data="1000"/>',
     '<numeric name="pirrht_max_time" data="60"/>',
-)  # what imported worlds ask for, beside a robot with its own noise
+)  # what imported worlds and maps ask for, in addition to their robots
 _MATERIALS = {
     "box": "crate",
     "cylinder": "drum",
@@ -115,15 +119,12 @@ def import_world(
     if workspace is None and mapped and world.ground is None:
         raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
     bounds = _workspace(source, world, workspace, place, goal_disc)
-    custom = (f'<text name="pirrht_robot" data="{_ROBOTS[kind]}"/>', *_CUSTOM)
-    scene = scene_text(target.stem, custom, list(_geoms(world.solids)), place, goal_disc, bounds)
+    scene = scene_text(target.stem, (*_ROBOTS[kind], *_CUSTOM), list(_geoms(world.solids)), place, goal_disc, bounds)
     with draft(scene, target) as new:
         obstacles = len(loaded(new, source).scene.obstacles)
         new.replace(target)
     if mapped:
-        notes += (
-            f"{target}: its robot is the {_ROBOTS[kind]}, which turns almost on the spot; a command may name another",
-        )
+        notes += (f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another",)
     return Imported(path=target, geoms=len(world.solids), obstacles=obstacles, notes=notes)
 
 

@@ -4,15 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
-from scipy import ndimage
 
 pytest.importorskip("yaml")
 Image = pytest.importorskip("PIL.Image")
@@ -20,7 +15,6 @@ Image = pytest.importorskip("PIL.Image")
 from pirrht.errors import OptionError, SceneError  # noqa: E402
 from pirrht.geometry.scene import Kind  # noqa: E402
 from sim import cli  # noqa: E402
-from sim.importing.rectangles import cover, union  # noqa: E402
 from sim.importing.ros_map import read_map  # noqa: E402
 from sim.importing.scene_file import import_world  # noqa: E402
 from sim.mjcf import load  # noqa: E402
@@ -58,79 +52,6 @@ def rooms(seed: int, size: int = 80) -> np.ndarray:
             walls = (slice(middle - 1, middle + 1), part)
             picture[walls if axis == 0 else walls[::-1]] = WHITE
     return picture
-
-
-# -- rectangles --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_the_union_of_the_rectangles_is_the_set_of_cells(seed: int):
-    rng = np.random.default_rng(seed)
-    shape = tuple(rng.integers(1, 40, size=2))
-    cells = rng.random(shape) < rng.uniform(0.05, 0.95)
-    pieces = cover(cells)
-    np.testing.assert_array_equal(union(pieces, shape) > 0, cells)
-    runs = int(np.sum(np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(int), axis=1) == 1))
-    assert len(pieces) <= runs  # no more than rows cut at every gap
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_no_rectangle_could_be_left_out(seed: int):
-    cells = np.random.default_rng(seed).random((25, 25)) < 0.7
-    pieces = cover(cells)
-    for i in range(len(pieces)):
-        assert np.any((union(np.delete(pieces, i, axis=0), cells.shape) > 0) != cells)
-
-
-@pytest.mark.parametrize(
-    ("picture", "count"),
-    [
-        (drawn("###", "###"), 1),
-        (drawn("...", "..."), 0),
-        (drawn(".#.", "###", ".#."), 2),
-        (drawn("#..", "#..", "###"), 2),
-        (drawn("#####", "#...#", "#...#", "#####"), 4),
-        (drawn("#.#", ".#.", "#.#"), 5),
-    ],
-)
-def test_simple_shapes_take_as_few_as_they_can(picture: np.ndarray, count: int):
-    assert len(cover(picture == BLACK)) == count
-
-
-def ragged(size: int) -> np.ndarray:
-    """Cells of a hall of pillars whose walls are as ragged as a lidar leaves them."""
-    rng = np.random.default_rng(0)
-    near = np.arange(size) % 50 < 10
-    walls = near[:, None] & near
-    frayed = walls != np.roll(walls, 1, axis=0)
-    return walls ^ (frayed & (rng.random(walls.shape) < 0.3)) | (rng.random(walls.shape) < 0.003)
-
-
-def test_ragged_walls_take_hardly_more_rectangles_than_there_are_pieces():
-    cells = ragged(400)
-    pieces = cover(cells)
-    np.testing.assert_array_equal(union(pieces, cells.shape) > 0, cells)
-    assert len(pieces) < 1.7 * ndimage.label(cells)[1]
-
-
-def test_four_times_the_cells_take_about_four_times_as_long():
-    """Ragged walls, and a block with a ragged rim, of whose rectangles each holds most of all cells."""
-
-    def block(size: int) -> np.ndarray:
-        cells = np.ones((size, size), bool)
-        for rim in (cells[:2], cells[-2:], cells.T[:2], cells.T[-2:]):
-            rim &= np.random.default_rng(1).random(rim.shape) < 0.5
-        return cells
-
-    def seconds(cells: np.ndarray) -> float:
-        began = time.process_time()
-        cover(cells)
-        return time.process_time() - began
-
-    for make in (ragged, block):
-        cover(make(50))  # compiles
-        small, large = (min(seconds(make(size)) for _ in range(3)) for size in (400, 1600))
-        assert large < 3 * 16 * small
 
 
 # -- maps --------------------------------------------------------------------------------------------------------
@@ -380,11 +301,3 @@ def test_what_could_be_waited_for_without_end_is_not_opened(tmp_path: Path):
             with pytest.raises(SceneError, match=f"{name}{suffix}: it is a {name}, so it cannot be read"):
                 import_world(source, tmp_path / "a.xml", start=[0, 0], goal=[1, 1, 0.1])
             source.rename(tmp_path / name)
-
-
-@settings(max_examples=60)
-@given(cells=arrays(np.bool_, st.tuples(st.integers(1, 14), st.integers(1, 14))))
-def test_any_set_of_cells_survives_as_rectangles(cells):
-    pieces = cover(cells)
-    np.testing.assert_array_equal(union(pieces, cells.shape) > 0, cells)
-    assert np.all(pieces[:, ::2] < pieces[:, 1::2])
