@@ -79,6 +79,8 @@ def import_world(arguments: argparse.Namespace) -> int:
         )
     moving = f", and {imported.movers} bodies that move" if imported.movers else ""
     print(f"{imported.path}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
+    for note in imported.notes:
+        say(note)
     return 0
 
 

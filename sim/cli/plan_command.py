@@ -42,7 +42,8 @@ def plan(arguments: argparse.Namespace) -> int:
     passages = passages_json(tree, references)
     print(tables.class_table(references, width(), scenario.homology))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
-    say(tables.passages_line(passages))
+    radius = getattr(tree.steering, "radius", 0.0)  # that of curves whose curvature is bounded [m]
+    say(tables.passages_line(passages, 2 * (radius + scenario.loaded.scene.robot_radius) if radius else 0.0))
     if arguments.output:
         tree_file.save(tree, arguments.output)
         print(f"tree: {arguments.output}")

@@ -37,9 +37,12 @@ from sim.importing.target import (
 __all__ = ["Imported", "import_world"]
 
 WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a workspace [m]
+ROVER = "rover"  # robots that map with a lidar turn on the spot, or nearly
+_ROBOTS = {
+    "world": ('<text name="pirrht_robot" data="unicycle"/>', '<numeric name="pirrht_noise" data="0.03"/>'),
+    "map": (f'<text name="pirrht_robot" data="{ROVER}"/>',),
+}
 _CUSTOM = (
-    '<text name="pirrht_robot" data="unicycle"/>',
-    '<numeric name="pirrht_noise" data="0.03"/>',
     '<numeric name="pirrht_period" data="0.1"/>',
     '<numeric name="pirrht_dt" data="0.1"/>',
     '<numeric name="pirrht_samples" data="300"/>',
@@ -48,7 +51,7 @@ _CUSTOM = (
     '<numeric name="pirrht_classes" data="16"/>',
     '<numeric name="pirrht_phi" data="1000"/>',
     '<numeric name="pirrht_max_time" data="60"/>',
-)  # what imported worlds ask for
+)  # what imported worlds and maps ask for, in addition to their robots
 _MATERIALS = {
     "box": "crate",
     "cylinder": "drum",
@@ -70,7 +73,7 @@ def import_world(
     number: str | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Imported:
-    """Write the static obstacles of an SDF world, or the walls of a ROS map, as a scene for the unicycle.
+    """Write the static obstacles of an SDF world as a scene for the unicycle, or the walls of a ROS map for the rover.
 
     Args:
         source: an SDF file with one world, the YAML file of a map, or a file of motions (`sim.importing.dynabarn`).
@@ -81,7 +84,7 @@ def import_world(
         motion: it is a file of motions, whatever its name ends in.
         number: which of its worlds.
         unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
-        progress: told how many of how many cells of a map, or shapes of a world, are done, now and then.
+        progress: called with how many of how many shapes of a world are done, now and then.
 
     Raises:
         SceneError: the world has something that cannot be taken over, start, goal or workspace are missing or
@@ -103,22 +106,26 @@ def import_world(
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
     mapped = source.suffix.lower() in ros_map.SUFFIXES
     if mapped:
-        world = ros_map.read_map(source).world(unknown or "occupied", progress)
+        grid = ros_map.read_map(source)
+        world, notes = grid.world(unknown or "occupied"), grid.notes
         workspace = world.ground.tolist() if workspace is None and world.ground is not None else workspace
     elif unknown is not None:
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
     else:
         _refuse_motions(source)
-        world = read_sdf(source, progress)
-    place, goal_disc = _task(source, "map" if mapped else "world", start, goal)
+        world, notes = read_sdf(source, progress), ()
+    kind = "map" if mapped else "world"
+    place, goal_disc = _task(source, kind, start, goal)
     if workspace is None and mapped and world.ground is None:
         raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
     bounds = _workspace(source, world, workspace, place, goal_disc)
-    scene = scene_text(target.stem, _CUSTOM, list(_geoms(world.solids)), place, goal_disc, bounds)
+    scene = scene_text(target.stem, (*_ROBOTS[kind], *_CUSTOM), list(_geoms(world.solids)), place, goal_disc, bounds)
     with draft(scene, target) as new:
         obstacles = len(loaded(new, source).scene.obstacles)
         new.replace(target)
-    return Imported(path=target, geoms=len(world.solids), obstacles=obstacles)
+    if mapped:
+        notes += (f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another",)
+    return Imported(path=target, geoms=len(world.solids), obstacles=obstacles, notes=notes)
 
 
 def _refuse_motions(source: Path) -> None:

@@ -65,6 +65,7 @@ class Imported:
     geoms: int  # shapes taken over
     obstacles: int  # of these, in the way of the robot and standing
     movers: int = 0  # bodies that move
+    notes: tuple[str, ...] = ()  # sentences on what was read otherwise than a person may expect
 
 
 def check_target(source: Path, target: Path) -> None:
