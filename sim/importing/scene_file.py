@@ -51,6 +51,7 @@ _CUSTOM = (
 )  # what imported worlds ask for
 _MATERIALS = {
     "box": "crate",
+    "mesh": "crate",
     "cylinder": "drum",
     "capsule": "log",
     "sphere": "boulder",
@@ -68,12 +69,15 @@ def import_world(
     unknown: str | None = None,
     motion: bool = False,
     number: str | None = None,
+    models: Sequence[Path] = (),
+    without: Sequence[str] = (),
     progress: Callable[[int, int], object] | None = None,
 ) -> Imported:
-    """Write the static obstacles of an SDF world, or the walls of a ROS map, as a scene for the unicycle.
+    """Write the obstacles of an SDF world, or the walls of a ROS map, as a scene for the unicycle.
 
     Args:
-        source: an SDF file with one world, the YAML file of a map, or a file of motions (`sim.importing.dynabarn`).
+        source: an SDF file with one world or with models, the YAML file of a map, or a file of motions
+            (`sim.importing.dynabarn`).
         target: the MJCF file to write; replaced in one go if it exists.
         start: x, y [m] and optionally the heading [rad].
         goal: x, y, radius [m].
@@ -81,6 +85,8 @@ def import_world(
         motion: it is a file of motions, whatever its name ends in.
         number: which of its worlds.
         unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
+        models: folders where models and meshes of an SDF world are searched for, before those around the file.
+        without: names of models of an SDF world to leave out, like the robot.
         progress: told how many of how many cells of a map, or shapes of a world, are done, now and then.
 
     Raises:
@@ -109,16 +115,20 @@ def import_world(
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
     else:
         _refuse_motions(source)
-        world = read_sdf(source, progress)
+        world = read_sdf(source, progress, folders=models, without=without)
     place, goal_disc = _task(source, "map" if mapped else "world", start, goal)
     if workspace is None and mapped and world.ground is None:
         raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
     bounds = _workspace(source, world, workspace, place, goal_disc)
-    scene = scene_text(target.stem, _CUSTOM, list(_geoms(world.solids)), place, goal_disc, bounds)
+    assets, geoms = zip(*_elements(world.solids), strict=True) if world.solids else ((), ())
+    scene = scene_text(target.stem, _CUSTOM, geoms, place, goal_disc, bounds, [mesh for mesh in assets if mesh])
     with draft(scene, target) as new:
-        obstacles = len(loaded(new, source).scene.obstacles)
+        try:
+            obstacles = len(loaded(new, source).scene.obstacles)
+        except SceneError as error:
+            raise SceneError("; ".join((str(error), *world.notes))) from None
         new.replace(target)
-    return Imported(path=target, geoms=len(world.solids), obstacles=obstacles)
+    return Imported(path=target, geoms=len(world.solids), obstacles=obstacles, notes=world.notes)
 
 
 def _refuse_motions(source: Path) -> None:
@@ -156,8 +166,8 @@ def _example(world: World, start: Array, goal: Array) -> str:
     return f"{BORDER}, for example {low[0]:g} {high[0]:g} {low[1]:g} {high[1]:g}"
 
 
-def _geoms(solids: Sequence[Solid]) -> Iterator[str]:
-    """MJCF elements, with a number after names that are taken."""
+def _elements(solids: Sequence[Solid]) -> Iterator[tuple[str, str]]:
+    """Write each solid as MJCF: its mesh, if it is one, and its geom; names that are taken get a number."""
     taken = {"floor"}
     for solid in solids:
         name, count = solid.name, 1
@@ -167,7 +177,11 @@ def _geoms(solids: Sequence[Solid]) -> Iterator[str]:
         taken.add(name)
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
+        label, mesh, shape = quoteattr(name), "", f'size="{text(*solid.size)}"'
+        if solid.vertices is not None:
+            mesh, shape = f'<mesh name={label} vertex="{text(*solid.vertices.ravel())}"/>', f"mesh={label}"
         yield (
-            f'<geom name={quoteattr(name)} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" '
-            f'size="{text(*solid.size)}" pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>'
+            mesh,
+            f'<geom name={label} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
+            f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>',
         )

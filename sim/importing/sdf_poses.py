@@ -95,8 +95,6 @@ class Scope:
 
     def child(self, model: ET.Element) -> Scope:
         """The scope of a model declared here."""
-        if model.get("placement_frame"):
-            self.refuse(f"{label_of(model)} has a placement_frame; write the pose of the model instead")
         return self._inner(model, self.static or is_true(model.findtext("static")))
 
     def link(self, link: ET.Element) -> Scope:
@@ -112,6 +110,11 @@ class Scope:
             self.refuse(f'{label_of(element)} has a pose in frame="{pose.get("frame")}"; write relative_to')
         base = base or element.get("attached_to", "")
         placed: Array = (self.resolve(base) if base else self.own) @ raw
+        frame = element.get("placement_frame") if element.tag == "model" else None
+        if frame:  # the pose is that of a frame inside
+            inside = self._inner(element, self.static, np.eye(4))
+            inside.state = None  # it speaks of the world
+            placed = placed @ np.linalg.inv(inside.resolve(frame))
         return placed
 
     def resolve(self, name: str) -> Array:
@@ -127,12 +130,12 @@ class Scope:
             self.refuse(f'a pose is relative to "{name}", which is not declared there ({known}); mend it')
         return self.child(part).resolve(rest) if rest else self._place(part)
 
-    def _inner(self, part: ET.Element, static: bool) -> Scope:
+    def _inner(self, part: ET.Element, static: bool, own: Array | None = None) -> Scope:
         name = part.get("name", "")
         return Scope(
             element=part,
             path=self.path,
-            own=self._place(part),
+            own=self._place(part) if own is None else own,
             label=f"{self.label}::{name}" if self.label else name,
             static=static,
             state=self._state_of(part),
