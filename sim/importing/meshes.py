@@ -28,7 +28,6 @@ _OPEN = 1.5  # where a surface has an edge, a hull of more than this times its a
 _FLAT = 1e-3  # least thickness of a part [m]
 _SAME = 1e-5  # corners closer than this are one, and points closer to a plane lie on it [m]
 _EMPTY = 1e-12  # area of no triangle [m2]
-_BLOCK = 32  # planes of a hull at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,14 +136,12 @@ def _hull(triangles: Array) -> trimesh.Trimesh:
 
 def _depths(triangles: Array, hull: trimesh.Trimesh) -> Array:
     """Measure how deep triangles lie inside a hull, at a corner or the middle, (t,) [m]."""
-    points = np.concatenate([triangles, triangles.mean(axis=1, keepdims=True)], axis=1)
-    depths = np.full(points.shape[:2], np.inf)
-    offsets = np.einsum("hi,hi->h", hull.face_normals, hull.triangles[:, 0])
-    for first in range(0, len(offsets), _BLOCK):
-        some = slice(first, first + _BLOCK)
-        np.minimum(depths, (offsets[some] - points @ hull.face_normals[some].T).min(axis=2), out=depths)
-    found: Array = depths.max(axis=1)
-    return found
+    corners, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    points = np.ascontiguousarray(np.concatenate([corners, triangles.mean(axis=1)]).T)
+    depths = np.full(points.shape[1], np.inf)
+    for normal, corner in zip(hull.face_normals, hull.triangles[:, 0], strict=True):
+        np.minimum(depths, normal @ corner - normal @ points, out=depths)
+    return np.maximum(depths[index.reshape(-1, 3)].max(axis=1), depths[len(corners) :])
 
 
 def _cut(triangles: Array, normal: Array, offset: float) -> tuple[Array, Array]:

@@ -93,7 +93,8 @@ class _Reader:
     moving: list[str] = field(default_factory=list)  # models that are not static
     actors: list[str] = field(default_factory=list)
     left: list[str] = field(default_factory=list)  # models left out on request
-    low: list[str] = field(default_factory=list)  # shapes driven over
+    low: dict[str, None] = field(default_factory=dict)  # shapes driven over
+    lost: dict[str, None] = field(default_factory=dict)  # shapes too far out
     rough: dict[str, float] = field(default_factory=dict)  # mesh -> how far its hull sticks out [m]
 
     def world(self, progress: Callable[[int, int], object] | None) -> World:
@@ -132,6 +133,8 @@ class _Reader:
                 )
             if tag == "actor":
                 self.actors.append(part.get("name", ""))
+            if tag not in ("model", "link", "actor", "plugin") and part.find(".//collision") is not None:
+                scope.refuse(f"<{tag}> holds models, which is not SDFormat; expand the file, or remove it")
             if tag != "model":
                 continue
             model = scope.child(part)
@@ -146,14 +149,17 @@ class _Reader:
             parts = self.meshes.parts(_mesh_key(link, collision, geometry))
             if parts.rough:
                 self.rough[name] = parts.rough
-            pose = _pose(link, collision)
+            pose = link.pose(collision)
             solids = [Solid(name=name, shape="mesh", size=np.zeros(3), pose=pose, vertices=v) for v in parts.vertices]
         else:
             solids = [_solid(name, link, collision, geometry)]
-        high = [solid for solid in solids if not 0 < solid.top <= LOWEST]
-        if len(high) < len(solids):
-            self.low.append(name)
-        yield from high
+        for solid in solids:
+            if np.any(np.abs(solid.pose) > FARTHEST):
+                self.lost[name] = None
+            elif 0 < solid.top <= LOWEST:
+                self.low[name] = None
+            else:
+                yield solid
 
     def _notes(self) -> Iterator[str]:
         if self.moving:
@@ -164,7 +170,9 @@ class _Reader:
         if self.actors:
             yield f"actors have no collisions and are left out: {_listed(self.actors)}"
         if self.low:
-            yield f"no higher than {LOWEST:g} m, so driven over and left out: {_listed(self.low)}"
+            yield f"no higher than {LOWEST:g} m, so driven over and left out: {_listed([*self.low])}"
+        if self.lost:
+            yield f"farther out than {FARTHEST:g} m and left out: {_listed([*self.lost])}"
         if self.rough:
             far = max(self.rough.values())
             yield f"meshes too intricate to split, whose hulls stick out by up to {far:.2g} m: {_listed([*self.rough])}"
@@ -212,7 +220,7 @@ def _solid(name: str, link: Scope, collision: ET.Element, geometry: ET.Element) 
         size = size / 2
     elif geometry.tag in ("cylinder", "capsule"):
         size = size * [1.0, 0.5]
-    return Solid(name=name, shape=geometry.tag, size=size, pose=_pose(link, collision))
+    return Solid(name=name, shape=geometry.tag, size=size, pose=link.pose(collision))
 
 
 def _mesh_key(link: Scope, collision: ET.Element, mesh: ET.Element) -> MeshKey:
@@ -227,13 +235,6 @@ def _mesh_key(link: Scope, collision: ET.Element, mesh: ET.Element) -> MeshKey:
         centred=is_true(mesh.findtext("submesh/center")),
         hull=mesh.get("optimization") == "convex_hull",
     )
-
-
-def _pose(link: Scope, collision: ET.Element) -> Array:
-    pose = link.pose(collision)
-    if np.any(np.abs(pose) > FARTHEST):
-        link.refuse(f"{label_of(collision)} lies farther out than {FARTHEST:g} m; correct its poses")
-    return pose
 
 
 def _ground(link: Scope, collision: ET.Element, plane: ET.Element) -> list[Array]:

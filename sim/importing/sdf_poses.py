@@ -16,6 +16,7 @@ from sim.importing.limits import FARTHEST
 
 DEEPEST = 32  # nested models
 _NAMED = ("model", "link", "frame")
+_LOST = 1e12  # worlds saved while running hold models that fell off the ground and are as far down [m]
 _SHORTEST = 1e-9  # quaternion that still has a direction
 
 
@@ -29,8 +30,8 @@ def is_true(text: str | None) -> bool:
     return (text or "").strip().lower() in ("1", "true")
 
 
-def numbers(text: str | None, count: int) -> Array | None:
-    """So many numbers that are not beyond all measure, or None."""
+def numbers(text: str | None, count: int, most: float = FARTHEST) -> Array | None:
+    """Read so many numbers, none of a greater size than the most, or None."""
     words = (text or "").split()
     try:
         values = np.array(words, dtype=float)
@@ -38,7 +39,7 @@ def numbers(text: str | None, count: int) -> Array | None:
         return None
     if len(values) != count or any("_" in word for word in words):  # Python reads 4_0 as 40, and nobody else does
         return None
-    return values if np.all(np.abs(values) <= FARTHEST) else None
+    return values if np.all(np.abs(values) <= most) else None
 
 
 def transform(values: Array, *, degrees: bool = False) -> Array:
@@ -173,7 +174,8 @@ class Scope:
         """The matrix of a pose element, (4, 4)."""
         quaternion = pose.get("rotation_format") == "quat_xyzw"
         text = (pose.text or "").strip() or ("0 0 0 0 0 0 1" if quaternion else "0 0 0 0 0 0")
-        values = numbers(text, 7 if quaternion else 6)
-        if values is None or (quaternion and np.linalg.norm(values[3:]) < _SHORTEST):
+        values = numbers(text, 7 if quaternion else 6, _LOST)
+        turn = None if values is None else numbers(" ".join(text.split()[3:]), len(values) - 3)
+        if values is None or turn is None or (quaternion and np.linalg.norm(turn) < _SHORTEST):
             self.refuse(f"{what} has <pose> {text[:60]!r}; write x y z and roll pitch yaw, none beyond {FARTHEST:g}")
         return transform(values, degrees=not quaternion and is_true(pose.get("degrees")))
