@@ -15,6 +15,7 @@ import numpy as np
 import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
@@ -77,12 +78,12 @@ def _parts(key: MeshKey) -> Parts:
     triangles = triangles * key.scale
     if not np.all(np.abs(triangles) <= FARTHEST):
         raise SceneError(f"{key.path}: corners are farther out than {FARTHEST:g} m; scale it down")
-    if key.hull:
-        return Parts((_hull(triangles).vertices,))
-    parts = [part for piece in _pieces(triangles) for part in _convex(piece)]
-    if len(parts) > MOST_PARTS:
-        return Parts((_hull(triangles).vertices,), float(_depths(triangles, _hull(triangles)).max()))
-    return Parts(tuple(hull for hull, _ in parts), max((rough for _, rough in parts if rough > CONCAVE), default=0.0))
+    pieces = [] if key.hull else _pieces(triangles)
+    parts = [part for piece in pieces for part in _convex(piece)] if len(pieces) <= MOST_PARTS else []
+    if 0 < len(parts) <= MOST_PARTS:
+        return Parts(tuple(hull for hull, _ in parts), max(rough if rough > CONCAVE else 0.0 for _, rough in parts))
+    hull = _hull(triangles)
+    return Parts((_corners(hull),), 0.0 if key.hull else float(_depths(triangles, hull).max()))
 
 
 def _read(path: Path, name: str) -> Array:
@@ -119,29 +120,35 @@ def _convex(piece: Array) -> Iterator[tuple[Array, float]]:
             todo += [p for side in _cut(part, normal, part[face, 0] @ normal) for p in _pieces(side)]
             continue
         plates = [] if closed or hull.area <= _OPEN * _area(part) else list(_plates(part))
-        for points in plates or [hull.vertices]:
+        for points in plates or [_corners(hull)]:
             count += 1
             yield points, 0.0 if plates else float(depths.max())
 
 
-def _hull(triangles: Array) -> trimesh.Trimesh:
+def _hull(triangles: Array) -> ConvexHull:
     """Build the convex hull; what is flat, a line or a point gets a thickness."""
     points = np.unique(triangles.reshape(-1, 3), axis=0)
     middle = points.mean(axis=0)
     for axis in np.linalg.eigh((points - middle).T @ (points - middle))[1].T:
         if np.ptp(points @ axis) < _FLAT:
             points = np.concatenate([points - axis * _FLAT / 2, points + axis * _FLAT / 2])
-    return trimesh.convex.convex_hull(points)
+    return ConvexHull(points)
 
 
-def _depths(triangles: Array, hull: trimesh.Trimesh) -> Array:
+def _corners(hull: ConvexHull) -> Array:
+    found: Array = hull.points[hull.vertices]
+    return found
+
+
+def _depths(triangles: Array, hull: ConvexHull) -> Array:
     """Measure how deep triangles lie inside a hull, at a corner or the middle, (t,) [m]."""
     corners, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     points = np.ascontiguousarray(np.concatenate([corners, triangles.mean(axis=1)]).T)
     depths = np.full(points.shape[1], np.inf)
-    for normal, corner in zip(hull.face_normals, hull.triangles[:, 0], strict=True):
-        np.minimum(depths, normal @ corner - normal @ points, out=depths)
-    return np.maximum(depths[index.reshape(-1, 3)].max(axis=1), depths[len(corners) :])
+    for *normal, offset in np.unique(hull.equations, axis=0):
+        np.minimum(depths, -offset - np.array(normal) @ points, out=depths)
+    found: Array = np.maximum(depths[index.reshape(-1, 3)].max(axis=1), depths[len(corners) :])
+    return found
 
 
 def _cut(triangles: Array, normal: Array, offset: float) -> tuple[Array, Array]:
@@ -179,7 +186,7 @@ def _plates(part: Array) -> Iterator[Array]:
         for plate in _pieces(part[group.ravel() == plane]):
             hull = _hull(plate)
             whole = hull.area <= 2 * _area(plate) * 1.01 + _FLAT * 4 * np.ptp(plate.reshape(-1, 3), axis=0).sum()
-            yield from [hull.vertices] if whole else (_hull(one[None]).vertices for one in plate)
+            yield from [_corners(hull)] if whole else (_corners(_hull(one[None])) for one in plate)
 
 
 def _pieces(triangles: Array) -> list[Array]:

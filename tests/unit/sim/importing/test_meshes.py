@@ -97,8 +97,6 @@ def test_a_hull_is_what_is_asked_for(tmp_path):
 
 def test_meshes_too_intricate_are_hulls_that_are_reported(tmp_path):
     rng = np.random.default_rng(0)
-    spikes = trimesh.Trimesh(rng.uniform(-1, 1, (900, 3)), np.arange(900).reshape(-1, 3), process=False)
-    assert parts(spikes, tmp_path / "spikes.stl").rough == 0  # 300 triangles of their own
     many = trimesh.Trimesh(rng.uniform(-1, 1, (3600, 3)), np.arange(3600).reshape(-1, 3), process=False)
     found = parts(many, tmp_path / "many.stl")
     assert len(found.vertices) == 1
