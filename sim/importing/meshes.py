@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,30 @@ class Meshes:
         if key not in self.known:
             self.known[key] = _parts(key)
         return self.known[key]
+
+
+def as_box(corners: Array) -> tuple[Array, Array] | None:
+    """Find the box with these corners (8, 3), if there is one: its pose (4, 4) and half sizes (3,) [m]."""
+    lengths = np.linalg.norm(corners - corners[0], axis=1)
+    edges = (corners - corners[0])[np.argsort(lengths)][1:]
+    if len(edges) != 7:
+        return None
+    square = [edge for edge in edges[1:-1] if abs(edge @ edges[0]) < _FLAT * np.linalg.norm(edges[0])]
+    if not square:
+        return None
+    frame = np.array([edges[0], square[0], edges[-1] - edges[0] - square[0]])
+    sizes = np.linalg.norm(frame, axis=1)
+    axes = frame / sizes[:, None]
+    expected = corners[0] + np.array(list(product((0.0, 1.0), repeat=3))) @ frame
+    gaps = np.linalg.norm(corners[:, None] - expected, axis=2)
+    if np.abs(axes @ axes.T - np.eye(3)).max() > _FLAT or max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) > _FLAT:
+        return None
+    pose = np.eye(4)
+    first, second = axes[0], axes[1] - axes[0] * (axes[0] @ axes[1])
+    second /= np.linalg.norm(second)
+    pose[:3, :3] = np.column_stack([first, second, np.cross(first, second)])
+    pose[:3, 3] = corners.mean(axis=0)
+    return pose, sizes / 2
 
 
 def _parts(key: MeshKey) -> Parts:

@@ -17,7 +17,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.importing.limits import FARTHEST, FINEST
-from sim.importing.meshes import Meshes, MeshKey
+from sim.importing.meshes import Meshes, MeshKey, as_box
 from sim.importing.model_paths import ModelPaths
 from sim.importing.sdf_files import read_world
 from sim.importing.sdf_poses import Scope, is_true, label_of, numbers
@@ -150,7 +150,7 @@ class _Reader:
             if parts.rough:
                 self.rough[name] = parts.rough
             pose = link.pose(collision)
-            solids = [Solid(name=name, shape="mesh", size=np.zeros(3), pose=pose, vertices=v) for v in parts.vertices]
+            solids = [_part(name, pose, vertices) for vertices in parts.vertices]
         else:
             solids = [_solid(name, link, collision, geometry)]
         for solid in solids:
@@ -221,6 +221,14 @@ def _solid(name: str, link: Scope, collision: ET.Element, geometry: ET.Element) 
     elif geometry.tag in ("cylinder", "capsule"):
         size = size * [1.0, 0.5]
     return Solid(name=name, shape=geometry.tag, size=size, pose=link.pose(collision))
+
+
+def _part(name: str, pose: Array, vertices: Array) -> Solid:
+    """Make a solid of a convex part of a mesh, which is a box if it can be."""
+    box = as_box(vertices)
+    if box is None:
+        return Solid(name=name, shape="mesh", size=np.zeros(3), pose=pose, vertices=vertices)
+    return Solid(name=name, shape="box", size=box[1], pose=pose @ box[0])
 
 
 def _mesh_key(link: Scope, collision: ET.Element, mesh: ET.Element) -> MeshKey:

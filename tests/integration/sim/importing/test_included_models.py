@@ -149,9 +149,20 @@ def test_meshes_are_obstacles_where_the_model_is(run, tmp_path, uri):
     box = trimesh.creation.box((1, 1, 1), trimesh.transformations.translation_matrix((0.5, 0.5, 0)))
     box.export(folder / "meshes" / "box.stl")
     (obstacle,) = load(run(include("model://desk", "<pose>4 2 0 0 0 1.5707963267948966</pose>")).path).scene.obstacles
+    assert obstacle.kind.value == "box"
+    np.testing.assert_allclose(obstacle.position, [3.75, 2.5, 1], atol=1e-6)
+    np.testing.assert_allclose(np.abs(obstacle.rotation) @ obstacle.size, [0.25, 0.5, 1], atol=1e-6)
+
+
+def test_meshes_that_are_no_boxes_are_convex_meshes_where_the_model_is(run, tmp_path):
+    mesh = "<geometry><mesh><uri>model://post/post.obj</uri></mesh></geometry>"
+    folder = put(tmp_path / "models" / "post", model(link(collision(mesh)), name="post"))
+    trimesh.creation.cylinder(0.5, 2.0, sections=6).export(folder / "post.obj")
+    (obstacle,) = load(run(include("model://post")).path).scene.obstacles
     corners = obstacle.vertices @ obstacle.rotation.T + obstacle.position
-    np.testing.assert_allclose(corners.min(axis=0), [3.5, 2, 0], atol=1e-6)
-    np.testing.assert_allclose(corners.max(axis=0), [4, 3, 2], atol=1e-6)
+    np.testing.assert_allclose(
+        [corners.min(axis=0)[:2], corners.max(axis=0)[:2]], [[3.5, 1.567], [4.5, 2.433]], atol=1e-3
+    )
 
 
 def test_models_without_a_world_are_a_world(run, tmp_path):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from pirrht.errors import SceneError
-from sim.importing.meshes import CONCAVE, Meshes, MeshKey, Parts
+from sim.importing.meshes import CONCAVE, Meshes, MeshKey, Parts, as_box
 
 SQUARE = np.array([[0, 0], [6, 0], [6, 4], [0, 4]], dtype=float)
 
@@ -101,6 +105,29 @@ def test_meshes_too_intricate_are_hulls_that_are_reported(tmp_path):
     found = parts(many, tmp_path / "many.stl")
     assert len(found.vertices) == 1
     assert found.rough > 0.5
+
+
+@given(
+    st.lists(st.floats(0.01, 50.0), min_size=3, max_size=3),
+    st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3),
+    st.permutations(range(8)),
+)
+def test_a_box_is_found_from_its_corners_in_any_order(sizes, turn, order):
+    rotation = Rotation.from_euler("xyz", turn).as_matrix()
+    local = np.array(list(product((-1.0, 1.0), repeat=3)))[order] * sizes
+    found = as_box(local @ rotation.T + [3, 2, 1])
+    assert found is not None
+    pose, half = found
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    again = np.array(list(product((-1.0, 1.0), repeat=3))) * half @ pose[:3, :3].T + pose[:3, 3]
+    gaps = np.linalg.norm(again[:, None] - (local @ rotation.T + [3, 2, 1]), axis=2)
+    assert gaps.min(axis=1).max() < 2e-3
+
+
+def test_a_frustum_is_no_box():
+    local = np.array(list(product((-1.0, 1.0), repeat=3)))
+    assert as_box(local * np.where(local[:, 2:] > 0, [0.9, 0.9, 1.0], 1.0)) is None
+    assert as_box(local[:7]) is None
 
 
 BAD = {
