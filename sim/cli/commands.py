@@ -77,8 +77,8 @@ def import_world(arguments: argparse.Namespace) -> int:
             unknown=arguments.unknown,
             motion=arguments.motion,
             number=arguments.number,
-            models=[*arguments.models, *folders_of(os.environ)],
-            without=arguments.without,
+            models=[*(arguments.models or ()), *folders_of(os.environ)],
+            without=arguments.without or (),
             progress=progress,
         )
     moving = f", and {imported.movers} bodies that move" if imported.movers else ""

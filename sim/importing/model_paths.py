@@ -16,7 +16,8 @@ from urllib.parse import unquote
 from pirrht.errors import SceneError
 
 VARIABLES = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
-_ABOVE = 3  # folders from that of a file upward, each with its folder "models"
+_ABOVE = 3  # folders from that of a file upward
+_INSIDE = ("", "models", "fuel_models")  # folders in each of them
 
 
 def folders_of(environment: Mapping[str, str]) -> list[Path]:
@@ -79,7 +80,7 @@ class ModelPaths:
 
 def _around(file: Path) -> Iterator[Path]:
     for folder in _normal(file).parents[:_ABOVE]:
-        yield from (folder, folder / "models")
+        yield from (folder / name for name in _INSIDE)
 
 
 def _normal(path: Path) -> Path:

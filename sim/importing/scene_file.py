@@ -99,6 +99,9 @@ def import_world(
         what = "the JSON file of a set of motions" if moves else "an SDF world file or the YAML file of a map"
         raise SceneError(f"{source}: it {why}, so it cannot be read; give {what}")
     check_target(source, target)
+    mapped = not moves and source.suffix.lower() in ros_map.SUFFIXES
+    if without and (moves or mapped):
+        raise OptionError(f"{source}: only models of a Gazebo world can be left out by name")
     if moves:
         if unknown is not None:
             raise OptionError("--unknown is for maps, and this is a file of motions; leave it out")
@@ -107,7 +110,6 @@ def import_world(
         raise OptionError("--world is for files of motions, of which --motion tells; leave it out")
     if source.suffix.lower() in ros_map.PICTURES:
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
-    mapped = source.suffix.lower() in ros_map.SUFFIXES
     if mapped:
         world = ros_map.read_map(source).world(unknown or "occupied", progress)
         workspace = world.ground.tolist() if workspace is None and world.ground is not None else workspace

@@ -90,7 +90,7 @@ class _Reader:
     scope: Scope
     without: frozenset[str]
     meshes: Meshes = field(default_factory=Meshes)
-    moving: list[str] = field(default_factory=list)  # models that are not static
+    moving: dict[str, None] = field(default_factory=dict)  # models that are not static
     actors: list[str] = field(default_factory=list)
     left: list[str] = field(default_factory=list)  # models left out on request
     low: dict[str, None] = field(default_factory=dict)  # shapes driven over
@@ -106,7 +106,7 @@ class _Reader:
             found = list(_collisions(model))
             shapes = [part for part in found if _geometry(*part).tag not in ("plane", "empty")]
             if shapes and not model.static:
-                self.moving.append(model.label)
+                self.moving[model.label.partition("::")[0]] = None
             for link, collision in found:
                 geometry = _geometry(link, collision)
                 if geometry.tag == "plane":
@@ -165,7 +165,7 @@ class _Reader:
         if self.moving:
             yield (
                 f"not static in Gazebo, here obstacles that stay where they start (or leave them out by name): "
-                f"{_listed(self.moving)}"
+                f"{_listed([*self.moving])}"
             )
         if self.actors:
             yield f"actors have no collisions and are left out: {_listed(self.actors)}"

@@ -21,6 +21,7 @@ from sim.importing.model_paths import ModelPaths
 from sim.importing.sdf_poses import DEEPEST
 
 MOST_ELEMENTS = 300_000  # of a world with all that it includes; those of the BARN data set have 20 000
+MOST_LEVELS = 256  # of elements in elements: a copy of many thousands exhausts the stack
 BUILT_IN = ("ground_plane", "sun")
 _CONFIGS = ("model.config", "manifest.xml")
 _PARTS = ("model", "actor", "light")  # what a file of a model holds
@@ -39,6 +40,11 @@ def parse(path: Path, what: str) -> ET.Element:
         raise SceneError(f"{path}: <!DOCTYPE {error.name}> could declare entities; remove that declaration") from None
     except (ET.ParseError, ValueError, LookupError) as error:
         raise SceneError(f"{path}: not XML: {error}; correct it there") from None
+    level = [root]
+    for _ in range(MOST_LEVELS):
+        level = [part for element in level for part in element]
+    if level:
+        raise SceneError(f"{path}: elements are nested deeper than {MOST_LEVELS}; flatten them")
     return root
 
 

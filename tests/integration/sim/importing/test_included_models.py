@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from sdf_samples import BALL, TASK, ball, collision, link, model, sdf
 
-from pirrht.errors import SceneError
+from pirrht.errors import OptionError, SceneError
 from sim.cli import main
 from sim.importing.model_paths import folders_of
 from sim.importing.scene_file import Imported, import_world
@@ -53,7 +53,7 @@ def places(imported: Imported) -> dict[str, np.ndarray]:
     return {name: place.round(6) for name, place in names.items() if name != "floor"}
 
 
-@pytest.mark.parametrize("where", ["worlds/models", "worlds", "models", "elsewhere"])
+@pytest.mark.parametrize("where", ["worlds/models", "worlds", "models", "fuel_models", "elsewhere"])
 @pytest.mark.parametrize(
     "uri",
     [
@@ -193,6 +193,13 @@ def test_models_are_left_out_by_name_and_named_where_the_start_touches_them(run,
         run(robot, without=["rover"])
 
 
+@pytest.mark.parametrize("name", ["map.yaml", "motions.json"])
+def test_only_worlds_have_models_to_leave_out(tmp_path, name):
+    (tmp_path / name).write_text("{}")
+    with pytest.raises(OptionError, match="only models of a Gazebo world"):
+        import_world(tmp_path / name, tmp_path / "a.xml", without=["robot"], **TASK)
+
+
 def test_models_that_include_each_other_or_too_much_are_refused(run, tmp_path):
     put(tmp_path / "models" / "a", model(include("model://b"), name="a"))
     put(tmp_path / "models" / "b", model(include("model://a"), name="b"))
@@ -211,6 +218,8 @@ BAD_FILES = {
     "two models": (ball("", name="a") + ball("", name="b"), "2 elements <model>"),
     "a world": ("<world name='w'/>", "0 elements <model>"),
     "not XML": ("<model>", "not XML"),
+    "deep": (model("<x>" * 200_000 + "</x>" * 200_000), "nested deeper than"),
+    "too large": (model(" " * 33 * 2**20), "MiB"),
     "no such mesh": (
         model(link(collision("<geometry><mesh><uri>model://desk/a.dae</uri></mesh></geometry>")), name="desk"),
         "is in none of",
