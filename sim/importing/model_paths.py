@@ -33,7 +33,7 @@ class ModelPaths:
     folders: tuple[Path, ...] = ()  # searched before those around the file and the world
 
     def find(self, uri: str, file: Path) -> Iterator[Path]:
-        """Yield what exists at an address that stands in a file, the likeliest first.
+        """Yield what exists at an address written in a file, the likeliest first.
 
         Raises:
             SceneError: the address has a scheme that names no file, or leads out of the searched folders.
