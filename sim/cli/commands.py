@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from collections.abc import Callable
 
@@ -58,6 +59,7 @@ def compile_ahead(arguments: argparse.Namespace) -> int:
 def import_world(arguments: argparse.Namespace) -> int:
     """Turn a Gazebo world, a ROS map or a file of motions into a scene."""
     from sim.importing import scene_file
+    from sim.importing.model_paths import folders_of
 
     check_outputs(arguments, "output")
     with tqdm(desc="import", leave=False, disable=None, dynamic_ncols=True) as bar:
@@ -75,6 +77,8 @@ def import_world(arguments: argparse.Namespace) -> int:
             unknown=arguments.unknown,
             motion=arguments.motion,
             number=arguments.number,
+            models=[*(arguments.models or ()), *folders_of(os.environ)],
+            without=arguments.without or (),
             progress=progress,
         )
     moving = f", and {imported.movers} bodies that move" if imported.movers else ""

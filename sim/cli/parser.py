@@ -53,7 +53,7 @@ COMMANDS: dict[str, tuple[str, str]] = {  # what the help says of each, and at i
     "report": ("sum up a sweep: intervals, comparisons on equal seeds, pictures", ""),
     "warm": ("compile kernels ahead, so that the first command of a robot does not have to", ""),
     "export": ("turn a recording into a table: Parquet or NumPy", f"{TABLE}\n{explained()}"),
-    "import": ("turn a Gazebo world of static primitives, a ROS map or the motions of DynaBARN into a scene", ""),
+    "import": ("turn a Gazebo world, a ROS map or the motions of DynaBARN into a scene", ""),
 }
 
 

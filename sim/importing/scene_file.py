@@ -54,6 +54,7 @@ _CUSTOM = (
 )  # what imported worlds and maps ask for, in addition to their robots
 _MATERIALS = {
     "box": "crate",
+    "mesh": "crate",
     "cylinder": "drum",
     "capsule": "log",
     "sphere": "boulder",
@@ -71,12 +72,15 @@ def import_world(
     unknown: str | None = None,
     motion: bool = False,
     number: str | None = None,
+    models: Sequence[Path] = (),
+    without: Sequence[str] = (),
     progress: Callable[[int, int], object] | None = None,
 ) -> Imported:
-    """Write the static obstacles of an SDF world as a scene for the unicycle, or the walls of a ROS map for the rover.
+    """Write the obstacles of an SDF world as a scene for the unicycle, or the walls of a ROS map for the rover.
 
     Args:
-        source: an SDF file with one world, the YAML file of a map, or a file of motions (`sim.importing.dynabarn`).
+        source: an SDF file with one world or with models, the YAML file of a map, or a file of motions
+            (`sim.importing.dynabarn`).
         target: the MJCF file to write; replaced in one go if it exists.
         start: x, y [m] and optionally the heading [rad].
         goal: x, y, radius [m].
@@ -84,6 +88,8 @@ def import_world(
         motion: it is a file of motions, whatever its name ends in.
         number: which of its worlds.
         unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
+        models: folders where models and meshes of an SDF world are searched for, before those around the file.
+        without: names of models of an SDF world to leave out, like the robot.
         progress: called with how many of how many shapes of a world are done, now and then.
 
     Raises:
@@ -96,6 +102,9 @@ def import_world(
         what = "the JSON file of a set of motions" if moves else "an SDF world file or the YAML file of a map"
         raise SceneError(f"{source}: it {why}, so it cannot be read; give {what}")
     check_target(source, target)
+    mapped = not moves and source.suffix.lower() in ros_map.SUFFIXES
+    if without and (moves or mapped):
+        raise OptionError(f"{source}: only models of a Gazebo world can be left out by name")
     if moves:
         if unknown is not None:
             raise OptionError("--unknown is for maps, and this is a file of motions; leave it out")
@@ -104,7 +113,6 @@ def import_world(
         raise OptionError("--world is for files of motions, of which --motion tells; leave it out")
     if source.suffix.lower() in ros_map.PICTURES:
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
-    mapped = source.suffix.lower() in ros_map.SUFFIXES
     if mapped:
         grid = ros_map.read_map(source)
         world, notes = grid.world(unknown or "occupied"), grid.notes
@@ -113,15 +121,21 @@ def import_world(
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
     else:
         _refuse_motions(source)
-        world, notes = read_sdf(source, progress), ()
+        world = read_sdf(source, progress, folders=models, without=without)
+        notes = world.notes
     kind = "map" if mapped else "world"
     place, goal_disc = _task(source, kind, start, goal)
     if workspace is None and mapped and world.ground is None:
         raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
     bounds = _workspace(source, world, workspace, place, goal_disc)
-    scene = scene_text(target.stem, (*_ROBOTS[kind], *_CUSTOM), list(_geoms(world.solids)), place, goal_disc, bounds)
+    assets, geoms = zip(*_elements(world.solids), strict=True) if world.solids else ((), ())
+    meshes = [mesh for mesh in assets if mesh]
+    scene = scene_text(target.stem, (*_ROBOTS[kind], *_CUSTOM), geoms, place, goal_disc, bounds, meshes)
     with draft(scene, target) as new:
-        obstacles = len(loaded(new, source).scene.obstacles)
+        try:
+            obstacles = len(loaded(new, source).scene.obstacles)
+        except SceneError as error:
+            raise SceneError("; ".join((str(error), *notes))) from None
         new.replace(target)
     if mapped:
         notes += (f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another",)
@@ -163,8 +177,8 @@ def _example(world: World, start: Array, goal: Array) -> str:
     return f"{BORDER}, for example {low[0]:g} {high[0]:g} {low[1]:g} {high[1]:g}"
 
 
-def _geoms(solids: Sequence[Solid]) -> Iterator[str]:
-    """MJCF elements, with a number after names that are taken."""
+def _elements(solids: Sequence[Solid]) -> Iterator[tuple[str, str]]:
+    """Write each solid as MJCF: its mesh, if it is one, and its geom; names that are taken get a number."""
     taken = {"floor"}
     for solid in solids:
         name, count = solid.name, 1
@@ -174,7 +188,11 @@ def _geoms(solids: Sequence[Solid]) -> Iterator[str]:
         taken.add(name)
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
+        label, mesh, shape = quoteattr(name), "", f'size="{text(*solid.size)}"'
+        if solid.vertices is not None:
+            mesh, shape = f'<mesh name={label} vertex="{text(*solid.vertices.ravel())}"/>', f"mesh={label}"
         yield (
-            f'<geom name={quoteattr(name)} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" '
-            f'size="{text(*solid.size)}" pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>'
+            mesh,
+            f'<geom name={label} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
+            f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>',
         )

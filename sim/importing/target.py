@@ -42,6 +42,7 @@ $custom
     <material name="drum" rgba="0.66 0.36 0.28 1" specular="0.2" shininess="0.3"/>
     <material name="log" rgba="0.80 0.68 0.47 1" specular="0.2" shininess="0.3"/>
     <material name="boulder" rgba="0.42 0.52 0.38 1" specular="0.2" shininess="0.3"/>
+$assets
   </asset>
   <worldbody>
     <light name="sun" directional="true" pos="$centre 8" dir="0.30 0.45 -1" diffuse="0.40 0.40 0.38"/>
@@ -65,7 +66,7 @@ class Imported:
     geoms: int  # shapes taken over
     obstacles: int  # of these, in the way of the robot and standing
     movers: int = 0  # bodies that move
-    notes: tuple[str, ...] = ()  # sentences on what was read otherwise than a person may expect
+    notes: tuple[str, ...] = ()  # sentences on what the scene has otherwise than the source
 
 
 def check_target(source: Path, target: Path) -> None:
@@ -116,7 +117,15 @@ def loaded(draft: Path, source: Path) -> Loaded:
         raise SceneError(f"{source}: {reason}") from None
 
 
-def scene_text(name: str, custom: Sequence[str], parts: Sequence[str], start: Array, goal: Array, bounds: Array) -> str:
+def scene_text(
+    name: str,
+    custom: Sequence[str],
+    parts: Sequence[str],
+    start: Array,
+    goal: Array,
+    bounds: Array,
+    assets: Sequence[str] = (),
+) -> str:
     """The MJCF text.
 
     Args:
@@ -125,6 +134,7 @@ def scene_text(name: str, custom: Sequence[str], parts: Sequence[str], start: Ar
         start: x, y [m] and optionally the heading [rad].
         goal: x, y, radius [m].
         bounds: left, right, low and high border [m].
+        assets: elements of the assets, as meshes.
     """
     half = (bounds[1::2] - bounds[::2]) / 2
     return _SCENE.substitute(
@@ -133,6 +143,7 @@ def scene_text(name: str, custom: Sequence[str], parts: Sequence[str], start: Ar
         half=text(*half),
         height=text(1.15 * max(half[1], half[0] * 3 / 4) / np.tan(np.radians(42 / 2))),  # of 4 to 3 pictures
         custom="\n".join(f"    {element}" for element in custom),
+        assets="\n".join(f"    {element}" for element in assets),
         parts="\n".join(f"    {element}" for element in parts),
         start=text(*start[:2]),
         heading=text(*start[2:]) or "0",

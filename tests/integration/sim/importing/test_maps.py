@@ -13,7 +13,6 @@ pytest.importorskip("yaml")
 Image = pytest.importorskip("PIL.Image")
 
 from pirrht.errors import OptionError, SceneError  # noqa: E402
-from pirrht.geometry.rectangles import cover, union  # noqa: E402
 from pirrht.geometry.scene import Kind  # noqa: E402
 from sim import cli  # noqa: E402
 from sim.importing.ros_map import read_map  # noqa: E402

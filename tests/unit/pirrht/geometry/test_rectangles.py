@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import ndimage
 
-from sim.importing.rectangles import cover, union
+from pirrht.geometry.rectangles import cover, union
 
 
 @pytest.mark.parametrize("seed", range(12))
