@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -86,11 +86,10 @@ def _path_told(typed: str, name: str) -> str:
 
 def _module(name: str, which: str) -> Any:
     folder = os.getcwd()
-    if folder not in sys.path and "" not in sys.path:
-        sys.path.insert(0, folder)
     importlib.invalidate_caches()
     try:
-        module = importlib.import_module(name)
+        with _first_on_path(folder):
+            module = importlib.import_module(name)
         if (file := getattr(module, "__file__", None)) is not None:
             _folders.add(Path(file).resolve().parent)
         return module
@@ -103,6 +102,19 @@ def _module(name: str, which: str) -> Any:
                 "or set PYTHONPATH"
             ) from None
         raise OptionError(f"--system {which}: {told(error)} while the module {name} was imported; mend it") from None
+
+
+@contextmanager
+def _first_on_path(folder: str) -> Iterator[None]:
+    """Look for modules in a folder first; afterwards last, so that it hides nothing that is imported later."""
+    sys.path.insert(0, folder)
+    try:
+        yield
+    finally:
+        with suppress(ValueError):
+            sys.path.remove(folder)
+        if folder not in sys.path:
+            sys.path.append(folder)
 
 
 def _line_of(error: BaseException, name: str) -> str:
