@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
-from pirrht.errors import PirrhtError
+from pirrht.errors import PirrhtError, printable
 
 BAD_INPUT, BY_SIGNAL = 2, 128  # exit statuses; a signal's number is added to the second
 AGAIN = 0.1  # after which an interruption that some callback swallowed is delivered once more [s]
@@ -75,7 +75,7 @@ def at_once() -> Iterator[None]:
 
 def tell(line: str) -> None:
     """One line on standard error, if anyone listens."""
-    text = f"pirrht: {line}\n".encode(errors="backslashreplace").decode()  # names of files need not be text
+    text = f"pirrht: {printable(line)}\n"  # names of files need not be text
     with suppress(OSError, ValueError, AttributeError):  # AttributeError: closed from the start
         sys.stderr.write(text)
         sys.stderr.flush()

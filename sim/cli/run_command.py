@@ -10,6 +10,7 @@ from typing import Any
 
 from pirrht.control.methods import TREELESS
 from pirrht.estimation.estimate import OTHER
+from pirrht.files import shown
 from pirrht.outcome import Outcome
 from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import tables, warm
@@ -70,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
         result["dropped_frames"] = recorder.dropped
         print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
     if arguments.record:
-        print(f"recording: {arguments.record}  (open it with: rerun {arguments.record})")
+        print(f"recording: {shown(arguments.record)}  (open it with: rerun {shown(arguments.record)})")
     if arguments.json:
         write_json(arguments.json, run_json(scenario, references, result))
     if film is not None:
@@ -78,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
             film.save(bar.update)
         for what, file in (("film", arguments.video), ("picture", arguments.png)):
             if file is not None:
-                print(f"{what}: {file}")
+                print(f"{what}: {shown(file)}")
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
