@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from pirrht.control.methods import TREELESS
+from pirrht.files import shown
 from pirrht.tree import file as tree_file
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
@@ -46,7 +47,7 @@ def plan(arguments: argparse.Namespace) -> int:
     say(tables.passages_line(passages, 2 * (radius + scenario.loaded.scene.robot_radius) if radius else 0.0))
     if arguments.output:
         tree_file.save(tree, arguments.output)
-        print(f"tree: {arguments.output}")
+        print(f"tree: {shown(arguments.output)}")
     if arguments.json:
         write_json(arguments.json, plan_json(scenario, tree, references, passages, seconds, convergence))
     if arguments.png:

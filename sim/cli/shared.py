@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -22,6 +23,7 @@ from sim.options import table as options
 from sim.scenario import Scenario, prepare
 from sim.text import counted, say
 
+PAUSE = 0.2  # between two reports of how a tree grows [s]
 MEANINGLESS = ("predict", "speed_limit")  # where nothing moves
 
 
@@ -124,3 +126,16 @@ def progress_bar(what: str, total: float, unit: str) -> Any:
     """A bar on a terminal, nothing in a pipe."""
     style = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit} {postfix}"
     return tqdm(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=style)
+
+
+def growing(bar: Any) -> Callable[[int], None]:
+    """What reports on a bar, some times a second, how many vertices a tree has while it grows."""
+    last = time.monotonic()
+
+    def report(vertices: int) -> None:
+        nonlocal last
+        if time.monotonic() - last > PAUSE:
+            last = time.monotonic()
+            bar.set_postfix_str(f"the tree grows: {vertices} vertices")
+
+    return report

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,16 +25,25 @@ from sim.drive.result import DriveResult
 __all__ = ["Frame", "Tally", "run", "size_of"]
 
 BRAKING, GOING = "braking", "this robot cannot stop, and takes the longest free way"
+MOST_VERTICES = 1_000_000  # of a tree that grows while it is driven: some GiB of memory
 STRETCH = 1.0  # plans of few effective samples that are less apart than this are told of once [s]
 
 
 def run(
-    plant: Plant, controller: Policy, start: Array, rng: np.random.Generator, *, max_time: float, grow: int = 0
+    plant: Plant,
+    controller: Policy,
+    start: Array,
+    rng: np.random.Generator,
+    *,
+    max_time: float,
+    grow: int = 0,
+    growing: Callable[[int], None] | None = None,
 ) -> Generator[Frame]:
     """Drive from start until the goal, a collision or max_time [s] of simulated time (Algorithm 4).
 
     Args:
-        grow: vertices that the controller's tree gains between two plans.
+        grow: vertices that the controller's tree gains between two plans, until it has MOST_VERTICES.
+        growing: called with the number of vertices while it does.
 
     Raises:
         NoReference: already the start has no reference.
@@ -58,7 +67,7 @@ def run(
         outcome = frame.outcome
         yield frame
         if controller.tree is not None and outcome is None and grow:
-            controller.tree.grow(vertices + grow)
+            controller.tree.grow(min(vertices + grow, MOST_VERTICES), progress=growing)
 
 
 def size_of(tree: HomologyTree | None) -> int:

@@ -181,12 +181,22 @@ def _check(file: Path, option: str, ending: str, library: str) -> None:
 
 
 def _encode(stream: Any, pictures: Iterator[Picture]) -> None:
-    """H.264 in MP4, as browsers and players take it."""
+    """Write H.264 in MP4, as browsers and players take it.
+
+    Raises:
+        OSError: the stream takes no more.
+    """
     import av
 
-    with av.open(stream, "w", format="mp4") as container:
-        track = container.add_stream("libx264", rate=RATE, options={"crf": "20"})
-        track.width, track.height, track.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-        for picture in pictures:
-            container.mux(track.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")))
-        container.mux(track.encode())
+    try:
+        with av.open(stream, "w", format="mp4") as container:
+            track = container.add_stream("libx264", rate=RATE, options={"crf": "20"})
+            track.width, track.height, track.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+            for picture in pictures:
+                container.mux(track.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(picture), format="rgb24")))
+            container.mux(track.encode())
+    except av.FFmpegError as error:  # of closing what could not be written
+        found: BaseException | None = error
+        while found is not None and not isinstance(found, OSError):
+            found = found.__context__
+        raise found or OSError(str(error)) from None
