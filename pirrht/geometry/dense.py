@@ -27,7 +27,7 @@ def dense_shape(span: Array, h: float) -> tuple[int, int]:
 
 def build_dense(collision: Collision, members: Sequence[int], h: float) -> Field:
     """Sample clearances [m] from the solids that count on a grid of spacing h [m]."""
-    world, r = collision.world, collision.footprint.radius
+    world, r, least_r = collision.world, collision.footprint.radius, collision.least_radius
     span = world.upper - world.lower
     coarse = h * 2 ** (LEVELS - 1)
     shape = np.ceil(span / coarse).astype(int) + 1
@@ -37,7 +37,7 @@ def build_dense(collision: Collision, members: Sequence[int], h: float) -> Field
     width = coarse
     for _ in range(LEVELS - 1):
         least, most = _least(nearest), -_least(-nearest)
-        margin = width**2 / (4.0 * np.maximum(least + r - np.sqrt(2.0) * width, 0.5 * r))
+        margin = width**2 / (4.0 * np.maximum(least + least_r - np.sqrt(2.0) * width, 0.5 * least_r))
         shallow, near = most > -1.5 * width, SHARP * r
         refine = _within(shallow & (least < BAND * width))
         change = _within(_change(shallow & (least < near), second, label, width, near))
@@ -47,7 +47,7 @@ def build_dense(collision: Collision, members: Sequence[int], h: float) -> Field
         guess = (near_guess, second_guess, label_guess.copy())
         guess[0][::2, ::2] = nearest
         nearest, second, label = level.at(width, refine, change, guess)
-    final = width**2 / (4.0 * np.maximum(nearest + r, r) - 4.0 * np.sqrt(2.0) * width)
+    final = width**2 / (4.0 * np.maximum(nearest + least_r, least_r) - 4.0 * np.sqrt(2.0) * width)
     return Field.of(world, float(width), nearest - final, second - final, label)
 
 
