@@ -75,9 +75,9 @@ def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
 
 
 def _leads_out(collision: Collision, point: Array, radius: float, reach: float) -> bool:
-    """Whether a disc of `reach` [m] holds a path from a point (2,), free for a radius, to a place free for the full one.
+    """Whether a disc of `reach` [m] holds a path on a lattice from a point (2,) [m] out of the margin.
 
-    All lengths are in [m]; the path is one of a lattice.
+    It is free for a smaller radius [m], and ends where the planning radius is.
     """
     from scipy.ndimage import label  # SciPy takes a tenth of a second to import, and few scenes need it
 
@@ -103,7 +103,8 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     from scipy.ndimage import label, maximum
 
     goal = scene.goal
-    places = goal.center + goal.radius / LATTICE * _lattice(LATTICE)
+    cell = goal.radius / LATTICE
+    places = goal.center + cell * _lattice(LATTICE)
     to_rim = goal.radius - np.hypot(*np.moveaxis(places - goal.center, -1, 0))
     to_border = np.minimum(places - scene.lower, scene.upper - places).min(axis=-1)
     to_obstacles = collision.distance(places.reshape(-1, 2)).reshape(to_rim.shape) - radius
@@ -112,7 +113,7 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     if not count:
         return None
     greatest = np.append(-np.inf, maximum(clearance, pieces, np.arange(1, count + 1)))[pieces]
-    centers = places[(greatest >= SIMILAR * greatest.max()) & (clearance >= greatest - ROUNDING)]
+    centers = places[(greatest >= SIMILAR * greatest.max()) & (clearance >= greatest - 0.5 * cell)]
     center = centers[np.argmin(np.hypot(*(centers - scene.start[:2]).T))]
     return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
 

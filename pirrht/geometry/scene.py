@@ -94,7 +94,7 @@ class Scene:
         robot_height: of that sphere's centre above the ground [m].
         defaults: option name -> value that the scene asks for, in the option's unit.
         movers: bodies that move; `obstacles` holds only what stands.
-        margin: part of the robot radius that is safety margin and not body [m]; a start or goal inside it is no collision.
+        margin: part of the robot radius that is safety margin and not body [m]; a start inside it is no collision.
         waivers: discs in which less margin counts; `FreeSpace.of` sets them.
 
     Raises:
