@@ -95,10 +95,9 @@ def _leads_out(collision: Collision, point: Array, radius: float, reach: float) 
 
 
 def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None:
-    """Return the disc inside the goal's that is centred in its free part, None if there is none for that radius [m].
+    """Return the largest disc inside the goal's whose centre is free, None if there is none for a robot radius [m].
 
-    Its centre is farthest from obstacles and from the rim; of parts with similar clearance the nearest to the start is
-    chosen.
+    Parts of the goal with much less clearance than others do not count; among equals the nearest to the start is taken.
     """
     from scipy.ndimage import label, maximum
 
@@ -113,8 +112,9 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     if not count:
         return None
     greatest = np.append(-np.inf, maximum(clearance, pieces, np.arange(1, count + 1)))[pieces]
-    centers = places[(greatest >= SIMILAR * greatest.max()) & (clearance >= greatest - 0.5 * cell)]
-    center = centers[np.argmin(np.hypot(*(centers - scene.start[:2]).T))]
+    near = (clearance > SHORTEST) & (greatest >= SIMILAR * greatest.max())
+    centers, away = places[near], np.rint((goal.radius - to_rim[near]) / cell)
+    center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
     return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
 
 
