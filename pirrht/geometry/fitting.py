@@ -56,7 +56,7 @@ def _body_radius(scene: Scene) -> float:
 
 def _in_collision(scene: Scene, what: str, point: Array, more: str) -> str:
     where = f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g}) is in collision for a robot of radius"
-    return f"{where} {_body_radius(scene):g}{more}; move it or choose a smaller radius"
+    return f"{where} {_body_radius(scene):g}{more}; move it or choose a smaller --radius"
 
 
 def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
