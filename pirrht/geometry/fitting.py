@@ -22,7 +22,7 @@ TURNING_REACH = 4.0  # added to a disc's radius, for robots that cannot turn on 
 EXIT_SHARE = 0.75  # of a disc's radius, within which a path must have left the margin
 MAX_REACH = 64.0  # radius of the largest disc that is searched for a path out [body radii]
 LATTICE = 32  # points in a goal's radius
-SIMILAR = 0.5  # parts of a goal disc count alike if their greatest clearances differ by no more than this share
+SIMILAR = 0.5  # share of the greatest clearance or radius from which on a place in a goal disc is as good
 
 
 def fitted(scene: Scene, collision: Collision) -> Scene:
@@ -41,10 +41,10 @@ def fitted(scene: Scene, collision: Collision) -> Scene:
             raise SceneError(_in_collision(scene, "start", start, f" (it lacks {body - distance:.3g} m)"))
         waivers.append(_waiver(scene, collision, start))
     if float(collision.clearance(goal.center[None])[0]) <= 0.0:
-        part = _free_part(scene, collision, scene.robot_radius) or _free_part(scene, collision, body)
+        wide, part = (_free_part(scene, collision, radius) for radius in (scene.robot_radius, body))
         if part is None:
             raise SceneError(_in_collision(scene, "goal", goal.center, ", as everywhere in its disc"))
-        goal = part
+        goal = part if wide is None or wide.radius < SIMILAR * part.radius else wide
         if collision.distance(goal.center[None])[0] < scene.robot_radius:
             waivers.append(_waiver(scene, collision, goal.center))
     return replace(scene, goal=goal, waivers=tuple(waivers)) if waivers or goal is not scene.goal else scene
@@ -97,7 +97,7 @@ def _leads_out(collision: Collision, point: Array, radius: float, reach: float) 
 def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None:
     """Return the largest disc inside the goal's whose centre is free, None if there is none for a robot radius [m].
 
-    Parts of the goal with much less clearance than others do not count; among equals the nearest to the start is taken.
+    Places with much less clearance than others in the goal do not count; of equals the nearest to the start is taken.
     """
     from scipy.ndimage import label, maximum
 
@@ -112,8 +112,8 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     if not count:
         return None
     greatest = np.append(-np.inf, maximum(clearance, pieces, np.arange(1, count + 1)))[pieces]
-    near = (clearance > SHORTEST) & (greatest >= SIMILAR * greatest.max())
-    centers, away = places[near], np.rint((goal.radius - to_rim[near]) / cell)
+    inside = (clearance >= SIMILAR * greatest) & (greatest >= SIMILAR * greatest.max())
+    centers, away = places[inside], np.rint((goal.radius - to_rim[inside]) / cell)
     center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
     return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
 

@@ -150,8 +150,8 @@ def fitting_lines(scenario: Scenario) -> str:
     """Report where less than the margin counts, and which part of a covered goal plans lead to; empty if neither."""
     given, planned = scenario.loaded.scene, scenario.space.scene
     lines = [
-        f"less than the margin of {given.margin:.3g} m is free at ({w.x:g}, {w.y:g}): {given.margin - w.less:.3g} m "
-        f"counts within {w.reach:.3g} m of it"
+        f"less than the margin of {given.margin:.3g} m is free at ({w.x:.4g}, {w.y:.4g}): {given.margin - w.less:.3g} "
+        f"m counts within {w.reach:.3g} m of it"
         for w in planned.waivers
         if given.margin > 0.0
     ]

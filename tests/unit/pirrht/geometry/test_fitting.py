@@ -100,9 +100,8 @@ def test_a_task_that_moves_into_a_margin_and_out_of_it_is_that_of_a_fresh_examin
 
 def test_a_partly_covered_goal_becomes_the_disc_in_its_free_part() -> None:
     goal = FreeSpace.of(shelf(center=(4.6, 2.0), radius=0.4)).scene.goal
-    np.testing.assert_allclose(goal.center, (4.4, 2.0), atol=0.4 / 32)
-    assert goal.center[0] < 4.4
-    assert goal.radius == pytest.approx(0.2, abs=0.02)
+    np.testing.assert_allclose(goal.center, (4.35, 2.0), atol=0.02)
+    assert goal.radius == pytest.approx(0.15, abs=0.02)
 
 
 def test_a_goal_whose_centre_touches_by_rounding_alone_is_planned_for() -> None:
@@ -114,7 +113,7 @@ def test_around_a_pillar_in_the_middle_of_the_goal_the_nearest_part_is_taken() -
     goal = FreeSpace.of(shelf(center=(4.0, 2.0), radius=0.5, pillar=0.1)).scene.goal
     assert goal.center[0] < 3.8
     assert abs(goal.center[1] - 2.0) < 0.05
-    assert goal.radius > 0.25
+    assert goal.radius > 0.2
 
 
 def test_a_goal_that_is_free_in_its_centre_stays_as_it_is_and_one_that_is_covered_is_refused() -> None:
