@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
 
 FOLLOWING, ABOVE = "/world/eyes/following", "/world/eyes/above"
-HEIGHT = 300.0  # of the eye above, in sizes of the workspace
+HEIGHT, MARGIN = 300.0, 1.06  # of the eye above, in sizes of the workspace; what it sees, over the workspace
 SETTLE = 1.2  # after which it has turned by most of a bend [s]
 PACE = 0.35  # time over which it looks where the robot is going [s]
 DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
@@ -21,7 +21,7 @@ WIDE = 0.9  # opening of the eye that follows, upwards [rad]
 
 def above(scene: Scene) -> list[rr.AsComponents]:
     """An eye over the middle of the workspace, north being up."""
-    center, extent = 0.5 * (scene.lower + scene.upper), 1.06 * (scene.upper - scene.lower)
+    center, extent = 0.5 * (scene.lower + scene.upper), MARGIN * (scene.upper - scene.lower)
     height = HEIGHT * float(extent.max())
     down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     size = extent * 100.0
