@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.plotting.ground import hull
+
+Lines = NDArray[np.floating[Any]]
 
 CELL, EVERY = 4.0, 2  # width of a cell [px]; cells from one place that a label may have to the next
 LETTER, PADDING, HEIGHT = 6.3, 14.0, 23.0  # of labels as Rerun's viewer draws them [px]
 BELOW = 3.0  # from the point that bears a label down to the label [px]
 COVERED, TOUCHED = 900.0, 70.0  # what covering everything and anything costs, as a distance [px]
+FIXED = 2.5  # weight of the distance of labels that stay: what they belong to has no colour that tells
+STRADDLED = 60.0  # what a label that stays costs half on a solid and half off it [px]
+FAINT = 0.2  # weight of what labels may cover if they must: samples, branches
 LABEL = 3.0  # weight of a label, over that of a line
 MOVED = 0.4  # what a move from where a label was costs, over the distance
 FAR = 4000.0  # beyond which nothing is drawn [px]
@@ -61,15 +68,15 @@ class Sheet:
         part[inside] = 1.0
         self.stroke(np.vstack([corners, corners[:1]]), solid=True)  # what is thinner than a cell
 
-    def stroke(self, line: Array, *, weight: float = 1.0, solid: bool = False) -> None:
-        """Cover a polyline (k, 2) [px] with a weight from 0 to 1."""
+    def stroke(self, line: Array, *, solid: bool = False) -> None:
+        """Cover a polyline (k, 2) [px]."""
         line = np.clip(line, -FAR, FAR)
         steps = np.maximum(1, np.ceil(np.abs(np.diff(line, axis=0)).max(axis=1, initial=0.0) / (0.5 * CELL)))
         parts = [np.linspace(a, b, int(n) + 1) for a, b, n in zip(line[:-1], line[1:], steps, strict=True)]
-        self.dot(np.vstack([line[:1], *parts]), weight=weight, solid=solid)
+        self.dot(np.vstack([line[:1], *parts]), solid=solid)
 
     def dot(self, points: Array, *, weight: float = 1.0, solid: bool = False) -> None:
-        """Cover points (k, 2) [px] with a weight from 0 to 1."""
+        """Cover points (k, 2) [px], lines with a weight from 0 to 1."""
         cells = self._solid if solid else self._drawn
         x, y = np.floor(np.clip(points, -FAR, FAR) / CELL).astype(int).T
         seen = (x >= 0) & (x < cells.shape[1]) & (y >= 0) & (y < cells.shape[0])
@@ -85,12 +92,15 @@ class Sheet:
         """
         size = self._size(text)
         solid, drawn = _means(self._solid, size), _means(self._drawn, size)
-        covered = (solid * (1.0 - solid) * 4.0 if inside else solid) + drawn
+        covered = drawn if inside else solid + drawn
         covered = covered[::EVERY, ::EVERY]
         y, x = (CELL * (EVERY * np.arange(n) + 0.5 * k) for n, k in zip(covered.shape, size, strict=True))
         middles = np.stack(np.meshgrid(x, y), axis=-1)
         away = np.sqrt(np.square(middles[:, :, None] - line).sum(axis=-1).min(axis=-1))
         cost = away + COVERED * covered + TOUCHED * (covered > 0.01)
+        if inside:
+            part = solid[::EVERY, ::EVERY]
+            cost += (FIXED - 1.0) * away + STRADDLED * 4.0 * part * (1.0 - part)
         shift = np.array([0.0, BELOW + 0.5 * CELL * size[0]])
         if before is not None:
             cost += MOVED * np.hypot(*np.moveaxis(middles - (before + shift), -1, 0))
@@ -128,13 +138,13 @@ class Eye:
         right /= np.linalg.norm(right)
         return np.stack([right, np.cross(ahead, right), ahead])
 
-    def pixels(self, points: Array) -> Array:
+    def pixels(self, points: Lines) -> Array:
         """Return where points (k, 3) [m] are in the picture, (k, 2) [px]."""
         seen = np.subtract(points, self.position) @ self.frame.T
         found: Array = 0.5 * np.array(self.size) + self.focal * seen[:, :2] / np.maximum(seen[:, 2:], 1e-6)
         return found
 
-    def point(self, pixel: Array, near: Array) -> Array:
+    def point(self, pixel: Array, near: Lines) -> Array:
         """Return the point (3,) [m] that is seen at a pixel (2,), as far ahead as the point (3,) nearby is."""
         depth = float(np.subtract(near, self.position) @ self.frame[2])
         ray = np.append((pixel - 0.5 * np.array(self.size)) / self.focal, 1.0)
@@ -142,30 +152,31 @@ class Eye:
         return found
 
 
-def _means(cells: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
-    """Mean over every box of a size in cells, by its first cell."""
-    h, w = size
-    total = np.pad(cells, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-    found: NDArray[np.float64] = (total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]) / (h * w)
-    return found
-
-
 class Labels:
     """Labels of one view, each of which stays where it was unless something comes in its way.
 
     Args:
         eye: of the view.
-        sheet: what is always drawn in it.
     """
 
-    def __init__(self, eye: Eye, sheet: Sheet) -> None:
-        self._eye, self._sheet = eye, sheet
+    def __init__(self, eye: Eye) -> None:
+        self._eye, self._sheet = eye, Sheet(*eye.size)
         self._before: dict[str, Array] = {}
 
-    def fixed(
-        self, texts: Sequence[str], places: Array, drawn: Iterable[tuple[Array, float]] = ()
-    ) -> list[Array]:  # fmt: skip
-        """Return points (3,) [m] for labels that stay where they are from now on, each inside a solid or off all.
+    def fill(self, points: Lines) -> None:
+        """Cover the convex hull of points (k, 3) [m] for good."""
+        self._sheet.fill(hull(self._eye.pixels(points)))
+
+    def dot(self, points: Lines) -> None:
+        """Cover points (k, 3) [m] faintly, for good."""
+        self._sheet.dot(self._eye.pixels(points), weight=FAINT)
+
+    def cover(self, text: str, point: Lines) -> None:
+        """Cover a label that a point (3,) [m] bears for good."""
+        self._sheet.cover(text, self._eye.pixels(point[None])[0])
+
+    def fixed(self, texts: Sequence[str], places: Lines, drawn: Iterable[Lines]) -> list[Array]:
+        """Return points (3,) [m] for labels that stay where they are from now on, each on a solid or off all.
 
         Args:
             places: that they belong to, (k, 3) [m].
@@ -180,15 +191,18 @@ class Labels:
         return found
 
     def placed(
-        self, texts: Mapping[str, str], lines: Mapping[str, Array], drawn: Iterable[tuple[Array, float]]
+        self, texts: Mapping[str, str], lines: Mapping[str, Lines], drawn: Iterable[Lines], faint: Lines | None = None
     ) -> list[Array]:
         """Return points (3,) [m] for labels of lines, by name, the first ones first.
 
         Args:
             lines: parts (k, 3) of each line that its label is to be near [m].
-            drawn: polylines (k, 3) [m] of this picture that labels are to keep off, and how much.
+            drawn: polylines (k, 3) [m] of this picture that labels are to keep off.
+            faint: points (k, 3) [m] that they cover if they must.
         """
         sheet, found = self._with(drawn), []
+        if faint is not None:
+            sheet.dot(self._eye.pixels(faint), weight=FAINT)
         for name, text in texts.items():
             own = self._eye.pixels(lines[name])
             pixel = sheet.place(text, own, before=self._before.get(name))
@@ -198,8 +212,16 @@ class Labels:
             found.append(self._eye.point(pixel, lines[name][nearest]))
         return found
 
-    def _with(self, drawn: Iterable[tuple[Array, float]]) -> Sheet:
+    def _with(self, drawn: Iterable[Lines]) -> Sheet:
         sheet = self._sheet.copy()
-        for line, weight in drawn:
-            sheet.stroke(self._eye.pixels(line), weight=weight)
+        for line in drawn:
+            sheet.stroke(self._eye.pixels(line))
         return sheet
+
+
+def _means(cells: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
+    """Mean over every box of a size in cells, by its first cell."""
+    h, w = size
+    total = np.pad(cells, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+    found: NDArray[np.float64] = (total[h:, w:] - total[:-h, w:] - total[h:, :-w] + total[:-h, :-w]) / (h * w)
+    return found

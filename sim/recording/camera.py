@@ -12,10 +12,13 @@ from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
 
 FOLLOWING, ABOVE = "/world/eyes/following", "/world/eyes/above"
-HEIGHT, MARGIN = 300.0, 1.06  # of the eye above, in sizes of the workspace; what it sees, over the workspace
+HEIGHT, MARGIN = 60.0, 1.06  # of the eye above, in sizes of the workspace; what it sees, over the workspace
 SETTLE = 1.2  # after which it has turned by most of a bend [s]
 PACE = 0.35  # time over which it looks where the robot is going [s]
 DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
+WIDTH, UPPER, WHOLE = 1280.0, 362.0, 597.0  # of a window, and heights of the upper views of Drive and other tabs [px]
+COLUMNS = (5.0, 5.0, 2.0)  # shares of the robot, the map and the key in the tab Drive
+MAP = np.array([WIDTH * COLUMNS[1] / sum(COLUMNS), UPPER])  # size of the map [px]
 WIDE = 0.9  # opening of the eye that follows, upwards [rad]
 
 
@@ -29,6 +32,11 @@ def above(scene: Scene) -> list[rr.AsComponents]:
         rr.Transform3D(translation=(*center, height), mat3x3=down),
         rr.Pinhole(focal_length=100.0 * height, width=size[0], height=size[1], image_plane_distance=DEPTH),
     ]
+
+
+def pixels_per_metre(scene: Scene) -> float:
+    """Return the scale of the map in a window of 1280 x 720 pixels."""
+    return float(np.min(MAP / (MARGIN * (scene.upper - scene.lower))))
 
 
 def opening() -> rr.AsComponents:

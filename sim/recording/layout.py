@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from pirrht.geometry.scene import Scene
 from sim.drawing.labels import Eye
 from sim.recording import spacetime, views
-from sim.recording.camera import ABOVE, FOLLOWING
+from sim.recording.camera import ABOVE, COLUMNS, FOLLOWING
 from sim.recording.static import MARK, MOVERS, label_path
 from sim.recording.subject import Subject
 
@@ -47,7 +47,7 @@ def _drive(scene: Scene) -> rrb.Container:
     close = _space("With the robot", rrb.EyeControls3D(tracking_entity=FOLLOWING), [*names, ABOVE])
     chart = _space("From above", rrb.EyeControls3D(tracking_entity=ABOVE), [FOLLOWING, *moving])
     key = rrb.TextDocumentView(origin="/key", name="Key")
-    upper = rrb.Horizontal(close, chart, key, column_shares=list(views.COLUMNS))
+    upper = rrb.Horizontal(close, chart, key, column_shares=list(COLUMNS))
     words = rrb.Horizontal(_page(), _log(), column_shares=[5, 3])
     return rrb.Vertical(upper, words, row_shares=[5, 3], name="Drive")
 
@@ -95,7 +95,7 @@ def _why(*, truth: bool) -> rrb.Container:
         _series("/why/cost", "Running cost [cost]", "RightBottom"),
     )
     words = rrb.Vertical(_page(), _log(), row_shares=[3, 2])
-    return rrb.Horizontal(classes, robot, words, column_shares=[3, 2, 3], name="Why")
+    return rrb.Horizontal(classes, robot, words, column_shares=[5, 3, 6], name="Why")
 
 
 def _series(origin: str, name: str, corner: str | None, range: tuple[float, float] | None = None) -> rrb.View:

@@ -31,7 +31,7 @@ MOVER_BYTES = 1000  # of each moving body between two pictures
 REFERENCE_POINTS = 64
 TOLD = 0.005  # share of psi from which a class bears its name on the map
 WAYS, HEAVY = 6, 0.01  # classes whose average way is drawn: at most, and from this share on
-SAMPLED, BY = 0.15, 4  # weight of a sample that a label may cover; points of a line before and after its label
+BY = 4  # points of a line before and after its label
 LONG = 36  # letters that a label may have for the way
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 
@@ -110,22 +110,24 @@ class Pictures:
         self._driven.append(plan.state[:2])
         here = plan.state[:2] + 1.5 * scene.robot_radius * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
         now = [one.ring for one in soon if one.after == 0.0]
-        drawn = [(lift(line, 0.0), 1.0) for line in (*lines, *ways, *now, here, np.array(self._driven))]
+        drawn = [lift(line, 0.0) for line in (*lines, *ways, *now, here, np.array(self._driven))]
         if len(self._driven) == 1:
-            places = lift(np.vstack([scene.goal.center, *(mark.place for mark in subject.marks)]), 0.02)
+            about = lift(np.vstack([scene.goal.center, *(mark.place for mark in subject.marks)]), 0.02)
             texts = ["goal", *subject.labels]
-            at = np.array(self._map.fixed(texts, places, drawn), np.float32)
-            names = rr.Points3D(at, radii=0.001, labels=texts, colors=[CONTROL], show_labels=True)
+            at = np.array(self._map.fixed(texts, about, drawn), np.float32)
+            names = rr.Points3D(at, radii=0.0, labels=texts, colors=[CONTROL], show_labels=True)
             self._stream.static("/world/scene/names", names)
-        drawn += [(strip, SAMPLED) for fan in fans.values() for strip in fan.strips]
+        samples = np.vstack([np.zeros((0, 3)), *(fan.strips.reshape(-1, 3) for fan in fans.values())])
         even = [strokes.even(line, LIFTED_POINTS) for line in lines]
-        near = {name: _around(lift(even[i], 0.1), strokes.apart(even)[i]) for i, name in enumerate(plan.ids)}
-        texts, colors = dict(labels), {name: self._colors[name] for name in labels}
+        named = strokes.apart(even)
+        near = {n: _around(lift(line, 0.1), i) for n, line, i in zip(plan.ids, even, named, strict=True)}
+        shown, colors = dict(labels), {name: self._colors[name] for name in labels}
         for mover in plan.movers if all_named(subject) else ():
             name = mover.name.replace("_", " ")
-            texts[name], colors[name] = name, MOVER
+            shown[name], colors[name] = name, MOVER
             near[name] = lift(mover.motion.pose(np.array([plan.time]))[:, :2], 0.1)
-        self._names("/world/names", self._map.placed(texts, near, drawn), [*texts.values()], [*colors.values()])
+        places = self._map.placed(shown, near, drawn, samples)
+        self._names("/world/names", places, list(shown.values()), list(colors.values()))
 
     def _foreseen(
         self,
@@ -204,7 +206,7 @@ class Pictures:
             )
             self._log(f"{path}/dots", dots)
             near = {name: _around(line, i) for name, line, i in zip(short, raised, named, strict=True)}
-            places = labels.placed(short, near, [(line, 1.0) for line in raised])
+            places = labels.placed(short, near, raised)
             self._names(f"{path}/names", places, list(short.values()), colors)
 
     def _label(self, plan: Plan, i: int, weight: float) -> str:
@@ -219,13 +221,11 @@ class Pictures:
     ) -> None:
         self._log(path, rr.LineStrips3D(strips, colors=packed(colors[: len(strips)]), radii=radii))
 
-    def _names(
-        self, path: str, places: Sequence[Array], texts: Sequence[str], colors: Sequence[Color]
-    ) -> None:
+    def _names(self, path: str, places: Sequence[Array], texts: Sequence[str], colors: Sequence[Color]) -> None:
         pale = packed([mix(color, (255, 255, 255), 0.4) for color in colors[: len(places)]])
         points = np.array(places, np.float32).reshape(-1, 3)
         labels = list(texts[: len(places)])
-        self._log(path, rr.Points3D(points, radii=0.001, colors=pale, labels=labels, show_labels=True))
+        self._log(path, rr.Points3D(points, radii=0.0, colors=pale, labels=labels, show_labels=True))
 
     def _log(self, path: str, archetype: rr.AsComponents) -> None:
         self._stream.log(path, *self._now, archetype)

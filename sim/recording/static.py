@@ -17,7 +17,7 @@ from sim.drawing.sides import NAMED
 from sim.drawing.strokes import lift, packed
 from sim.recording import geoms
 from sim.recording.bodies import ROOT
-from sim.recording.camera import ABOVE, FOLLOWING, above, opening
+from sim.recording.camera import ABOVE, FOLLOWING, above, opening, pixels_per_metre
 from sim.recording.legend import key, legend
 from sim.recording.subject import Subject
 from sim.recording.truth_view import OPTIMUM, on_floor
@@ -26,8 +26,8 @@ TREE_EDGES = 8000
 BODY = "/world/robot/body"
 MOVERS = "/world/scene/movers"
 MARK = "/world/robot/mark"  # on the map only
-SOLID, MOVING = 0.5, 0.75  # opacity of what stands and of what moves: neither hides the robot
-MARKS = (10.0, 8.5)  # radius of the rim and of the mark of the robot, whatever its size [px]
+SOLID, MOVING = 0.6, 0.8  # opacity of what stands and of what moves: neither hides the robot
+RADIUS = 9.0  # of the disc that marks a small robot on the map [px]
 TILES = 24  # along the longer side of the floor at most
 LEVELS, DASHES = (0.5, 1.0, 1.5), 16  # of H that are marked; dashes over the obstacle that a tree is lifted by
 
@@ -61,7 +61,7 @@ def stage(subject: Subject, log: Log) -> None:
         for name, solid in geoms.solids(model, mask, body=mover.name).items():
             log(f"{mover_path(mover.name)}/{name}", solid)
         label = {"labels": [mover.name.replace("_", " ")], "colors": [MOVER], "show_labels": all_named(subject)}
-        log(label_path(mover.name), rr.Points3D([(0, 0, 0)], radii=0.001, **label))
+        log(label_path(mover.name), rr.Points3D([(0, 0, 0)], radii=0.0, **label))
     if subject.grid is not None and not subject.grid.moves:
         for path, picture in on_floor(subject.grid, subject.space, 0.0):
             log(path, picture)
@@ -94,9 +94,10 @@ def _robot(subject: Subject, drawn: NDArray[np.bool_], log: Log) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     top = float(np.max(data.geom_xpos[:, 2] + model.geom_rbound, initial=0.0))
-    radii = [rr.Radius.ui_points(radius) for radius in MARKS]
-    places = [(0.0, 0.0, top + 0.1), (0.0, 0.0, top + 0.2)]
-    log(MARK, rr.Points3D(places, radii=radii, colors=[FLOOR, DRIVEN]))
+    radius = RADIUS / pixels_per_metre(subject.space.scene)
+    if radius > subject.space.scene.robot_radius:
+        rim = {"radii": [1.15 * radius, radius], "centers": [(0.0, 0.0, top + 0.1), (0.0, 0.0, top + 0.2)]}
+        log(MARK, rr.Cylinders3D(lengths=[0.01] * 2, **rim, colors=[FLOOR, DRIVEN], fill_mode="solid"))
     bodies = subject.bodies
     for name, path in ((ROOT, BODY), *((part.name, part_path(part.name)) for part in bodies.parts)):
         own = drawn & (model.geom_bodyid == model.body(name).id)

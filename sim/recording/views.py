@@ -6,28 +6,22 @@ from math import hypot, radians, tan
 
 import numpy as np
 
-from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
 from pirrht.plotting.ground import outline
 from sim.drawing import strokes
-from sim.drawing.labels import Eye, Labels, Sheet
+from sim.drawing.labels import Eye, Labels, Lines
 from sim.drawing.strokes import lift
-from sim.recording.camera import HEIGHT, MARGIN
+from sim.recording.camera import HEIGHT, MAP, MARGIN, WHOLE, WIDTH, pixels_per_metre
 from sim.recording.subject import Subject
 
-UPPER, WHOLE = 362.0, 597.0  # heights of the upper views of the tab Drive and of the other tabs [px]
-WIDTH = 1280.0
-COLUMNS = (5.0, 5.0, 2.0)  # shares of the robot, the map and the key in the tab Drive
 OPENING = radians(55.0)  # of Rerun's eyes, upwards
-FAINT = 0.3  # weight of a tree's branches
 BRANCHES, ALONG = 4000, np.linspace(0.0, 1.0, 6)[:, None, None]
 
 
 def from_above(scene: Scene) -> Eye:
     """Return the eye over the map."""
-    extent = MARGIN * (scene.upper - scene.lower)
-    size = WIDTH * COLUMNS[1] / sum(COLUMNS), UPPER
-    height, pixels = HEIGHT * float(extent.max()), float(np.min(size / extent))
+    height = HEIGHT * MARGIN * float((scene.upper - scene.lower).max())
+    size, pixels = (float(MAP[0]), float(MAP[1])), pixels_per_metre(scene)
     x, y = (float(v) for v in 0.5 * (scene.lower + scene.upper))
     return Eye(position=(x, y, height), target=(x, y, 0.0), up=(0.0, 1.0, 0.0), size=size, focal=pixels * height)
 
@@ -56,33 +50,24 @@ def _slanted(position: tuple[float, float, float], target: tuple[float, float, f
 
 def map_labels(scene: Scene) -> Labels:
     """Return labels of the map, off what is in the scene."""
-    eye = from_above(scene)
-    sheet = Sheet(*eye.size)
+    labels = Labels(from_above(scene))
     for solid in scene.obstacles:
-        sheet.fill(eye.pixels(lift(outline(solid), 0.0)))
-    return Labels(eye, sheet)
+        labels.fill(lift(outline(solid), 0.0))
+    return labels
 
 
-def tree_labels(subject: Subject, obstacle: int, levels: Array) -> Labels:
+def tree_labels(subject: Subject, obstacle: int, levels: Lines) -> Labels:
     """Return labels of a lifted tree, off its branches, its levels (k, 3, 3) [m], and the scene below it."""
     assert subject.tree is not None
     scene, turn = subject.space.scene, subject.turn
-    eye = on_tree(scene, turn, len(subject.lifted))
-    sheet = Sheet(*eye.size)
+    labels = Labels(on_tree(scene, turn, len(subject.lifted)))
     (x0, y0), (x1, y1) = scene.lower, scene.upper
-    sheet.fill(eye.pixels(np.array([(x0, y0, 0.0), (x1, y0, 0.0), (x1, y1, 0.0), (x0, y1, 0.0)])))
+    labels.fill(np.array([(x0, y0, 0.0), (x1, y0, 0.0), (x1, y1, 0.0), (x0, y1, 0.0)]))
     ends, _ = strokes.tree_edges(subject.tree, obstacle, BRANCHES)
     if len(ends):
         raised = lift(ends, turn * ends[..., 2])
         between = (1.0 - ALONG) * raised[None, :, 0] + ALONG * raised[None, :, 1]
-        sheet.dot(eye.pixels(between.reshape(-1, 3)), weight=FAINT)
-    for corner in eye.pixels(levels[:, 2]):  # where the levels have their names
-        box = corner + np.array([(-36.0, 0.0), (36.0, 0.0), (36.0, 26.0), (-36.0, 26.0)])
-        sheet.fill(box)
-    return Labels(eye, sheet)
-
-
-def time_labels(scene: Scene) -> Labels:
-    """Return labels of space and time, off the map that is the floor."""
-    eye = in_time(scene)
-    return Labels(eye, Sheet(*eye.size))
+        labels.dot(between.reshape(-1, 3))
+    for corner in levels[:, 2]:
+        labels.cover("H = 0.5", corner)
+    return labels
