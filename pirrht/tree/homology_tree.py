@@ -46,7 +46,7 @@ class HomologyTree:
         classes: keep at most so many cheapest classes per vertex; 0 keeps all.
         rng: source of the random states.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import FreeSpace, Goal, HomologyTree, Kind, Obstacle, Problem, Scene, SingleIntegrator
         >>> from pirrht import StraightLine
