@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
 
 FOLLOWING, ABOVE = "/world/eyes/following", "/world/eyes/above"
-HEIGHT, MARGIN = 60.0, 1.06  # of the eye above, in sizes of the workspace; what it sees, over the workspace
+HEIGHT, MARGIN = 300.0, 1.06  # of the eye above, in sizes of the workspace; what it sees, over the workspace
 SETTLE = 1.2  # after which it has turned by most of a bend [s]
 PACE = 0.35  # time over which it looks where the robot is going [s]
 DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
