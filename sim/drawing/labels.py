@@ -96,7 +96,8 @@ class Sheet:
         covered = covered[::EVERY, ::EVERY]
         y, x = (CELL * (EVERY * np.arange(n) + 0.5 * k) for n, k in zip(covered.shape, size, strict=True))
         middles = np.stack(np.meshgrid(x, y), axis=-1)
-        away = np.sqrt(np.square(middles[:, :, None] - line).sum(axis=-1).min(axis=-1))
+        across, along = np.square(x[:, None] - line[:, 0]), np.square(y[:, None] - line[:, 1])
+        away = np.sqrt((along[:, None] + across[None]).min(axis=-1))
         cost = away + COVERED * covered + TOUCHED * (covered > 0.01)
         if inside:
             part = solid[::EVERY, ::EVERY]

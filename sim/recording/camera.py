@@ -17,14 +17,15 @@ SETTLE = 1.2  # after which it has turned by most of a bend [s]
 PACE = 0.35  # time over which it looks where the robot is going [s]
 DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
 WIDTH, UPPER, WHOLE = 1280.0, 362.0, 597.0  # of a window, and heights of the upper views of Drive and other tabs [px]
-COLUMNS = (5.0, 5.0, 2.0)  # shares of the robot, the map and the key in the tab Drive
+COLUMNS = (4.0, 6.0, 2.0)  # shares of the robot, the map and the key in the tab Drive
 MAP = np.array([WIDTH * COLUMNS[1] / sum(COLUMNS), UPPER])  # size of the map [px]
+NARROW = 1.4  # width over height of the narrowest map that is not cut
 WIDE = 0.9  # opening of the eye that follows, upwards [rad]
 
 
 def above(scene: Scene) -> list[rr.AsComponents]:
     """An eye over the middle of the workspace, north being up."""
-    center, extent = 0.5 * (scene.lower + scene.upper), MARGIN * (scene.upper - scene.lower)
+    center, extent = 0.5 * (scene.lower + scene.upper), seen(scene)
     height = HEIGHT * float(extent.max())
     down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     size = extent * 100.0
@@ -36,7 +37,13 @@ def above(scene: Scene) -> list[rr.AsComponents]:
 
 def pixels_per_metre(scene: Scene) -> float:
     """Return the scale of the map in a window of 1280 x 720 pixels."""
-    return float(np.min(MAP / (MARGIN * (scene.upper - scene.lower))))
+    return float(np.min(MAP / seen(scene)))
+
+
+def seen(scene: Scene) -> Array:
+    """Return width and height of the ground that the eye above sees [m]: Rerun fits the height, whatever the width."""
+    wide, high = MARGIN * (scene.upper - scene.lower)
+    return np.array([wide, max(high, wide / NARROW)])
 
 
 def opening() -> rr.AsComponents:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Sequence
 
-import mujoco
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
@@ -48,7 +46,9 @@ def stage(subject: Subject, log: Log) -> None:
     _ground(subject, log)
     log("/key", rr.TextDocument(key(subject), media_type=rr.MediaType.MARKDOWN))
     robot, moving, obstacles = (getattr(subject.loaded, f"{kind}_geoms") for kind in ("robot", "moving", "obstacle"))
-    model = _see_through(subject.loaded.model, robot, moving)
+    model = geoms.see_through(
+        subject.loaded.model, np.where(moving, MOVING, np.where(robot, 1.0, SOLID)), moving, MOVER
+    )
     shown = geoms.shown(model)
     for folder, mask in (
         ("/world/scene/obstacles", obstacles & ~moving),
@@ -77,23 +77,11 @@ def stage(subject: Subject, log: Log) -> None:
         _tree(subject, obstacle, path, log)
 
 
-def _see_through(model: mujoco.MjModel, robot: NDArray[np.bool_], moving: NDArray[np.bool_]) -> mujoco.MjModel:
-    """Return a model whose geoms do not hide the robot, and those of moving obstacles have one colour of their own."""
-    seen = copy.copy(model)
-    rgba = np.array([geoms.rgba_of(model, g) for g in range(model.ngeom)]).reshape(-1, 4) / 255.0
-    rgba[moving, :3] = np.array(MOVER) / 255.0
-    rgba[~robot, 3] *= np.where(moving, MOVING, SOLID)[~robot]
-    seen.geom_rgba[:], seen.geom_matid[:] = rgba, -1
-    return seen
-
-
 def _robot(subject: Subject, drawn: NDArray[np.bool_], log: Log) -> None:
     """The geoms of each of the robot's bodies in its own frame; of what is fixed to the root also where."""
     model = subject.loaded.model
     log("/world/robot", _arrows(truth=subject.look.truth))
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    top = float(np.max(data.geom_xpos[:, 2] + model.geom_rbound, initial=0.0))
+    top = geoms.top(model)
     radius = RADIUS / pixels_per_metre(subject.space.scene)
     if radius > subject.space.scene.robot_radius:
         rim = {"radii": [1.15 * radius, radius], "centers": [(0.0, 0.0, top + 0.1), (0.0, 0.0, top + 0.2)]}

@@ -11,7 +11,7 @@ from pirrht.plotting.ground import outline
 from sim.drawing import strokes
 from sim.drawing.labels import Eye, Labels, Lines
 from sim.drawing.strokes import lift
-from sim.recording.camera import HEIGHT, MAP, MARGIN, WHOLE, WIDTH, pixels_per_metre
+from sim.recording.camera import HEIGHT, MAP, WHOLE, WIDTH, pixels_per_metre, seen
 from sim.recording.subject import Subject
 
 OPENING = radians(55.0)  # of Rerun's eyes, upwards
@@ -20,7 +20,7 @@ BRANCHES, ALONG = 4000, np.linspace(0.0, 1.0, 6)[:, None, None]
 
 def from_above(scene: Scene) -> Eye:
     """Return the eye over the map."""
-    height = HEIGHT * MARGIN * float((scene.upper - scene.lower).max())
+    height = HEIGHT * float(seen(scene).max())
     size, pixels = (float(MAP[0]), float(MAP[1])), pixels_per_metre(scene)
     x, y = (float(v) for v in 0.5 * (scene.lower + scene.upper))
     return Eye(position=(x, y, height), target=(x, y, 0.0), up=(0.0, 1.0, 0.0), size=size, focal=pixels * height)
