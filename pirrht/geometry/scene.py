@@ -29,7 +29,7 @@ class Goal:
         center: x, y, (2,) [m]; the paper's goal representative point.
         radius: of the disc [m].
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import Goal
         >>> goal = Goal(center=np.array([5.5, 2.5]), radius=0.25)
@@ -114,7 +114,7 @@ class Scene:
     Raises:
         SceneError: start or goal lie outside the workspace, or something is empty; names the scene.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import Goal, Kind, Obstacle, Scene
         >>> table = Obstacle(
