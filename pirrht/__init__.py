@@ -58,7 +58,7 @@ _HOME = {
 }
 
 __all__ = [*_HOME]
-__version__ = "0.30.0"
+__version__ = "0.31.0"
 
 
 def __getattr__(name: str) -> Any:
