@@ -10,6 +10,11 @@ def told(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
+def printable(text: str) -> str:
+    """Text in one line: what no terminal shows, such as a newline in the name of a file, as its escape sequence."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 class PirrhtError(Exception):
     """Base of all errors of this project; its text is one line for a person."""
 

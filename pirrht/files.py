@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, printable
 
 SHOWN = 40  # characters of a file's name that its draft bears: two such names and an ending fit any file system
 
@@ -55,8 +55,8 @@ class Draft:
 def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
     """A stream whose content becomes that of a file; an old file stays until then, and if anything goes wrong.
 
-    What is no regular file, such as /dev/null or a pipe, and what standard output goes to are written straight to,
-    in one go at the end.
+    What is no regular file, such as /dev/null or a pipe, and what standard output goes to are written straight to, in
+    one go at the end. A pipe that nobody reads then is an error.
 
     Raises:
         OptionError: it cannot be written; names the option.
@@ -83,8 +83,11 @@ def takes_as_it_comes(path: Path) -> bool:
 
 
 def shown(path: Path) -> str:
-    """A path as text that any terminal takes, whatever bytes it is made of."""
-    return os.fsencode(path).decode("utf-8", "backslashreplace")
+    """A path as text in one line that any terminal takes, whatever it is made of."""
+    try:
+        return printable(os.fsencode(path).decode("utf-8", "backslashreplace"))
+    except UnicodeEncodeError:  # half a character, which is in no name that the system knows
+        return printable(str(path))
 
 
 @contextmanager
@@ -104,8 +107,33 @@ def _poured(path: Path) -> Iterator[BinaryIO]:
         yield stream
         stream.seek(0)
         known = _output(os.stat(path))
-        with open(path, "wb") if known is None else os.fdopen(os.dup(known), "wb") as target:
+        with os.fdopen(_open_pipe(path) if known is None else os.dup(known), "wb") as target:
             shutil.copyfileobj(stream, target)
+
+
+_pipes: dict[Path, int] = {}  # descriptors of pipes whose readers wait for what is not there yet
+
+
+def has_reader(path: Path) -> bool:
+    """Whether somebody reads a pipe, which is kept open until it is written to, lest its reader take that for the end.
+
+    Opening one that nobody reads would wait for ever.
+    """
+    if _output(os.stat(path)) is None and path not in _pipes:
+        try:
+            _pipes[path] = _open_pipe(path)
+        except OSError:
+            return False
+    return True
+
+
+def _open_pipe(path: Path) -> int:
+    """A descriptor to write to a pipe or device, which is not waited for."""
+    if path in _pipes:
+        return _pipes.pop(path)
+    handle = os.open(path, os.O_WRONLY | os.O_TRUNC | getattr(os, "O_NONBLOCK", 0))
+    os.set_blocking(handle, True)
+    return handle
 
 
 def _output(found: os.stat_result) -> int | None:

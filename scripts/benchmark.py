@@ -13,6 +13,7 @@
                                             --part mazes: which errors beyond 5 standard errors go without a warning?
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
                                             --part line: on a line, against the exact grid; --robot rover|car
+    python scripts/benchmark.py maps        import of ROS maps and the first plan against pixels, 1000 to 4000 a side
 
 Times depend on the machine: quote ratios from one run.
 """
@@ -33,7 +34,7 @@ PARTS = {
     "calibration": (None, "car", "moving", "mazes"),
     "mass": (None, "line"),
 }
-TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "mass")
+TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "mass", "maps")
 
 
 def main() -> int:
@@ -54,7 +55,9 @@ def main() -> int:
         "of `calibration`: car, moving; of `mass`: line",
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
-    parser.add_argument("--png", type=Path, help="draw `calibration`, or the parts samples and drives of `quality`")
+    parser.add_argument(
+        "--png", type=Path, help="draw `calibration`, `maps`, or the parts samples and drives of `quality`"
+    )
     random = parser.add_argument_group("calibration and mass")
     random.add_argument(
         "--scenes", type=int, help="random scenes (30; of the car 3; of `--part moving` the built-in ones)"

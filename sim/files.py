@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.errors import OptionError
-from pirrht.files import replaced, shown, takes_as_it_comes, target_of
+from pirrht.files import has_reader, replaced, shown, takes_as_it_comes, target_of
 
 
 def check_writable(path: Path, option: str) -> None:
@@ -21,7 +21,7 @@ def check_writable(path: Path, option: str) -> None:
 
     Raises:
         OptionError: the name is none that the system takes, the folder is missing or may not be written to, or the
-            path is a folder or a disk.
+            path is a folder, a disk, or a pipe that nobody reads.
     """
     found = checked_name(path, option)
     name = f"{option} {shown(path)}"
@@ -29,6 +29,8 @@ def check_writable(path: Path, option: str) -> None:
         raise OptionError(f"{name} is a folder; give the path of a file")
     if found is not None and stat.S_ISBLK(found.st_mode):
         raise OptionError(f"{name} is a disk; give the path of a file")
+    if found is not None and stat.S_ISFIFO(found.st_mode) and not has_reader(path):
+        raise OptionError(f"{name} is a pipe that nobody reads; start its reader first, or give the path of a file")
     folder = target_of(path).parent
     straight = takes_as_it_comes(path)
     if not straight and not folder.is_dir():
@@ -51,8 +53,13 @@ def checked_name(path: Path, option: str) -> os.stat_result | None:
     except UnicodeEncodeError:
         raise OptionError(f"{option} {shown(path)}: the name is not UTF-8; give one that is") from None
     except (OSError, ValueError) as error:  # ValueError: a null character
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise OptionError(f"{option} {_short(path)}: {reason}; give another path") from None
+        raise refused(option, path, error) from None
+
+
+def refused(option: str, path: Path, error: OSError | ValueError) -> OptionError:
+    """What to raise where the system takes a path that an option names for none, or refuses what is done with it."""
+    reason = getattr(error, "strerror", None) or error
+    return OptionError(f"{option} {_short(path)}: {reason}; choose another place")
 
 
 def write_json(path: Path, value: Any) -> None:

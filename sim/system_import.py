@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError, PirrhtError, told
 from sim.systems import BUILT_IN, System, named, names, register
+
+LONGEST = 200  # characters of a reason that numba gives
+_COLORS = re.compile(r"\x1b\[\d*m")
+_PLACES = re.compile(r'File "([^"\n]+)", line (\d+)|Raised from ([^\n]+) \((\d+)\)')  # as numba names them
 
 _folders: set[Path] = set()  # of modules that systems came from
 
@@ -68,7 +73,23 @@ def blamed(error: BaseException) -> str | None:
         if any(Path(code.co_filename).parent == folder for folder in _folders):
             place = f"{code.co_filename}, line {trace.tb_lineno}, in {code.co_name}"
         trace = trace.tb_next
+    if place is None and type(error).__module__.startswith("numba."):
+        return _uncompiled(_COLORS.sub("", str(error)))
     return None if place is None else f"{place}: {told(error)}; mend it"
+
+
+def _uncompiled(text: str) -> str | None:
+    """Where in somebody's own code numba found what it cannot compile, and why; None if it names no file of theirs."""
+    found = [(Path(one or other).resolve(), line or at) for one, line, other, at in _PLACES.findall(text)]
+    theirs = [(path, line) for path, line in found if path.parent in _folders]
+    if not theirs:
+        return None
+    lines = (" ".join(line.partition("Raised from")[0].split()) for line in text.splitlines())
+    reason = next((line for line in lines if line and not line.startswith("Failed in ")), "")
+    return (
+        f"{theirs[-1][0]}, line {theirs[-1][1]}: numba cannot compile this ({reason.strip(' .:>')[:LONGEST]}); use "
+        "numbers, arrays and functions of math and NumPy alone"
+    )
 
 
 def _path_told(typed: str, name: str) -> str:
@@ -86,11 +107,10 @@ def _path_told(typed: str, name: str) -> str:
 
 def _module(name: str, which: str) -> Any:
     folder = os.getcwd()
-    if folder not in sys.path and "" not in sys.path:
-        sys.path.insert(0, folder)
     importlib.invalidate_caches()
     try:
-        module = importlib.import_module(name)
+        with _first_on_path(folder):
+            module = importlib.import_module(name)
         if (file := getattr(module, "__file__", None)) is not None:
             _folders.add(Path(file).resolve().parent)
         return module
@@ -103,6 +123,19 @@ def _module(name: str, which: str) -> Any:
                 "or set PYTHONPATH"
             ) from None
         raise OptionError(f"--system {which}: {told(error)} while the module {name} was imported; mend it") from None
+
+
+@contextmanager
+def _first_on_path(folder: str) -> Iterator[None]:
+    """Look for modules in a folder first; afterwards last, so that it hides nothing that is imported later."""
+    sys.path.insert(0, folder)
+    try:
+        yield
+    finally:
+        with suppress(ValueError):
+            sys.path.remove(folder)
+        if folder not in sys.path:
+            sys.path.append(folder)
 
 
 def _line_of(error: BaseException, name: str) -> str:

@@ -8,6 +8,8 @@ import textwrap
 from collections.abc import Sequence
 from typing import Any
 
+from pirrht.errors import printable
+
 LEAST = 30  # columns of a terminal that text is broken for
 WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 
@@ -35,7 +37,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]], room: int | None
     Args:
         room: a table that is wider becomes several, each with the first `keep` columns and some of the others.
     """
-    cells = [list(header), *[list(row) for row in rows]]
+    cells = [list(header), *[list(map(printable, row)) for row in rows]]
     widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
     first = list(range(keep))
     parts = [list(first)]

@@ -4,6 +4,7 @@ jit           kernel, inlined, part, borrowing, jitable
 linking       what kernels call stays LLVM IR, what Python calls links it; uses numba's private interface
 libraries     the two kinds of code that makes
 cache         kernels on disk, named by what they compute
+disk          where they lie, and who may have written them
 addresses     array elements by address, since arrays in records cost reference counts
 copies        arrays element by element, since assignments to slices take long to compile
 linear        small systems of equations

@@ -4,8 +4,8 @@ A name is a digest of the bytecode of a function, of the numbers, records and fu
 of its arguments, and of compiler and processor. So an edit costs the kernels that it touches and those that call them.
 A function that refers to something that could change unseen has no name, and what is made of it is not kept.
 
-A file begins with a digest of its content: nothing is unpickled unless it is what was written. One process compiles a
-kernel; others that want it wait, and then find it.
+A file begins with a digest of its content: nothing is unpickled unless it is what was written, by this user or root
+(`disk`). One process compiles a kernel; others that want it wait, and then find it.
 """
 
 from __future__ import annotations
@@ -21,14 +21,12 @@ import os
 import pickle
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
-from uuid import uuid4
 
 import llvmlite
 import numba
@@ -38,6 +36,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.extending import intrinsic
 
+from pirrht.compiled import disk
 from pirrht.compiled.unbroken import unbroken
 
 try:
@@ -46,11 +45,7 @@ except ImportError:  # a system without such locks: everyone compiles
     fcntl = None  # type: ignore[assignment]
 
 LENGTH = hashlib.sha256().digest_size
-UNUSED = 30 * 86400.0  # a kernel that was not loaded for so long is removed [s]
-DAY = 86400.0  # how exactly that is known [s]
 HAS_DOCSTRING = 0x4000000  # of code objects, from Python 3.13 on
-KERNELS, LOCKS, NOTES = "kernels", "locks", "notes"
-_PACKAGE = Path(__file__).resolve().parent.parent
 _TRUSTED = (math, np)  # modules whose functions do what they did
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic)
 _Intrinsic = type(intrinsic(lambda context: None))
@@ -179,6 +174,8 @@ def _of_intrinsic(value: Any, above: tuple[Any, ...]) -> str:
 def _code_of_module(name: str) -> str:
     """A digest of a module's code without docstrings and comments."""
     path = getattr(sys.modules[name], "__file__", None)
+    if name.split(".")[0] == "numba":
+        return name  # its version is in every key
     if path is None or not os.path.exists(path):
         raise Unknown
     tree = ast.parse(Path(path).read_bytes())
@@ -205,9 +202,12 @@ def _type(kind: Any) -> str:
 
 def load(key: str | None, made: Callable[[Any], Any]) -> Any:
     """What `made` makes of the content that is kept under a name; None if there is none that is whole."""
-    path = None if key is None else folder() / KERNELS / key
-    content = None if path is None else _read(path)
-    if content is None or path is None:
+    try:
+        content = None if key is None else disk.read(key)
+    except disk.Foreign as error:
+        _warn_once(str(error))
+        return None
+    if content is None:
         return None
     try:
         if hashlib.sha256(content[LENGTH:]).digest() != content[:LENGTH]:
@@ -215,6 +215,7 @@ def load(key: str | None, made: Callable[[Any], Any]) -> Any:
         with unbroken("loading"):
             return made(pickle.loads(content[LENGTH:]))
     except Exception:  # whatever rebuilding meets
+        path = disk.folder() / disk.KERNELS / str(key)
         _warn_once(f"a compiled kernel on disk is damaged, {path}; it is compiled anew")
         return None
 
@@ -225,12 +226,13 @@ def save(key: str | None, content: Callable[[], Any]) -> None:
         return
     data = dumps(content())
     try:
-        (folder() / KERNELS).mkdir(parents=True, exist_ok=True)
-        _replace(folder() / KERNELS / key, hashlib.sha256(data).digest() + data)
-        _tidy()
+        disk.write(key, hashlib.sha256(data).digest() + data)
+        disk.tidy()
+    except disk.Foreign as error:
+        _warn_once(str(error))
     except OSError as error:
         _warn_once(
-            f"compiled kernels cannot be kept in {folder()} ({error.strerror}), so every "
+            f"compiled kernels cannot be kept in {disk.folder()} ({error.strerror}), so every "
             "command compiles anew; set NUMBA_CACHE_DIR to a folder that may be written"
         )
 
@@ -241,14 +243,10 @@ def locked(key: str | None) -> Iterator[None]:
 
     Kernels call each other in no circle, so that who waits for one is never waited for.
     """
-    path = None if key is None or fcntl is None else folder() / LOCKS / key
-    try:
-        stream = None
-        if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            stream = path.open("ab")
-    except OSError:
-        stream = None
+    stream = None
+    if key is not None and fcntl is not None:
+        with suppress(OSError):
+            stream = (disk.own(disk.LOCKS) / key).open("ab")
     if stream is None:
         yield
         return
@@ -264,8 +262,7 @@ def kept() -> bool:
     if numba.config.DISABLE_JIT:
         return False
     try:
-        folder().mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder()).close()
+        tempfile.TemporaryFile(dir=disk.own(disk.KERNELS)).close()
     except OSError:
         return False
     return True
@@ -273,57 +270,13 @@ def kept() -> bool:
 
 def noted(name: str) -> bool:
     """Whether somebody has noted that all kernels of a name are there."""
-    return (folder() / NOTES / name).exists()
+    return (disk.folder() / disk.NOTES / name).exists()
 
 
 def note(name: str) -> None:
     """Note that all kernels of a name are there; nothing where it cannot be written."""
     with suppress(OSError):
-        (folder() / NOTES).mkdir(parents=True, exist_ok=True)
-        (folder() / NOTES / name).touch()
-
-
-@cache
-def folder() -> Path:
-    """Where kernels are kept: NUMBA_CACHE_DIR, else beside the package, else in the user's cache."""
-    if numba.config.CACHE_DIR:
-        return Path(numba.config.CACHE_DIR) / "pirrht"
-    home = _PACKAGE / "__pycache__"
-    with suppress(OSError):
-        home.mkdir(exist_ok=True)
-        if os.access(home, os.W_OK):
-            return home / "pirrht"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pirrht"
-
-
-@cache
-def _tidy() -> None:
-    """Remove, once per process, what was not loaded for a month."""
-    now = time.time()
-    for path in [path for part in (KERNELS, LOCKS, NOTES) for path in (folder() / part).glob("*")]:
-        with suppress(OSError):
-            if now - path.stat().st_mtime > UNUSED:
-                path.unlink()
-
-
-def _read(path: Path) -> bytes | None:
-    try:
-        content = path.read_bytes()
-        if time.time() - path.stat().st_mtime > DAY:
-            os.utime(path)
-        return content
-    except OSError:
-        return None
-
-
-def _replace(path: Path, content: bytes) -> None:
-    part = path.with_name(f"{path.name}.{uuid4().hex[:16]}.tmp")
-    try:
-        part.write_bytes(content)
-        os.replace(part, path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+        (disk.own(disk.NOTES) / name).touch()
 
 
 def _warn_once(line: str) -> None:

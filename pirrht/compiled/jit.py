@@ -20,15 +20,16 @@ if DISABLED:
     np.seterr(over="ignore", divide="ignore", invalid="ignore")  # as compiled: keys wrap, division is IEEE's
 
 # All are set: numba takes over those that are not from whatever calls a function first.
-_OPTIONS = {
+OPTIONS = {
     "nopython": True, "nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": False, "_nrt": True,
     "no_cfunc_wrapper": True,
 }  # fmt: skip
+linking.keep_functions_of_numba(OPTIONS)
 
 
 def kernel(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a numeric function: without the interpreter lock, cached on disk, IEEE division."""
-    return function if DISABLED else linking.Entry(function, _OPTIONS | options)
+    return function if DISABLED else linking.Entry(function, OPTIONS | options)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -65,5 +66,5 @@ def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
     if isinstance(function, Dispatcher):
         function.targetoptions.setdefault("_nrt", True)  # else it takes over that of whoever asks for it first
     elif not DISABLED:
-        linking.register(function, _OPTIONS)
+        linking.register(function, OPTIONS)
     return function

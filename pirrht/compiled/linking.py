@@ -10,6 +10,7 @@ What is used of numba, and what a change of it breaks (`tests/unit/pirrht/compil
 * `JITCodeLibrary`: its linking, its finalization and its form on disk.
 * `FunctionIdentity._unique_ids`: names of machine code.
 * `BaseFunction.get_call_type`: types of operations, remembered.
+* `_OverloadFunctionTemplate._get_jit_decorator`: numba's own functions on arrays and numbers become parts.
 """
 
 from __future__ import annotations
@@ -34,12 +35,14 @@ from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys
 from numba.core.typed_passes import NativeLowering
 from numba.core.types.functions import BaseFunction
+from numba.core.typing.templates import _OverloadFunctionTemplate
 
 from pirrht.compiled import cache
 from pirrht.compiled.libraries import EntryLibrary, PartLibrary
 from pirrht.compiled.unbroken import unbroken
 
 VALUES = (types.Number, types.Boolean, types.Array, types.BaseTuple)
+KEPT = ("numba.cpython.builtins", "numba.np.arrayobj")  # modules of numba whose functions become parts
 BITS = 48  # among a thousand processes two share a count with a chance of one in a million
 
 
@@ -229,11 +232,14 @@ def _library_of(key: str, state: Any = None) -> PartLibrary | None:
 
 
 class Entry(CPUDispatcher):  # type: ignore[misc]
-    """A function as Python calls it: machine code of a part and all that it calls; kernels link the part."""
+    """A function as Python calls it: machine code of a part and all that it calls; kernels link the part.
 
-    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+    With `by_address`, kernels can call its machine code too.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any], *, by_address: bool = False) -> None:
         super().__init__(function, {}, options)
-        self.part = Part(function, options)
+        self.part, self.by_address = Part(function, options), by_address
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Types of a call from a kernel."""
@@ -251,9 +257,16 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
                 self.add_overload(self._found_or_linked(tuple(args)))
             return self.overloads[tuple(args)].entry_point
 
+    def address(self, args: tuple[Any, ...]) -> int:
+        """The address of its machine code for argument types."""
+        self.compile(args)
+        result = self.overloads[args]
+        return int(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))
+
     def _found_or_linked(self, args: tuple[Any, ...]) -> Any:
         self.targetctx.refresh()  # else code from disk would find nothing of numba's runtime
-        key = cache.key_of(self.py_func, "entry", args, self.targetoptions, self.targetctx)
+        kind = "pointer" if self.by_address else "entry"
+        key = cache.key_of(self.py_func, kind, args, self.targetoptions, self.targetctx)
         result = cache.load(key, lambda data: CompileResult._rebuild(self.targetctx, *data))
         if result is None:
             with cache.locked(key):
@@ -277,6 +290,8 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
         ours = context.subtarget(enable_nrt=self.targetoptions["_nrt"], environment=environment, fndesc=described)
         with unbroken("linking"):
             ours.create_cpython_wrapper(library, described, environment, None, release_gil=True)
+            if self.by_address:
+                ours.create_cfunc_wrapper(library, described, environment, None)
             entry = context.get_executable(library, described, environment)
         begin = list(library._reload_init)
         return part._replace(
@@ -292,6 +307,18 @@ def register(function: Callable[..., Any], options: dict[str, Any]) -> None:
     """Let kernels call a Python function."""
     part = _parts[function] = Part(function, options)
     part.typingctx.insert_global(function, types.Dispatcher(part))
+
+
+def keep_functions_of_numba(options: dict[str, Any]) -> None:
+    """Make parts of numba's own functions on arrays and numbers, which it would compile anew in every process."""
+    plain = _OverloadFunctionTemplate._get_jit_decorator
+
+    def decorator(self: Any) -> Any:
+        if self._overload_func.__module__ not in KEPT:
+            return plain(self)
+        return lambda **given: lambda function: Part(function, options | given)
+
+    _OverloadFunctionTemplate._get_jit_decorator = decorator
 
 
 def _widened(kind: Any) -> Any:

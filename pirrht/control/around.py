@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.aside import Aside
-from pirrht.control.guides import Guides, Wanted, Whole
+from pirrht.control.guides import Guides, Wanted, Whole, kept
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
@@ -19,7 +19,7 @@ from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
 from pirrht.guidance.tracking import FEW
 from pirrht.problem import Problem
 from pirrht.steering.trajectory import Trajectory, running_cost
-from pirrht.topology.homology import Homology, class_id
+from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.reference import Reference
 
@@ -63,6 +63,18 @@ class Around:
             self.allocation.forget()
         self.guides, self.aside = Guides(), Aside()
 
+    def inherit(self, before: Around, heirs: Mapping[Whole, Whole], names: Mapping[str, str]) -> None:
+        """Take over what an earlier one remembers of classes.
+
+        Args:
+            heirs: the class now of each guide that is kept.
+            names: the name now of each class that is.
+        """
+        self.guides.inherit(before.guides, heirs)
+        self.aside.shares = kept(before.aside.shares, names)
+        if self.allocation is not None and before.allocation is not None:
+            self.allocation.inherit(before.allocation, names)
+
     def batch(self, x: Array, references: Sequence[Reference], classes: Sequence[Whole], moment: Moment) -> Batch:
         """What a plan at x (n,) draws: around references, or of passive dynamics if there is none.
 
@@ -75,7 +87,7 @@ class Around:
         if not references:
             still = Tape(times, np.zeros((len(times) - 1, self.problem.dynamics.m)))
             return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),), time=moment.now)
-        names = [class_id(whole) for whole in classes]
+        names = [self.homology.name(whole) for whole in classes]
         wanted = [
             Wanted(
                 whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory, winding=one.winding,

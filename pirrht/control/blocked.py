@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -10,7 +10,10 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
+from pirrht.guidance.following import Follow
+from pirrht.guidance.leads import Along, Batch
 from pirrht.problem import Problem
+from pirrht.tree.reference import Reference
 
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
 SOON, FINE = 1.0, 0.02  # [s], and the step in which room is compared [m]
@@ -166,3 +169,11 @@ class Brake:
 def held(times: Array, tape: Array) -> Law:
     """Controls (T, m) of steps that end at `times` (T+1,) [s], and the last one from then on, whatever the state."""
     return lambda _, s: tape[min(int(np.searchsorted(times, s + 1e-9, side="right")), len(tape)) - 1]
+
+
+def known_law(batch: Batch, references: Sequence[Reference]) -> Law | None:
+    """What a robot that cannot stop knows of a path: the cheapest guide or reference, without feedback."""
+    led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, Along | Follow)]
+    if led:
+        return held(batch.times, min(led, key=lambda guide: guide.priced).tape)
+    return held(batch.times, references[0].trajectory.tape(batch.times)) if references else None

@@ -12,27 +12,27 @@ from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.control.around import Around, Moment
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
-from pirrht.control.blocked import Brake, Law, held
+from pirrht.control.blocked import Brake, known_law
 from pirrht.control.feedback import ClassMixture, ClassPool
-from pirrht.control.fitting import check_drives, check_fits
+from pirrht.control.fitting import blame_speed, check_drives, check_fits
 from pirrht.control.hurry import Pace, enough_of, pressed_of
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import Prediction, Way
 from pirrht.control.remembered import Remembered
+from pirrht.control.update import entered, heirs, renamed, renewed
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Along, Batch, Lead
+from pirrht.geometry.scene import Scene
+from pirrht.guidance.leads import Batch, Lead
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
-from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
@@ -56,7 +56,7 @@ class Controller(Policy):
         homology: tells classes apart where bodies move; None: that of the tree, or of the problem.
         predict: what is taken to come of bodies that move; None: as they do.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import Controller, FreeSpace, Goal, HomologyTree, Problem, Sampling, Scene, SingleIntegrator
         >>> from pirrht import StraightLine
@@ -103,19 +103,25 @@ class Controller(Policy):
             raise OptionError(f"the method {method!r} needs a tree")
         if tree is not None:
             check_fits(problem, tree)
-        self.problem, self.space, self.tree, self.consistency = problem, space, tree, consistency
-        self.predict = predict
+        self.consistency, self.predict = consistency, predict
+        self.polished, self.rng, self.between = polished, rng, between
+        self._enter(problem, space, tree, sampling, homology)
+        self.begin(problem.dynamics.state_of(problem.scene.start))
+
+    def _enter(
+        self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling,
+        homology: Homology | TimedHomology | None = None,
+    ) -> None:  # fmt: skip
+        """Plan by these from now on; nothing is known of earlier plans."""
         if homology is None:
             homology = homology_of(problem, space) if tree is None else tree.homology
-        self.homology = homology
         self.path_integral = PathIntegral(problem, space, sampling, homology=homology)
         if tree is not None:
             check_drives(problem, tree, guided=self.path_integral.leads_itself)
-        self.polished, self.rng, self.between = polished, rng, between
+        self.problem, self.space, self.tree, self.homology = problem, space, tree, homology
         self.around = Around(problem, self.path_integral, homology, mixes=self.method.mixes)
-        self.pool = ClassPool(problem) if between == "classes" else None
+        self.pool = ClassPool(problem) if self.between == "classes" else None
         self.brake = Brake(problem)
-        self.begin(problem.dynamics.state_of(problem.scene.start))
 
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
@@ -129,6 +135,37 @@ class Controller(Policy):
         self._ways = Remembered(polished=self.polished, threads=self.path_integral.threads)
         self._aim(self.homology.asked(x, time))
         self._way, self._pressed, self._pace = Way(), pressed_of(None), Pace()
+
+    def update(self, scene: Scene, vertices: int | None = None) -> None:
+        """Continue among other static obstacles; the path driven so far still counts.
+
+        A new tree grows. Classes keep their names: obstacles keep their numbers, and new ones come last, about which
+        turns count from where the robot is; a name gets another number only where its path turns about one of these.
+        Guides, control sequences and statistics of every class go on whose path is still free. An obstacle that has
+        moved off its own marker is another one. Nothing changes if the scene is as it was, or is refused.
+
+        Args:
+            scene: with the same goal; its start does not matter.
+            vertices: of the tree; None: as many as the last one has.
+
+        Raises:
+            OptionError: the goal is another, or obstacles move.
+            SceneError: an obstacle covers the goal point, or the workspace is too large for the robot.
+        """
+        new = renewed(self.problem, self.space, self.tree, scene, vertices)
+        if new is None:
+            return
+        around, pool, homology = self.around, self.pool, self.homology
+        self._enter(*new, self.path_integral.sampling)
+        path = entered(self.drive.path, self.space.homology)
+        guides = heirs(self.space, path, around.guides.lines(self.drive.since_plan, scene.goal.center))
+        classes = guides | heirs(self.space, path, self._ways.lines())
+        names = renamed(classes, homology, self.space.homology)
+        self.around.inherit(around, guides, names)
+        self._ways.inherit(classes)
+        self._followed = names.get(self._followed or "")
+        if self.pool is not None and pool is not None:
+            self.pool.inherit(pool, names)
 
     def _aim(self, here: Array) -> None:
         """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
@@ -165,7 +202,7 @@ class Controller(Policy):
         except NoReference:
             if not self._planned and not self.space.scene.movers:
                 self.drive.asked = None  # nothing was planned
-                self._blame_speed(x)
+                blame_speed(self.tree, x)
                 raise
             references = self._kept(x, set())
             if not references:
@@ -184,15 +221,6 @@ class Controller(Policy):
             self._way.note(plan)
         return plan
 
-    def _blame_speed(self, x: Array) -> None:
-        """Where a state (n,) without references would have some at rest, say so.
-
-        Raises:
-            NoReference: the speed is the reason.
-        """
-        if self.tree is not None and self.tree.too_fast(x):
-            raise NoReference(x.tolist(), vertices=self.tree.size, limit=self.tree.limit, hasty=True) from None
-
     def __repr__(self) -> str:
         scene, of = shown.name(self.space.scene.name), type(self.problem.dynamics).__name__
         tree = "no tree" if self.tree is None else f"a tree of {self.tree.size} vertices"
@@ -201,7 +229,7 @@ class Controller(Policy):
     def _blocked(self, x: Array, why: str, batch: Batch | None = None, references: Sequence[Reference] = ()) -> Plan:
         """Brake at x (n,), and wait until there is a way; what is remembered of ways is not true any more."""
         space = self.space if self._foreseen is None else self._foreseen.space
-        known = None if batch is None or self.brake.stops else self._known(batch, references)
+        known = None if batch is None or self.brake.stops else known_law(batch, references)
         halt = self.brake.halt(x, space, self.now, known)
         self.around.begin()
         if self.pool is not None:
@@ -247,9 +275,8 @@ class Controller(Policy):
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
         """What a plan at x (n,) draws, over steps (T+1,) [s]: around references, or of passive dynamics if none."""
-        moment = Moment(
-            now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=partial(self._reversed, x)
-        )
+        backwards = partial(self._ways.reversed, self.tree, self.homology.asked(x, self.now))
+        moment = Moment(now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=backwards)
         batch = self.around.batch(x, references, self._from_start(references), moment)
         return replace(batch, others=self._ways.unseen)
 
@@ -306,30 +333,14 @@ class Controller(Policy):
             signature = self._signature(x, winding)
             allowed = self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit)
             if allowed and whole not in known:
-                references.append(Reference(winding=winding, signature=signature, trajectory=rest))
+                references.append(
+                    Reference(winding=winding, signature=signature, trajectory=rest, named=self.homology.named)
+                )
         return references
 
     def _signature(self, x: Array, winding: tuple[int, ...]) -> Array:
         homology = self.homology if self._foreseen is None else self._foreseen.homology
         return homology.signature(homology.asked(x, self.now), winding)
-
-    def _reversed(self, x: Array) -> dict[tuple[int, ...], Trajectory]:
-        """Paths from x (n,) that are driven backwards, by winding; none of a system that does not reverse."""
-        turned = None if self.tree is None else self.tree.steering.backwards(self.homology.asked(x, self.now))
-        if self.tree is None or turned is None:
-            return {}
-        try:
-            found = self.tree.references(turned, polished=self.polished, threads=self.path_integral.threads)
-        except NoReference:
-            return {}
-        return {one.winding: self.tree.steering.reversing(one.trajectory) for one in found}
-
-    def _known(self, batch: Batch, references: Sequence[Reference]) -> Law | None:
-        """What a robot that cannot stop knows of a way: the cheapest guide or reference, without feedback."""
-        led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, Along | Follow)]
-        if led:
-            return held(batch.times, min(led, key=lambda guide: guide.priced).tape)
-        return held(batch.times, references[0].trajectory.tape(batch.times)) if references else None
 
     def _from_start(self, references: list[Reference]) -> list[tuple[int, ...]]:
         """Classes of the driven path and each reference together."""

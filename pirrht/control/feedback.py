@@ -23,6 +23,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
+from pirrht.control.guides import kept
 from pirrht.estimation.estimate import Estimate, normalised
 from pirrht.guidance.leads import Lead
 from pirrht.problem import Problem
@@ -156,6 +157,11 @@ class ClassPool:
     def forget(self) -> None:
         """Start anew."""
         self._last = None
+
+    def inherit(self, before: ClassPool, names: Mapping[str, str]) -> None:
+        """Take over what is known of earlier classes; `names` are theirs now."""
+        laws = {} if before._last is None else kept(before._last.classes, names)
+        self._last = replace(before._last, classes=laws) if before._last is not None and laws else None
 
     def law(self, estimate: Estimate, leads: Mapping[str, Lead | None], push: Push, elapsed: float) -> ClassMixture:
         """The law, control (m,) at a state (n,), after one more plan, made `elapsed` [s] after the last one.

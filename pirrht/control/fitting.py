@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pirrht.errors import OptionError
+from pirrht.arrays import Array
+from pirrht.errors import NoReference, OptionError
 from pirrht.problem import Problem
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
@@ -43,3 +44,13 @@ def check_drives(problem: Problem, tree: HomologyTree, *, guided: bool) -> None:
             f"{type(problem.dynamics).__name__} has no steering of its own, and its references no controls that "
             'samples could follow: guide them by "feedback", not "open-loop"'
         )
+
+
+def blame_speed(tree: HomologyTree | None, x: Array) -> None:
+    """Where a state x (n,) without references would have some at rest, say so.
+
+    Raises:
+        NoReference: the speed is the reason.
+    """
+    if tree is not None and tree.too_fast(x):
+        raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
@@ -16,6 +16,13 @@ from pirrht.steering.trajectory import Trajectory
 THOROUGH = 4  # cheapest classes for whose first guides all ways to begin are looked at
 
 Whole = tuple[int, ...]  # class of the driven path and the rest together
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+def kept(known: Mapping[K, V], heirs: Mapping[K, K]) -> dict[K, V]:
+    """Return what is known of classes by what each is now; of several that became one, what came first."""
+    return {heirs[one]: value for one, value in reversed([*known.items()]) if one in heirs}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +100,16 @@ class Guides:
         self.last = {one.whole: guide for one, guide in zip(wanted, guides, strict=True) if guide and guide.valid}
         self.strong = {one.whole for one, count in zip(wanted, counts, strict=True) if count > FEW}
         return guides, counts
+
+    def lines(self, elapsed: float, goal: Array) -> dict[Whole, Array]:
+        """Return what is left of paths after a time [s], (k, 2) [m] each, of those that have not arrived."""
+        rests = {whole: guide.rest(elapsed, goal) for whole, guide in self.last.items()}
+        return {whole: rest.points for whole, rest in rests.items() if rest is not None}
+
+    def inherit(self, before: Guides, heirs: Mapping[Whole, Whole]) -> None:
+        """Take over earlier guides, by the classes that theirs are now."""
+        self.last, self.rivals = kept(before.last, heirs), kept(before.rivals, heirs)
+        self.strong = {heirs[whole] for whole in before.strong if whole in heirs}
 
     def left(self, elapsed: float, goal: Array) -> Iterator[tuple[Whole, Trajectory]]:
         """What is left of the strong ones after a time [s], for those that have not arrived."""

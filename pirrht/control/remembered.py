@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.guides import Whole
+from pirrht.control.guides import Whole, kept
+from pirrht.errors import NoReference
 from pirrht.steering.motion import Motions
-from pirrht.topology.homology import Homology, class_id, integers
+from pirrht.steering.trajectory import SPACING, Trajectory
+from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
@@ -30,6 +32,25 @@ class Remembered:
         self._polished, self._threads = polished, threads
         self._known: dict[Whole, Motions] = {}
         self.unseen: dict[int, str] = {}
+
+    def lines(self) -> dict[Whole, Array]:
+        """Return the paths of the last plan, (k, 2) [m] each, by class."""
+        return {whole: np.vstack(path.points(SPACING)) for whole, path in self._known.items()}
+
+    def inherit(self, heirs: Mapping[Whole, Whole]) -> None:
+        """Keep them by the classes that theirs are now."""
+        self._known = kept(self._known, heirs)
+
+    def reversed(self, tree: HomologyTree | None, x: Array) -> dict[Whole, Trajectory]:
+        """Paths from x (n,) that are driven backwards, by winding; none of a system that does not reverse."""
+        turned = None if tree is None else tree.steering.backwards(x)
+        if tree is None or turned is None:
+            return {}
+        try:
+            found = tree.references(turned, polished=self._polished, threads=self._threads)
+        except NoReference:
+            return {}
+        return {one.winding: tree.steering.reversing(one.trajectory) for one in found}
 
     def references(
         self,
@@ -59,6 +80,6 @@ class Remembered:
         left_out: dict[Whole, Motions] = {}
         if most is not None:
             left_out = self._known
-            self.unseen = {homology.key(way): class_id(whole) for way, whole in zip(before, left_out, strict=True)}
+            self.unseen = {homology.key(way): homology.name(whole) for way, whole in zip(before, left_out, strict=True)}
         self._known = left_out | {integers(np.add(driven, one.winding)): one.path for one in found}
         return found

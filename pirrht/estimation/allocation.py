@@ -10,7 +10,7 @@ fixed before the samples of a plan are drawn, so the estimate of psi stays unbia
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -34,6 +34,12 @@ class Allocation:
     def forget(self) -> None:
         """Start anew, with what ways promise."""
         self._contribution, self._shortfall = {}, {}
+
+    def inherit(self, before: Allocation, names: Mapping[str, str]) -> None:
+        """Take over what is known of earlier classes; `names` are theirs now."""
+        found = {names[name]: value for name, value in before._contribution.items() if name in names}
+        self._contribution = found
+        self._shortfall = {names[name]: value for name, value in before._shortfall.items() if name in names}
 
     def counts(self, names: Sequence[str], promised: Sequence[float], worth: Sequence[bool]) -> list[int]:
         """Samples around each reference, (H,), N on average over those that are worth it.

@@ -5,6 +5,7 @@ shapes        distances from solids in closed form; fcl_shapes: solids as object
 collision     how far the obstacles are and whether a path is free: FCL's word, which is the last one
 walls         the two nearest walls: the nearest solid, and the nearest in another direction
 field         both distances on a grid with their error bound, for millions of questions at once
+solids        obstacles from plain numbers; rectangles: few that cover a set of cells
 survey        how a field is sampled: dense, on one grid in a small world; blocks, fine where needed in a large one
 flat          cells in which distances are linear, so that coarse blocks err by nothing
 certify       what the field certifies about points, segments and curves (`ObstacleFree` of Algorithms 2 and 3)
@@ -16,6 +17,7 @@ moving_walls  the walls of bodies that are near; listed: which are, along one pa
 sweeps        what surely passes bodies that move: straight ways in space and time
 spans         where bodies are within spans of time, as boxes, which rule far ones out
 arcs          curves of arcs and straight pieces, and the angle of a chord, absmin of section IV-A
+fitting       a start inside the safety margin and a goal that is partly covered, fitted to the walls
 arena         field and goal together: what a path asks about the world
 
 It may import `compiled` and the root's arrays and errors. Only collision and fcl_shapes know FCL.

@@ -1,7 +1,8 @@
 """How far the robot is from solids that stand and from solids that move, each asked in its own body's frame.
 
 Boxes, cylinders, spheres and capsules have closed forms. Of other solids a body moves a table along: FCL's distances
-on a lattice around each, sampled once, since in its own frame a shape stands still.
+on a lattice around each, sampled once, since in its own frame a shape stands still. For a robot that is small against
+these solids the lattices are coarser than it would need, and what interpolation may be too high by is taken off.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Footprint, Obstacle, Scene, World
 from pirrht.geometry.shapes import Solids, distance_from, offset_from
 
-PITCH = 0.05  # spacing of a table as a share of the robot's radius
+PITCH = 0.05  # spacing of a table as a share of the robot's radius, as long as ...
+MOST = 1_000_000  # ... all tables together have no more points: 8 bytes each, and FCL takes some microseconds for one
 FAR = 1e3  # half the side of the plane in which a body is looked at on its own [m]
 
 
@@ -46,17 +48,21 @@ def gathered(groups: Sequence[Sequence[Obstacle]], footprint: Footprint, reach: 
     """The same of any solids; those of body 0, which stands, come first."""
     every = [solid for group in groups for solid in group]
     solids = Solids.of(every)
-    K, pitch = len(every), PITCH * footprint.radius
+    K, tables, fine = len(every), np.flatnonzero(solids.form < 0), PITCH * footprint.radius
+    margin = reach + footprint.radius + 2.0 * fine
+    area = float(np.prod(solids.high[tables] - solids.low[tables] + 2.0 * margin, axis=1).sum())
+    pitch = max(fine, math.sqrt(area / MOST))
     first, shape, corner = np.zeros(K, dtype=np.int64), np.zeros((K, 2), dtype=np.int64), np.zeros((K, 2))
     parts: list[Array] = [np.zeros(0)]
     plane = np.full(2, FAR)
-    for k in np.flatnonzero(solids.form < 0):
+    for k in tables:
         corner[k] = solids.low[k] - reach - footprint.radius - pitch
         shape[k] = np.ceil((solids.high[k] + reach + footprint.radius - corner[k]) / pitch).astype(int) + 2
         first[k] = sum(map(len, parts))
         alone = Collision(World(-plane, plane, (every[k],)), footprint)
         index = np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
-        parts.append(alone.distance(corner[k] + pitch * index))
+        distance = alone.distance(corner[k] + pitch * index)
+        parts.append(distance if pitch == fine else np.maximum(distance - _excess(distance, pitch), 0.0))
     return Bodies(
         solids=solids,
         owner=np.repeat(np.arange(len(groups)), [len(group) for group in groups]),
@@ -68,6 +74,16 @@ def gathered(groups: Sequence[Sequence[Obstacle]], footprint: Footprint, reach: 
         height=float(footprint.height),
         radius=float(footprint.radius),
     )
+
+
+def _excess(distance: Array, pitch: float) -> Array:
+    """How much too high bilinear interpolation next to a point may be, from the distance there [m].
+
+    A distance changes by no more than the way to the corners of a cell, and its second derivative is at most 1 over it.
+    """
+    nearest = np.maximum(distance - math.sqrt(2.0) * pitch, 1e-9 * pitch)
+    excess: Array = np.minimum(pitch / math.sqrt(2.0), pitch**2 / (8.0 * nearest))
+    return excess
 
 
 def poses_at(movers: tuple[Mover, ...], times: Array) -> Array:

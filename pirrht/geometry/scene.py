@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, NotRequired, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.geometry import solids
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.obstacle import Kind, Obstacle
 
-__all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "World"]
+__all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "Task", "World"]
+
+WALL = 0.5  # height of walls that are made of plain numbers [m], more for a robot whose centre is higher
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -25,7 +29,7 @@ class Goal:
         center: x, y, (2,) [m]; the paper's goal representative point.
         radius: of the disc [m].
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import Goal
         >>> goal = Goal(center=np.array([5.5, 2.5]), radius=0.25)
@@ -47,12 +51,25 @@ class Goal:
         return inside
 
 
+ROUNDING = 1e-9  # overlap that is rounding and no contact [m]
+
+
+class Waiver(NamedTuple):
+    """A disc in which plans keep less than the safety margin, since they begin or end there; all in [m]."""
+
+    x: float
+    y: float
+    reach: float  # radius of the disc
+    less: float  # by which the margin is smaller, except near the rim
+
+
 class World(NamedTuple):
     """What stands where; distances, clearance fields and topological obstacles depend on it and the footprint alone."""
 
     lower: Array  # (2,) least corner of the box that holds the robot's centre [m]
     upper: Array  # (2,) greatest corner [m]
     obstacles: tuple[Obstacle, ...]
+    waivers: tuple[Waiver, ...] = ()
 
     def contains(self, position: Array) -> bool:
         """Whether a robot centre (2,) [m] lies strictly inside the workspace."""
@@ -64,6 +81,16 @@ class Footprint(NamedTuple):
 
     radius: float  # [m]
     height: float  # of its centre above the ground [m]
+
+
+class Task(TypedDict):
+    """What a scene needs to know besides its obstacles."""
+
+    start: ArrayLike  # x, y [m] and perhaps a heading [rad], which is 0 if not given, (2,) or (3,)
+    goal: Goal | ArrayLike  # or x, y, radius [m], (3,)
+    robot_radius: float  # [m]
+    robot_height: NotRequired[float]  # of the robot's centre above the ground, 0.1 if not given [m]
+    name: NotRequired[str]  # "scene" if not given
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,11 +108,13 @@ class Scene:
         robot_height: of that sphere's centre above the ground [m].
         defaults: option name -> value that the scene asks for, in the option's unit.
         movers: bodies that move; `obstacles` holds only what stands.
+        margin: part of the robot radius that is safety margin and not body [m]; a start inside it is no collision.
+        waivers: discs in which less margin counts; `FreeSpace.of` sets them.
 
     Raises:
         SceneError: start or goal lie outside the workspace, or something is empty; names the scene.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import Goal, Kind, Obstacle, Scene
         >>> table = Obstacle(
@@ -109,6 +138,8 @@ class Scene:
     robot_height: float = 0.1
     defaults: dict[str, float] = field(default_factory=dict)
     movers: tuple[Mover, ...] = ()
+    margin: float = 0.0
+    waivers: tuple[Waiver, ...] = ()
 
     def __repr__(self) -> str:
         across, up = self.upper - self.lower
@@ -122,6 +153,10 @@ class Scene:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.robot_radius) and self.robot_radius > 0):
             raise SceneError(f"{self.name}: the robot radius is {self.robot_radius:g}; it must be positive")
+        if not 0.0 <= self.margin < self.robot_radius:
+            raise SceneError(
+                f"{self.name}: the margin is {self.margin:g}; it is a part of the robot radius, {self.robot_radius:g}"
+            )
         if not (np.isfinite(self.goal.radius) and self.goal.radius > 0):
             raise SceneError(f"{self.name}: the goal radius is {self.goal.radius:g}; it must be positive")
         if not np.all(self.lower < self.upper):
@@ -133,12 +168,113 @@ class Scene:
                     f"[{self.lower[0]:g}, {self.upper[0]:g}] x [{self.lower[1]:g}, {self.upper[1]:g}]"
                 )
 
+    @classmethod
+    def from_boxes(cls, boxes: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]) -> Scene:
+        """Make a scene of upright boxes.
+
+        Args:
+            boxes: a row x0, y0, x1, y1 [m] each, and perhaps a yaw about its middle [rad], (k, 4) or (k, 5).
+            lower: least corner of the box that holds the robot's centre, (2,) [m].
+            upper: its greatest corner, (2,) [m].
+            task: `start` (x, y or x, y, heading), `goal` (x, y, radius, or a `Goal`), `robot_radius`; and where they
+                differ from "scene" and 0.1 m, `name` and `robot_height`.
+
+        Raises:
+            SceneError: a number is missing or cannot be; names the row.
+
+        Example:
+            >>> from pirrht import Scene
+            >>> room = {"lower": (0, 0), "upper": (4, 3), "start": (0.6, 1.4), "goal": (3.4, 1.5, 0.3)}
+            >>> Scene.from_boxes([[1.6, 1.1, 2.4, 1.9]], robot_radius=0.2, **room)
+            Scene('scene', 4 x 3 m, 1 obstacle, 0 that move, from (0.6, 1.4) to (3.4, 1.5), robot of 0.2 m)
+        """
+        return cls._of(solids.boxes(boxes, _height(task)), lower, upper, **task)
+
+    @classmethod
+    def from_discs(cls, discs: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]) -> Scene:
+        """Make a scene of upright cylinders.
+
+        Args:
+            discs: a row x, y, radius [m] each, (k, 3).
+            lower: least corner of the box that holds the robot's centre, (2,) [m].
+            upper: its greatest corner, (2,) [m].
+            task: as `from_boxes` takes it.
+
+        Raises:
+            SceneError: a number is missing or cannot be; names the row.
+        """
+        return cls._of(solids.discs(discs, _height(task)), lower, upper, **task)
+
+    @classmethod
+    def from_polygons(
+        cls, polygons: Sequence[ArrayLike], *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]
+    ) -> Scene:
+        """Make a scene of upright prisms; a polygon that is not convex becomes triangles.
+
+        Args:
+            polygons: the corners of each, in their order around it, (l, 2) [m].
+            lower: least corner of the box that holds the robot's centre, (2,) [m].
+            upper: its greatest corner, (2,) [m].
+            task: as `from_boxes` takes it.
+
+        Raises:
+            SceneError: a polygon has no inside or crosses itself, or a number cannot be; names it.
+        """
+        return cls._of(solids.prisms(polygons, _height(task)), lower, upper, **task)
+
+    @classmethod
+    def from_grid(
+        cls, occupied: ArrayLike, resolution: float, *, origin: ArrayLike = (0.0, 0.0), **task: Unpack[Task]
+    ) -> Scene:
+        """Make a scene of a grid of occupied cells, which few boxes cover exactly; its border is the workspace's.
+
+        Args:
+            occupied: which cells are, booleans (rows, columns); the first row is the lowest, as in ROS's messages
+                (`np.flipud` turns a picture).
+            resolution: side of a cell [m].
+            origin: lower left corner of the grid, (2,) [m].
+            task: as `from_boxes` takes it.
+
+        Raises:
+            SceneError: it is no grid of booleans, or a number is missing or cannot be.
+        """
+        grid, corner = np.asarray(occupied), solids.table([origin], (2,), "origin", "x, y [m]")[0]
+        if grid.ndim != 2 or grid.size == 0 or grid.dtype != np.bool_:
+            raise SceneError(
+                f"the grid is of {grid.dtype} and shape {grid.shape}; it must hold booleans (rows, columns), such as "
+                "`grid > 50` makes them"
+            )
+        if not (np.isfinite(resolution) and resolution > 0):
+            raise SceneError(f"the resolution is {resolution:g}; it must be the side of a cell, a positive number [m]")
+        obstacles = solids.cells(grid, resolution, corner, _height(task))
+        return cls._of(obstacles, corner, corner + resolution * np.array(grid.shape[::-1]), **task)
+
+    @classmethod
+    def _of(
+        cls, obstacles: tuple[Obstacle, ...], lower: ArrayLike, upper: ArrayLike, *, start: ArrayLike,
+        goal: Goal | ArrayLike, robot_radius: float, robot_height: float = 0.1, name: str = "scene",
+    ) -> Scene:  # fmt: skip
+        if not isinstance(goal, Goal):
+            x, y, radius = solids.table([goal], (3,), "goal", "x, y, radius [m]")[0]
+            goal = Goal(center=np.array([x, y]), radius=float(radius))
+        low, high = solids.table([lower, upper], (2,), "lower and upper", "x, y [m]")
+        begin = solids.table([start], (2, 3), "start", "x, y [m] and perhaps a heading [rad]")[0]
+        return cls(
+            name=name, lower=low, upper=high, obstacles=obstacles, goal=goal, start=begin, robot_radius=robot_radius,
+            robot_height=robot_height,
+        )  # fmt: skip
+
     @property
     def world(self) -> World:
-        """Bounds, 2 x (2,) [m], and obstacles."""
-        return World(self.lower, self.upper, self.obstacles)
+        """Bounds, 2 x (2,) [m], obstacles, and where margins are smaller."""
+        return World(self.lower, self.upper, self.obstacles, self.waivers)
 
     @property
     def footprint(self) -> Footprint:
         """Radius and height of the robot [m]."""
         return Footprint(self.robot_radius, self.robot_height)
+
+
+def _height(task: Task) -> float:
+    """Of walls that are as far from a robot as their outlines are [m]."""
+    return max(WALL, 2.0 * task.get("robot_height", 0.0))

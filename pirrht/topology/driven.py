@@ -38,6 +38,24 @@ class Driven:
         self.observe(states)
         self._sure = known
 
+    @property
+    def here(self) -> Array:
+        """Where the robot is, as far as is known or expected, (2,) [m]."""
+        return self._last
+
+    def enter(self, homology: Homology) -> None:
+        """Continue among other markers, to the same goal; turns about those that are new count from here on."""
+        old = self._homology
+        sure, last = (self._turns, self._last) if self._sure is None else self._sure
+        M = min(old.M, homology.M)
+        stay = np.flatnonzero(np.all(old.markers[:M] == homology.markers[:M], axis=1))
+        start, known = homology.straight(last[None])[0], np.zeros(homology.M)
+        turns = homology.turns(np.vstack([last, self._last]))
+        start[stay], known[stay], turns[stay] = self._start[stay], sure[stay], self._turns[stay]
+        if self._sure is not None:
+            self._sure = known, last
+        self._homology, self._start, self._turns = homology, start, turns
+
     def winding(self) -> tuple[int, ...]:
         """Class of the driven path, M whole [turns], completed by the straight line to the goal point."""
         here = self._homology.straight(self._last[None, :])[0]

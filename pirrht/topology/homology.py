@@ -22,10 +22,15 @@ from pirrht.topology.cuts import Cuts, straight_turns
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Homology:
-    """Markers of the topological obstacles and the goal point that all signatures refer to."""
+    """Markers of the topological obstacles and the goal point that all signatures refer to.
+
+    Names of classes give the turns about the first `named` markers always (None: about all), about later ones up to the
+    last that has any: classes keep their names while obstacles are added.
+    """
 
     markers: Array  # (M, 2) one point inside each topological obstacle [m]
     goal: Array  # (2,) goal representative point [m]
+    named: int | None = None
     cuts: Cuts = field(init=False, repr=False)  # the markers sorted, for kernels that must not ask all of them
 
     def __post_init__(self) -> None:
@@ -66,6 +71,10 @@ class Homology:
         value: Array = 1.0 + self.straight(start[None, :2])[0] + np.asarray(winding, dtype=float)
         return value
 
+    def name(self, winding: Sequence[int]) -> str:
+        """The public name of a class (M,)."""
+        return class_id(winding, self.named)
+
     @property
     def hash_weights(self) -> IntArray:
         """Odd integers r (M,) such that a class has the additive key sum k_l r_l (mod 2^64)."""
@@ -91,9 +100,16 @@ def integers(whole: Array | IntArray) -> tuple[int, ...]:
     return winding
 
 
-def class_id(winding: Sequence[int]) -> str:
-    """The public name of a class (M,): its integers joined by commas; "-" where there is nothing to wind around."""
-    return _name(tuple(winding))
+def class_id(winding: Sequence[int], named: int | None = None) -> str:
+    """The public name of a class (M,): its integers joined by commas; "-" where there is nothing to wind around.
+
+    Args:
+        named: zeros at the end are left out after so many integers; None: never.
+    """
+    last = len(winding)
+    while named is not None and last > named and winding[last - 1] == 0:
+        last -= 1
+    return _name(tuple(winding[:last]))
 
 
 @lru_cache(maxsize=1024)  # every plan asks for the same few again

@@ -18,7 +18,7 @@ from pirrht.compiled.addresses import load_float64, load_int64
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.spans import BOX, span_at
 from pirrht.topology.cuts import straight_turns
-from pirrht.topology.homology import Homology, hash_weights
+from pirrht.topology.homology import Homology, class_id, hash_weights
 from pirrht.topology.moving import MovingHomology
 from pirrht.topology.tracks import (
     LONG,
@@ -44,6 +44,15 @@ class TimedHomology:
     def M(self) -> int:
         """Number of all markers, M."""
         return self.standing.M + self.moving.J
+
+    @property
+    def named(self) -> None:
+        """All turns are in the names of classes, as `Homology.named` has it."""
+        return None
+
+    def name(self, winding: Sequence[int]) -> str:
+        """The public name of a class (M,)."""
+        return class_id(winding)
 
     @property
     def hash_weights(self) -> IntArray:

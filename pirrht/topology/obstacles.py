@@ -7,8 +7,8 @@ most the robot's radius; d_i, the distance from a convex solid, is convex, and s
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -48,6 +48,45 @@ def components(collision: Collision) -> tuple[Component, ...]:
         groups.setdefault(_find(root, i), []).append(i)
     found = (_component(planar, members) for members in groups.values())
     return tuple(component for component in found if component is not None)
+
+
+def continued(
+    parts: Sequence[Component], before: Sequence[Component], collision: Collision, named: int
+) -> tuple[Component, ...]:
+    """Return the components of a changed world with a marker (2,) [m], in the order of earlier ones, then new ones.
+
+    An earlier marker stays where it is while an inflated solid covers it, since signatures may wind around any point of
+    a component, and around two of one. Else it is put outside of the workspace, where no path winds around it, until a
+    later component takes its number. So the turns about all that stays, and the names of classes, keep their meaning.
+
+    Args:
+        parts: components of the world as it is now.
+        before: those whose turns make the names of classes so far.
+        named: of these so many keep their number even if they are gone.
+    """
+    radius, (low, high) = collision.footprint.radius, collision.extents()
+    part_of = {i: part for part in parts for i in part.members}
+
+    def cover(marker: Array) -> Component | None:
+        """The component in which it lies."""
+        near = np.flatnonzero(np.all((low - radius <= marker) & (marker <= high + radius), axis=1)).tolist()
+        found = (i for i in near if collision.obstacle_distance(i, marker[None])[0] <= radius)
+        return next((part_of[i] for i in found if i in part_of), None)
+
+    lower, upper = collision.world.lower, collision.world.upper
+    gone = Component(members=(), names=(), marker=2.0 * upper - lower, joins_border=False)
+    covers = [None if old.marker is None else cover(old.marker) for old in before]
+    new = iter([part for part in parts if part.marker is not None and part not in covers])
+    found = []
+    for old, part in zip(before, covers, strict=True):
+        if part is not None:
+            found.append(replace(part, marker=old.marker))
+        else:
+            found.append(gone if old.members else next(new, gone))
+    found += new
+    while len(found) > named and not found[-1].members:
+        found.pop()
+    return tuple(found)
 
 
 def _component(planar: _Planar, members: list[int]) -> Component | None:

@@ -168,5 +168,6 @@ class Asked:
             winding=path.winding,
             signature=self.around.homology.signature(x, path.winding),
             trajectory=self.around.steering.trajectory(path.motions),
+            named=self.around.homology.named,
             others=tuple(self.around.steering.trajectory(other) for other in path.others),
         )

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.compiled.addresses import load_int32, load_int64, store_float64, store_int16, store_int32, store_int64
 from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.pointers import as_tuple, caller
 from pirrht.geometry.certify import BLOCKED, FREE, certify_point
-from pirrht.steering.edges import judge_with
+from pirrht.steering.edges import NO_EDGES, Edges, judge_with
 from pirrht.steering.motion import MotionKernels
 from pirrht.tree import graph as g
 from pirrht.tree.nodes import ask_again
@@ -101,67 +102,75 @@ def insert(at, vertices, straight, out, back, around, rules):  # type: ignore[no
                 ask_again(at, u)
 
 
+_propose = caller((NO_EDGES, 0))
+
+
 @cache
-def grow_with(
-    nearest: Callable[..., None], connect: Callable[..., Any], motion: MotionKernels
-) -> Callable[..., tuple[int, int]]:
-    """The kernel that turns draws (k, n) into vertices by one steering (`steering.Compiled`) and kind of motion."""
+def proposer(
+    nearest: Callable[..., None], connect: Callable[..., Any], count: int, motion: MotionKernels
+) -> Callable[..., tuple[Edges, int]]:
+    """Make what `grow` calls of a steering method (`steering.Compiled`, `count` numbers) and its motions."""
     judge, write_straight = judge_with(motion), motion.straight
 
-    @inlined
-    def proposed(vertices, size, x, around, numbers, forward, root):  # type: ignore[no-untyped-def]
-        """`Edges` between x (n,), which may be a root, and vertices near it, and how many the field leaves unsure."""
-        n = vertices.states.shape[1]
-        count = min(near_count(size, n), size)
-        near = np.empty(count, np.int64)
-        nearest(vertices.states[:size], x, numbers, forward, near, np.empty(count))
-        others, here = vertices.states[near], np.empty((count, n))
-        for i in range(count):
+    def propose(vertices, size, x, around, values, forward, root, straight):  # type: ignore[no-untyped-def]
+        """Propose `Edges` between x (n,), which may be a root, and vertices near it; count those that are unsure.
+
+        Writes H of the straight line from x to `straight` (M,).
+        """
+        n, numbers = vertices.states.shape[1], as_tuple(values, count)
+        near = np.empty(min(near_count(size, n), size), np.int64)
+        nearest(vertices.states[:size], x, numbers, forward, near, np.empty(near.shape[0]))
+        others, here = vertices.states[near], np.empty((near.shape[0], n))
+        for i in range(near.shape[0]):
             for k in range(n):
                 here[i, k] = x[k]  # arrays assigned as a whole compile words for shapes that differ
         into_goal = vertices.in_goal[near]
         if not forward:
             into_goal[:] = root
         tails, heads = (here, others) if forward else (others, here)
+        write_straight(around, x, straight)
         return judge(around, connect(tails, heads, numbers), into_goal, near)
 
-    @kernel
-    def grow(at, vertices, draws, i, around, numbers, rules):  # type: ignore[no-untyped-def]
-        """Make vertices of the draws (k, n) from i on: the first not dealt with, and DONE, ASK or what must grow."""
-        straight = np.empty(at.M)
-        gx, gy = around.goal_x, around.goal_y
-        while i < draws.shape[0]:
-            x, v = draws[i], load_int64(at.size, g.VERTEX_COUNT)
-            status = certify_point(around.field, x[0], x[1])
-            if status == BLOCKED:
-                i += 1
-                continue
-            away = math.hypot(x[0] - gx, x[1] - gy) / around.reach
-            if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= RIM:
-                return i, ASK
-            root = away < 1.0
-            write_straight(around, x, straight)
-            for k in range(x.shape[0]):
-                vertices.states[v, k] = x[k]  # whether or not it becomes a vertex
-            vertices.in_goal[v] = root
-            forward = not root
-            out, unsure = proposed(vertices, v if forward else v + 1, x, around, numbers, forward, root)
-            if unsure > 0:
-                return i, ASK
-            if forward and not reaches(at, straight, out, rules):
-                i += 1
-                continue
-            back = out
-            if forward and not rules.mirrored:
-                back, unsure = proposed(vertices, v + 1, x, around, numbers, False, False)
-            if unsure > 0 or lacks_room(at, out, back):
-                return i, ASK
-            insert(at, vertices, straight, out, back, around, rules)
-            i += 1
-            status = settle(at, rules)
-            if status != DONE:
-                return i, status
-        return i, DONE
+    return propose
 
-    growing: Callable[..., tuple[int, int]] = grow
-    return growing
+
+@kernel
+def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignore[no-untyped-def]
+    """Make vertices of the draws (k, n) from i on: the first not dealt with, and DONE, ASK or what must grow.
+
+    `propose` is the address of a `proposer`, `values` its numbers.
+    """
+    straight = np.empty(at.M)
+    gx, gy = around.goal_x, around.goal_y
+    while i < draws.shape[0]:
+        x, v = draws[i], load_int64(at.size, g.VERTEX_COUNT)
+        status = certify_point(around.field, x[0], x[1])
+        if status == BLOCKED:
+            i += 1
+            continue
+        away = math.hypot(x[0] - gx, x[1] - gy) / around.reach
+        if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= RIM:
+            return i, ASK
+        root = away < 1.0
+        for k in range(x.shape[0]):
+            vertices.states[v, k] = x[k]  # whether or not it becomes a vertex
+        vertices.in_goal[v] = root
+        forward = not root
+        size = v if forward else v + 1
+        out, unsure = _propose(propose, (vertices, size, x, around, values, forward, root, straight))
+        if unsure > 0:
+            return i, ASK
+        if forward and not reaches(at, straight, out, rules):
+            i += 1
+            continue
+        back = out
+        if forward and not rules.mirrored:
+            back, unsure = _propose(propose, (vertices, v + 1, x, around, values, False, False, straight))
+        if unsure > 0 or lacks_room(at, out, back):
+            return i, ASK
+        insert(at, vertices, straight, out, back, around, rules)
+        i += 1
+        status = settle(at, rules)
+        if status != DONE:
+            return i, status
+    return i, DONE

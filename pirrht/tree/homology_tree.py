@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
+from pirrht.compiled.pointers import address_of
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.steering.edges import NO_EDGES, Edges
 from pirrht.steering.motion import Motions
-from pirrht.steering.steering import Steering
+from pirrht.steering.steering import Compiled, Steering
 from pirrht.tree import graph as g
 from pirrht.tree import plot as tree_plot
 from pirrht.tree.around import Around
 from pirrht.tree.asking import Asked
-from pirrht.tree.extend import Vertices, grow_with, insert
+from pirrht.tree.extend import Vertices, grow, insert, proposer
 from pirrht.tree.nodes import SearchRules
 from pirrht.tree.offers import Offers
 from pirrht.tree.reference import Reference
@@ -46,14 +47,11 @@ class HomologyTree:
         classes: keep at most so many cheapest classes per vertex; 0 keeps all.
         rng: source of the random states.
 
-    Example:
+    Examples:
         >>> import numpy as np
-        >>> from pirrht import FreeSpace, Goal, HomologyTree, Kind, Obstacle, Problem, Scene, SingleIntegrator
-        >>> from pirrht import StraightLine
-        >>> table = Obstacle(
-        ...     name="table", kind=Kind.BOX, size=np.array([0.4, 0.4, 0.3]),
-        ...     position=np.array([2.0, 1.5, 0.3]), rotation=np.eye(3),
-        ... )
+        >>> from pirrht import *
+        >>> size, position = np.array([0.4, 0.4, 0.3]), np.array([2.0, 1.5, 0.3])
+        >>> table = Obstacle(name="table", kind=Kind.BOX, size=size, position=position, rotation=np.eye(3))
         >>> scene = Scene(
         ...     name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(table,),
         ...     goal=Goal(center=np.array([3.4, 1.5]), radius=0.3), start=np.array([0.6, 1.4, 0.0]), robot_radius=0.2,
@@ -95,7 +93,6 @@ class HomologyTree:
         self.around = Around.of(space, steering)
         self.homology = self.around.homology
         self._compiled = steering.compiled
-        self._grow_kernel = self._compiled and grow_with(*self._compiled[:2], steering.motion.kernels)
         self._remembering = steering.remembering(self.around.checker.around)
         self.states = np.zeros((256, steering.n))
         self.in_goal = np.zeros(256, dtype=np.bool_)
@@ -178,10 +175,19 @@ class HomologyTree:
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """The draws from i on in compiled code: how many have been dealt with, and what comes next."""
-        if self._compiled is None or self._grow_kernel is None:
+        if self._compiled is None:
             return i, ASK
-        numbers = self._compiled.numbers
-        return self._grow_kernel(self._places, self._vertices, draws, i, self._remembering, numbers, self.rules)
+        values = np.array(self._compiled.numbers)
+        given = (self._propose, self._places, self._vertices, draws, i, self._remembering, values, self.rules)
+        return cast(tuple[int, int], grow(*given))
+
+    @cached_property
+    def _propose(self) -> Any:
+        """The address of its `proposer`."""
+        nearest, connect, numbers = cast(Compiled, self._compiled)
+        known, straight = (self._remembering, np.array(numbers)), np.empty(self.homology.M)
+        given = (self._vertices, 1, self.states[0], *known, True, False, straight)
+        return address_of(proposer(nearest, connect, len(numbers), self.steering.motion.kernels), given)
 
     def aim(self, x: Array) -> None:
         """From now on draw what is of use to a robot at x (n,), where that makes a difference (`Steering.draws`)."""

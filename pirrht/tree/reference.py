@@ -18,6 +18,7 @@ class Reference:
     winding: tuple[int, ...]  # (M,) whole turns against the straight line from the state to the goal point
     signature: Array  # (M,) the paper's H, leading 1 included [turns]
     trajectory: Trajectory  # controls (l, m), durations (l,) [s] and path
+    named: int | None = None  # how many turns are in its name at least, as `Homology.named`
     others: tuple[Trajectory, ...] = ()  # dearer ones of the class in other valleys, where they were looked for
 
     @property
@@ -38,7 +39,7 @@ class Reference:
     @property
     def id(self) -> str:
         """Public name of the class, relative to the state it was asked for."""
-        return class_id(self.winding)
+        return class_id(self.winding, self.named)
 
     def __repr__(self) -> str:
         return f"Reference(class {shown.turns(self.id)}: cost {self.cost:.4g}, {self.length:.3g} m)"

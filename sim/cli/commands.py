@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from collections.abc import Callable
 
 from tqdm import tqdm
 
+from pirrht.files import shown
 from sim.cli import estimate_command, plan_command, run_command, sweep_commands, tables, warm
 from sim.cli.shared import check_outputs, progress_bar, scenario_of
 from sim.mjcf import load, models_folder, scene_names
@@ -58,6 +60,7 @@ def compile_ahead(arguments: argparse.Namespace) -> int:
 def import_world(arguments: argparse.Namespace) -> int:
     """Turn a Gazebo world, a ROS map or a file of motions into a scene."""
     from sim.importing import scene_file
+    from sim.importing.model_paths import folders_of
 
     check_outputs(arguments, "output")
     with tqdm(desc="import", leave=False, disable=None, dynamic_ncols=True) as bar:
@@ -76,10 +79,14 @@ def import_world(arguments: argparse.Namespace) -> int:
             motion=arguments.motion,
             number=arguments.number,
             decompose=bool(arguments.decompose),
+            models=[*(arguments.models or ()), *folders_of(os.environ)],
+            without=arguments.without or (),
             progress=progress,
         )
     moving = f", and {imported.movers} bodies that move" if imported.movers else ""
-    print(f"{imported.path}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
+    print(f"{shown(imported.path)}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
+    for note in imported.notes:
+        say(note)
     return 0
 
 
@@ -93,9 +100,10 @@ def export(arguments: argparse.Namespace) -> int:
     known = read.read(arguments.recording)
     columns = engine.table(known)
     engine.write(arguments.output, columns, known)
-    print(f"{arguments.output}: {len(known.steps)} control steps, {len(columns)} columns")
+    print(f"{shown(arguments.output)}: {len(known.steps)} control steps, {len(columns)} columns")
     if not known.whole:
-        print(f"{arguments.recording} ends at {known.steps[-1][1]:.2f} s without an outcome; what it holds is exported")
+        name, end = shown(arguments.recording), known.steps[-1][1]
+        print(f"{name} ends at {end:.2f} s without an outcome; what it holds is exported")
     return 0
 
 

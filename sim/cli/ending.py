@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
-from pirrht.errors import PirrhtError
+from pirrht.errors import PirrhtError, printable
 
 BAD_INPUT, BY_SIGNAL = 2, 128  # exit statuses; a signal's number is added to the second
 AGAIN = 0.1  # after which an interruption that some callback swallowed is delivered once more [s]
@@ -53,6 +53,8 @@ def ended(command: Callable[[], int], *, process: bool = False) -> int:
         status = BY_SIGNAL + number
         if not _told:
             tell(WORDS[signal.Signals(number).name])
+    for stream in (sys.stdout, sys.stderr) if process else ():  # else the interpreter tries again, and reports that
+        _discard(stream)
     return status
 
 
@@ -75,7 +77,7 @@ def at_once() -> Iterator[None]:
 
 def tell(line: str) -> None:
     """One line on standard error, if anyone listens."""
-    text = f"pirrht: {line}\n".encode(errors="backslashreplace").decode()  # names of files need not be text
+    text = f"pirrht: {printable(line)}\n"  # names of files need not be text
     with suppress(OSError, ValueError, AttributeError):  # AttributeError: closed from the start
         sys.stderr.write(text)
         sys.stderr.flush()
@@ -98,12 +100,23 @@ def _status(command: Callable[[], int]) -> int:
         tell("there is not enough memory; ask for less (--vertices, --samples, --classes) or close other programs")
         return BAD_INPUT
     except OSError as error:
-        return _refused(error)
+        number = _unwound(error)
+        if number is None:
+            return _refused(error)
+        tell(WORDS[signal.Signals(number).name])
+        return BY_SIGNAL + number
     except Exception as error:
         if not _swallowed:
             return _blamed(error)
         tell(WORDS[signal.Signals(_swallowed[0]).name])  # what a callback was kept from doing is missed now
         return BY_SIGNAL + _swallowed[0]
+
+
+def _unwound(error: BaseException | None) -> int | None:
+    """The signal that was unwinding when an error came up; None if there was none."""
+    while error is not None and not isinstance(error, KeyboardInterrupt | Stopped):
+        error = error.__context__
+    return error.number if isinstance(error, Stopped) else signal.SIGINT if error is not None else None
 
 
 def _blamed(error: Exception) -> int:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from pirrht.control.methods import TREELESS
+from pirrht.files import shown
 from pirrht.tree import file as tree_file
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
@@ -42,10 +43,11 @@ def plan(arguments: argparse.Namespace) -> int:
     passages = passages_json(tree, references)
     print(tables.class_table(references, width(), scenario.homology))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
-    say(tables.passages_line(passages))
+    radius = getattr(tree.steering, "radius", 0.0)  # that of curves whose curvature is bounded [m]
+    say(tables.passages_line(passages, 2 * (radius + scenario.loaded.scene.robot_radius) if radius else 0.0))
     if arguments.output:
         tree_file.save(tree, arguments.output)
-        print(f"tree: {arguments.output}")
+        print(f"tree: {shown(arguments.output)}")
     if arguments.json:
         write_json(arguments.json, plan_json(scenario, tree, references, passages, seconds, convergence))
     if arguments.png:

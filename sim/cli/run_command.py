@@ -10,10 +10,20 @@ from typing import Any
 
 from pirrht.control.methods import TREELESS
 from pirrht.estimation.estimate import OTHER
+from pirrht.files import shown
 from pirrht.outcome import Outcome
 from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import tables, warm
-from sim.cli.shared import as_they_stand, check_outputs, planned, progress_bar, scenario_of, solving, unforeseen
+from sim.cli.shared import (
+    as_they_stand,
+    check_outputs,
+    growing,
+    planned,
+    progress_bar,
+    scenario_of,
+    solving,
+    unforeseen,
+)
 from sim.drawing.colors import title
 from sim.drive import episode
 from sim.drive.truth import Witness
@@ -45,16 +55,19 @@ def run(arguments: argparse.Namespace) -> int:
     rehearse(scenario, driving=True)
     warm.finish("sample")
     tally = episode.Tally(settings.period)
-    frames = scenario.drive(scenario.plant(), driver)
+    if settings.grow and not settings.real_time and tree is not None and settings.grow > tree.size:
+        say(f"--grow {settings.grow}: the drive waits while the tree of {tree.size} vertices grows between two plans")
+    bar = progress_bar("drive", settings.max_time, "s")
+    frames = scenario.drive(scenario.plant(), driver, growing(bar))
     recorder = _recorder(arguments, scenario, tree, driver.path_integral, truth)
-    with closing(frames), recorder or nullcontext(), progress_bar("drive", settings.max_time, "s") as bar:
+    with closing(frames), recorder or nullcontext(), bar:
         for frame in frames:
             news = tally.add(frame)
             known = None if witness is None else witness.add(frame.plan)
             if recorder is not None:
                 recorder.log(frame, news, known)
             if film is not None:
-                film.add(frame)
+                film.add(frame, driver.path_integral)
             if news and frame.outcome is None:  # how it ended is in the summary
                 bar.write(news)
             bar.update(round(frame.end_time - bar.n, 6))
@@ -70,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
         result["dropped_frames"] = recorder.dropped
         print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
     if arguments.record:
-        print(f"recording: {arguments.record}  (open it with: rerun {arguments.record})")
+        print(f"recording: {shown(arguments.record)}  (open it with: rerun {shown(arguments.record)})")
     if arguments.json:
         write_json(arguments.json, run_json(scenario, references, result))
     if film is not None:
@@ -78,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
             film.save(bar.update)
         for what, file in (("film", arguments.video), ("picture", arguments.png)):
             if file is not None:
-                print(f"{what}: {file}")
+                print(f"{what}: {shown(file)}")
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()

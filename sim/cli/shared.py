@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -16,12 +17,13 @@ from pirrht.errors import OptionError
 from pirrht.exact.progress import Progress
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
-from sim.cli import warm
+from sim.cli import tables, warm
 from sim.files import check_writable
 from sim.options import table as options
 from sim.scenario import Scenario, prepare
 from sim.text import counted, say
 
+PAUSE = 0.2  # between two reports of how a tree grows [s]
 MEANINGLESS = ("predict", "speed_limit")  # where nothing moves
 
 
@@ -78,6 +80,7 @@ def planned(
     Args:
         waits: whether there may be none among moving obstacles, since a drive waits for a way.
     """
+    say(tables.fitting_lines(scenario))
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
         tree = scenario.grown_tree(lambda size: bar.update(size - bar.n), at)
     references = scenario.references(tree, waits=waits)
@@ -126,3 +129,16 @@ def progress_bar(what: str, total: float, unit: str) -> Any:
     """A bar on a terminal, nothing in a pipe."""
     style = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit} {postfix}"
     return tqdm(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=style)
+
+
+def growing(bar: Any) -> Callable[[int], None]:
+    """What reports on a bar, some times a second, how many vertices a tree has while it grows."""
+    last = time.monotonic()
+
+    def report(vertices: int) -> None:
+        nonlocal last
+        if time.monotonic() - last > PAUSE:
+            last = time.monotonic()
+            bar.set_postfix_str(f"the tree grows: {vertices} vertices")
+
+    return report

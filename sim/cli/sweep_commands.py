@@ -11,8 +11,9 @@ from typing import Any
 
 from tqdm import tqdm
 
-from pirrht.errors import OptionError
-from sim.files import check_writable, write_json
+from pirrht.errors import OptionError, printable
+from pirrht.files import shown
+from sim.files import check_writable, refused, write_json
 from sim.options import table as options
 from sim.text import counted, width
 
@@ -42,7 +43,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         write_json(arguments.json, records)
     errors = [str(record["error"]) for record in records if record["outcome"] is None]
     if arguments.output is not None:
-        print(f"{arguments.output}: {counted(len(records), 'run')}, {len(errors)} of them ended with an error")
+        print(f"{shown(arguments.output)}: {counted(len(records), 'run')}, {len(errors)} of them ended with an error")
     _tell(errors, stored=arguments.output is not None)
     return 1 if errors else 0
 
@@ -72,7 +73,7 @@ def _tell(errors: Sequence[str], *, stored: bool) -> None:
         return
     known = Counter((error.splitlines() or [""])[0] for error in errors).most_common()
     lines = [f"{counted(len(errors), 'run')} ended with an error:"]
-    lines += [f"  {count} x {error}" for error, count in known[:SHOWN]]
+    lines += [f"  {count} x {printable(error)}" for error, count in known[:SHOWN]]
     if len(known) > SHOWN:
         lines.append(f"  and {counted(len(known) - SHOWN, 'other error')}")
     if stored:
@@ -120,8 +121,8 @@ def report(arguments: argparse.Namespace) -> int:
     known = engine.report(Dataset(arguments.folder), _watched)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OptionError(f"--output {folder}: {error.strerror or error}; choose another place") from None
+    except (OSError, ValueError) as error:  # ValueError: a name that is no text
+        raise refused("--output", folder, error) from None
     for option, file in (("--output", text), ("--output", web), ("--json", arguments.json)):
         if file is not None:
             check_writable(file, option)
@@ -134,7 +135,7 @@ def report(arguments: argparse.Namespace) -> int:
     for file, content in ((text, wording.markdown(known)), (web, page(known, drawn))):
         with replaced(file, "--output") as stream:
             stream.write(content.encode())
-        print(f"written: {file}")
+        print(f"written: {shown(file)}")
     if arguments.json is not None:
         write_json(arguments.json, known.json())
     return 0

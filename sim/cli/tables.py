@@ -23,6 +23,7 @@ FEW_CLASSES = 4
 LONE = 1.5  # effective samples of a class of which no more than one has any weight
 WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
 NEAR = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
+SPOT = "rover"  # the robot that turns almost on the spot
 
 
 def scene_table(rows: Sequence[tuple[str, str, float, int, str]], room: int | None = None) -> str:
@@ -133,17 +134,42 @@ def _vector(values: Array) -> str:
     return "(" + ", ".join(f"{v:+.3f}" for v in values) + ")"
 
 
-def passages_line(found: dict[str, Any]) -> str:
-    """What a person should know of open passages (`passages_json`) that no path leads through; empty without any."""
+def passages_line(found: dict[str, Any], circle: float = 0.0) -> str:
+    """Return what a person should know of open passages (`passages_json`) on no path; empty without any.
+
+    Args:
+        circle: how wide the robot's turning circle is, robot included [m]; 0 if it turns on the spot or has no heading.
+    """
     unused = found["unused"]
     if not unused:
         return ""
     first = unused[0]
+    tight = sum(passage["width"] < circle for passage in unused)
+    turning = (
+        f"; the turning circle, {circle:.2f} m wide, does not fit into {tight}: --robot {SPOT} turns almost on the spot"
+    )
     return (
         f"{len(unused)} of {counted(found['open'], 'open passage')} on no path, the narrowest "
         f"{first['width']:.2f} m wide at ({first['at'][0]:.2f}, {first['at'][1]:.2f}) between "
         f"{' and '.join(first['between'])}: more --vertices or --classes or a higher --limit may lead there"
+        + (turning if tight else "")
     )
+
+
+def fitting_lines(scenario: Scenario) -> str:
+    """Report where less than the margin counts, and which part of a covered goal plans lead to; empty if neither."""
+    given, planned = scenario.loaded.scene, scenario.space.scene
+    lines = [
+        f"less than the margin of {given.margin:.3g} m is free at ({w.x:.4g}, {w.y:.4g}): {given.margin - w.less:.3g} "
+        f"m counts within {w.reach:.3g} m of it"
+        for w in planned.waivers
+        if given.margin > 0.0
+    ]
+    if planned.goal is not given.goal:
+        x, y = planned.goal.center
+        lines.append(f"the centre of the goal is covered: plans lead to its free part, {planned.goal.radius:.3g} m "
+                     f"around ({x:.4g}, {y:.4g})")  # fmt: skip
+    return "\n".join(lines)
 
 
 def odds(scenario: Scenario) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,16 +25,25 @@ from sim.drive.result import DriveResult
 __all__ = ["Frame", "Tally", "run", "size_of"]
 
 BRAKING, GOING = "braking", "this robot cannot stop, and takes the longest free way"
+MOST_VERTICES = 1_000_000  # of a tree that grows while it is driven: some GiB of memory
 STRETCH = 1.0  # plans of few effective samples that are less apart than this are told of once [s]
 
 
 def run(
-    plant: Plant, controller: Policy, start: Array, rng: np.random.Generator, *, max_time: float, grow: int = 0
+    plant: Plant,
+    controller: Policy,
+    start: Array,
+    rng: np.random.Generator,
+    *,
+    max_time: float,
+    grow: int = 0,
+    growing: Callable[[int], None] | None = None,
 ) -> Generator[Frame]:
     """Drive from start until the goal, a collision or max_time [s] of simulated time (Algorithm 4).
 
     Args:
-        grow: vertices that the controller's tree gains between two plans.
+        grow: vertices that the controller's tree gains between two plans, until it has MOST_VERTICES.
+        growing: called with the number of vertices while it does.
 
     Raises:
         NoReference: already the start has no reference.
@@ -43,7 +52,11 @@ def run(
     controller.begin(plant.state)
     odometer = Odometer(controller.problem, controller.space, plant.state, max_time, homology=controller.homology)
     outcome: Outcome | None = None
+    space = controller.space
     while outcome is None:
+        if controller.space is not space:
+            space = controller.space
+            odometer.enter(space)
         began = time.perf_counter()
         plan = controller.plan(plant.state)
         seconds = time.perf_counter() - began
@@ -54,7 +67,7 @@ def run(
         outcome = frame.outcome
         yield frame
         if controller.tree is not None and outcome is None and grow:
-            controller.tree.grow(vertices + grow)
+            controller.tree.grow(min(vertices + grow, MOST_VERTICES), progress=growing)
 
 
 def size_of(tree: HomologyTree | None) -> int:
@@ -170,7 +183,7 @@ class Tally:
             vertices=self.last.vertices,
             min_clearance=self.min_clearance,
             value_estimate=self.first.exact if estimate is None else estimate.value,
-            executed_class=class_id(self.last.driven_class) if self.outcome is Outcome.GOAL else None,
+            executed_class=self._executed_class(),
             class_switches=self.switches,
             class_reversals=self.reversals,
             fallbacks=self.fallbacks,
@@ -187,6 +200,13 @@ class Tally:
             deadline_misses=self.misses,
             real_time=figures(self.timings, self.period) if self.timings else None,
         )
+
+    def _executed_class(self) -> str | None:
+        """The name of the driven path's class; None unless the goal was reached."""
+        if self.last is None or self.outcome is not Outcome.GOAL:
+            return None
+        space = self.last.plan.space
+        return class_id(self.last.driven_class, None if space is None else space.homology.named)
 
     def result(self) -> dict[str, Any]:
         """The figures of the drive under the names of the public JSON (SI units)."""

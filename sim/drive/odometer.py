@@ -12,7 +12,7 @@ from pirrht.geometry.crowd import Crowd
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
-from pirrht.topology.driven import driven
+from pirrht.topology.driven import Driven, driven
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 from sim.drive.executor import Advance
@@ -83,6 +83,12 @@ class Odometer:
         self._clearance = clearance or space.clearance
         scene = space.scene
         self._crowd = Crowd(scene.movers, scene.footprint) if scene.movers else None
+
+    def enter(self, space: FreeSpace) -> None:
+        """Continue among other static obstacles, to the same goal (`Controller.update`)."""
+        if isinstance(self._driven, Driven):
+            self._driven.enter(space.homology)
+        self._clearance = space.clearance
 
     def frame(
         self, plan: Plan, advance: Advance, *, seconds: float, vertices: int = 0, timing: Timing | None = None

@@ -2,6 +2,10 @@
 
 Occupied cells become boxes whose union they are, cell by cell. Cells that are neither occupied nor free by the
 thresholds are unknown: walls unless said otherwise, since a map that says nothing of a place promises nothing.
+
+Pixels mean what they mean to nav2_map_server. A colour counts by its mean. In the modes trinary and scale the chance of
+a wall is its darkness, and what is transparent is unknown; map_server hands on chances between the thresholds of a
+scale map, which count as unknown here. In the mode raw the pixel is the chance in per cent, and unknown above 100.
 """
 
 from __future__ import annotations
@@ -9,22 +13,24 @@ from __future__ import annotations
 import os
 import reprlib
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.rectangles import Cells, cover
 from sim.importing.limits import FARTHEST, MOST_PIXELS, check_regular, content_of
-from sim.importing.rectangles import Cells, cover
 from sim.importing.sdf import Solid, World
 
 UNKNOWN = ("occupied", "free")
 MODES = ("trinary", "scale", "raw")
-DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.196, "negate": 0, "mode": "trinary"}
+DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.196, "negate": 0}
+UNSEEN = 205  # grey that map_saver writes for an unknown cell
 HEIGHT = 0.5  # of the walls [m]
 FINEST, COARSEST = 1e-4, 100.0  # side of a cell [m]
 SUFFIXES = (".yaml", ".yml")
@@ -42,21 +48,14 @@ class Map:
     free: Cells  # (rows, columns); what is neither is unknown
     resolution: float  # side of a cell [m]
     origin: Array  # (3,) x, y [m] of the lower left corner, yaw [rad] of the grid
+    notes: tuple[str, ...] = ()  # sentences on what was read otherwise than a person may expect
 
-    def world(self, unknown: str = "occupied", progress: Callable[[int, int], object] | None = None) -> World:
+    def world(self, unknown: str = "occupied") -> World:
         """Boxes where the map is occupied, or not free; its own border is the ground's, if it is not turned."""
         if unknown not in UNKNOWN:
             raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
         blocked = ~self.free if unknown == "occupied" else self.occupied
-        done, total = 0, int(blocked.sum())
-
-        def covered(more: int) -> None:
-            nonlocal done
-            done += more
-            if progress is not None:
-                progress(done, total)
-
-        solids = tuple(self._box(i, piece) for i, piece in enumerate(cover(blocked, covered), start=1))
+        solids = tuple(self._box(i, piece) for i, piece in enumerate(cover(blocked), start=1))
         x, y, yaw = self.origin
         rows, columns = blocked.shape
         border = np.array([x, x + columns * self.resolution, y, y + rows * self.resolution])
@@ -92,21 +91,34 @@ def read_map(path: Path) -> Map:
             f"{path}: free_thresh is {free_below:g} and occupied_thresh {occupied_above:g}; "
             "they must lie between 0 and 1, the first below the second"
         )
-    mode, negate = known["mode"], _flag(path, known, "negate")
-    if mode not in MODES:
-        raise SceneError(f"{path}: mode is {_SHORT.repr(mode)}; it must be one of {', '.join(MODES)}")
-    shade, transparent = _read_image(path, known)
+    notes: list[str] = []
+    mode, negate = _mode(path, known, notes), _flag(path, known, "negate")
+    origin = _origin(path, known, notes)
+    levels, white, transparent = _read_image(path, known, notes)
+    shades = np.arange(white + 1) / white
     if mode == "raw":
-        chance = np.rint(255 * shade) / 100  # the pixel is the chance in per cent, and unknown above 100
-        sure = chance <= 1
+        chances = np.rint(255 * shades) / 100
+        sure: Cells = (chances <= 1)[levels]
     else:
-        chance = shade if negate else 1 - shade
-        sure = ~transparent if mode == "scale" else np.ones_like(transparent)
+        chances = shades if negate else 1 - shades
+        sure = ~transparent
+    occupied = sure & (chances >= occupied_above)[levels]
+    free = sure & (chances <= free_below)[levels] & ~occupied
+    unseen = np.count_nonzero(free & (levels == UNSEEN * white // 255)) if mode == "trinary" else 0
+    if unseen:
+        notes.append(
+            f"{unseen} cells are {UNSEEN}, which map_saver writes for unknown, and count as free by free_thresh "
+            f"{free_below:g}; write free_thresh: {DEFAULTS['free_thresh']} unless they were seen to be free"
+        )
+    between = np.count_nonzero(sure & ~occupied & ~free) if mode == "scale" else 0
+    if between:
+        notes.append(f"{between} cells of a chance between free_thresh and occupied_thresh count as unknown")
     return Map(
-        occupied=np.flipud(sure & (chance > occupied_above)),
-        free=np.flipud(sure & (chance < free_below)),
+        occupied=np.flipud(occupied),
+        free=np.flipud(free),
         resolution=resolution,
-        origin=_origin(path, known),
+        origin=origin,
+        notes=tuple(f"{path}: {note}" for note in notes),
     )
 
 
@@ -129,17 +141,24 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     return {key: value for key, value in content.items() if value is not None}
 
 
-def _read_image(path: Path, known: Mapping[str, Any]) -> tuple[Array, Cells]:
-    """Shade from 0, black, to 1 and whether a pixel is transparent, (rows, columns) from the top."""
+def _mode(path: Path, known: Mapping[str, Any], notes: list[str]) -> str:
+    """The mode, which older files set by `trinary`."""
+    if "mode" not in known and "trinary" in known and not _flag(path, known, "trinary"):
+        notes.append("trinary: false is the old key for mode: scale, and is read so")
+        return "scale"
+    mode: str = known.get("mode", "trinary")
+    if mode not in MODES:
+        raise SceneError(f"{path}: mode is {_SHORT.repr(mode)}; it must be one of {', '.join(MODES)}")
+    return mode
+
+
+def _read_image(path: Path, known: Mapping[str, Any], notes: list[str]) -> tuple[NDArray[np.uint16], int, Cells]:
+    """Brightness from 0, black, what white is of it, and what is transparent; (rows, columns) from the top."""
     try:
         from PIL import Image
     except ImportError:
         raise OptionError("maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`") from None
-    if not isinstance(known["image"], str):
-        raise SceneError(f"{path}: image is {_SHORT.repr(known['image'])}; it must be the name of a file")
-    file = path.parent / known["image"]
-    if not os.path.exists(file):  # of a name that no system allows, too
-        raise SceneError(f"{path}: image {file} does not exist; it is looked for beside the YAML file")
+    file = _image_file(path, known["image"], notes)
     check_regular(file, "a picture")
     try:
         with warnings.catch_warnings(action="ignore", category=Image.DecompressionBombWarning):
@@ -148,9 +167,9 @@ def _read_image(path: Path, known: Mapping[str, Any]) -> tuple[Array, Cells]:
             if image.width * image.height > MOST_PIXELS:
                 raise Image.DecompressionBombError(f"{image.width} x {image.height} pixels")
             if image.mode.startswith("I"):  # 16 bits
-                whole = np.asarray(image, dtype=float) / 65535
-                return whole, np.zeros(whole.shape, np.bool_)
-            pixels = np.asarray(image.convert("RGBA"), dtype=float) / 255
+                whole = np.asarray(image).astype(np.uint16)
+                return whole, 65535, np.zeros(whole.shape, np.bool_)
+            pixels = np.asarray(image.convert("RGBA"))
     except Image.DecompressionBombError as error:
         raise SceneError(
             f"{path}: image {file} is too large ({error}); a map has {MOST_PIXELS} pixels at most: crop it or make its "
@@ -158,7 +177,20 @@ def _read_image(path: Path, known: Mapping[str, Any]) -> tuple[Array, Cells]:
         ) from None
     except (OSError, ValueError, SyntaxError) as error:
         raise SceneError(f"{path}: image {file} cannot be read ({' '.join(str(error).split())})") from None
-    return pixels[..., :3].mean(axis=2), pixels[..., 3] < 1
+    return pixels[..., :3].sum(axis=2, dtype=np.uint16), 3 * 255, pixels[..., 3] < 255
+
+
+def _image_file(path: Path, name: object, notes: list[str]) -> Path:
+    """The picture: relative to the YAML file, or next to it if that came from another machine."""
+    if not isinstance(name, str):
+        raise SceneError(f"{path}: image is {_SHORT.repr(name)}; it must be the name of a file")
+    file, moved = path.parent / name, path.parent / PureWindowsPath(name).name
+    if os.path.exists(file):  # os.path takes names that no system allows
+        return file
+    if not os.path.isfile(moved):
+        raise SceneError(f"{path}: image {file} does not exist; put it next to the YAML file")
+    notes.append(f"image {name} does not exist; {moved.name} next to the YAML file is read")
+    return moved
 
 
 def _number(path: Path, known: Mapping[str, Any], key: str) -> float:
@@ -177,12 +209,15 @@ def _flag(path: Path, known: Mapping[str, Any], key: str) -> bool:
     return bool(known[key])
 
 
-def _origin(path: Path, known: Mapping[str, Any]) -> Array:
+def _origin(path: Path, known: Mapping[str, Any], notes: list[str]) -> Array:
     said = known["origin"]
     try:
         origin = np.array([float(v) for v in said] if isinstance(said, list) and len(said) in (2, 3) else [])
     except (TypeError, ValueError, OverflowError):
         origin = np.zeros(0)
+    if len(origin) == 3 and np.isnan(origin[2]):  # older map_savers write it
+        notes.append("the yaw of origin is nan and is read as 0")
+        origin[2] = 0.0
     if not len(origin) or not np.all(np.abs(origin) <= FARTHEST):
         raise SceneError(
             f"{path}: origin is {_SHORT.repr(said)}; it must be [x, y, yaw] of the lower left corner, none beyond "

@@ -37,9 +37,12 @@ from sim.importing.target import (
 __all__ = ["Imported", "import_world"]
 
 WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a workspace [m]
+ROVER = "rover"  # robots that map with a lidar turn on the spot, or nearly
+_ROBOTS = {
+    "world": ('<text name="pirrht_robot" data="unicycle"/>', '<numeric name="pirrht_noise" data="0.03"/>'),
+    "map": (f'<text name="pirrht_robot" data="{ROVER}"/>',),
+}
 _CUSTOM = (
-    '<text name="pirrht_robot" data="unicycle"/>',
-    '<numeric name="pirrht_noise" data="0.03"/>',
     '<numeric name="pirrht_period" data="0.1"/>',
     '<numeric name="pirrht_dt" data="0.1"/>',
     '<numeric name="pirrht_samples" data="300"/>',
@@ -48,9 +51,10 @@ _CUSTOM = (
     '<numeric name="pirrht_classes" data="16"/>',
     '<numeric name="pirrht_phi" data="1000"/>',
     '<numeric name="pirrht_max_time" data="60"/>',
-)  # what imported worlds ask for
+)  # what imported worlds and maps ask for, in addition to their robots
 _MATERIALS = {
     "box": "crate",
+    "mesh": "crate",
     "cylinder": "drum",
     "capsule": "log",
     "sphere": "boulder",
@@ -69,12 +73,15 @@ def import_world(
     motion: bool = False,
     number: str | None = None,
     decompose: bool = False,
+    models: Sequence[Path] = (),
+    without: Sequence[str] = (),
     progress: Callable[[int, int], object] | None = None,
 ) -> Imported:
-    """Write the static obstacles of an SDF world, or the walls of a ROS map, as a scene for the unicycle.
+    """Write the obstacles of an SDF world as a scene for the unicycle, or the walls of a ROS map for the rover.
 
     Args:
-        source: an SDF file with one world, the YAML file of a map, or a file of motions (`sim.importing.dynabarn`).
+        source: an SDF file with one world or with models, the YAML file of a map, or a file of motions
+            (`sim.importing.dynabarn`).
         target: the MJCF file to write; replaced in one go if it exists.
         start: x, y [m] and optionally the heading [rad].
         goal: x, y, radius [m].
@@ -83,7 +90,9 @@ def import_world(
         number: which of its worlds.
         decompose: it is a mesh, of which convex parts are made.
         unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
-        progress: told how many of how many cells of a map, or shapes of a world, are done, now and then.
+        models: folders where models and meshes of an SDF world are searched for, before those around the file.
+        without: names of models of an SDF world to leave out, like the robot.
+        progress: called with how many of how many shapes of a world are done, now and then.
 
     Raises:
         SceneError: the world has something that cannot be taken over, start, goal or workspace are missing or
@@ -103,6 +112,9 @@ def import_world(
         )  # fmt: skip
     if decompose:
         return _import_mesh(source, target, start, goal, workspace)
+    mapped = not moves and source.suffix.lower() in ros_map.SUFFIXES
+    if without and (moves or mapped):
+        raise OptionError(f"{source}: only models of a Gazebo world can be left out by name")
     if moves:
         if unknown is not None:
             raise OptionError("--unknown is for maps, and this is a file of motions; leave it out")
@@ -111,24 +123,33 @@ def import_world(
         raise OptionError("--world is for files of motions, of which --motion tells; leave it out")
     if source.suffix.lower() in ros_map.PICTURES:
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
-    mapped = source.suffix.lower() in ros_map.SUFFIXES
     if mapped:
-        world = ros_map.read_map(source).world(unknown or "occupied", progress)
+        grid = ros_map.read_map(source)
+        world, notes = grid.world(unknown or "occupied"), grid.notes
         workspace = world.ground.tolist() if workspace is None and world.ground is not None else workspace
     elif unknown is not None:
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
     else:
         _refuse_motions(source)
-        world = read_sdf(source, progress)
-    place, goal_disc = _task(source, "map" if mapped else "world", start, goal)
+        world = read_sdf(source, progress, folders=models, without=without)
+        notes = world.notes
+    kind = "map" if mapped else "world"
+    place, goal_disc = _task(source, kind, start, goal)
     if workspace is None and mapped and world.ground is None:
         raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
     bounds = _workspace(source, world, workspace, place, goal_disc)
-    scene = scene_text(target.stem, _CUSTOM, list(_geoms(world.solids)), place, goal_disc, bounds)
+    assets, geoms = zip(*_elements(world.solids), strict=True) if world.solids else ((), ())
+    meshes = [mesh for mesh in assets if mesh]
+    scene = scene_text(target.stem, (*_ROBOTS[kind], *_CUSTOM), geoms, place, goal_disc, bounds, meshes)
     with draft(scene, target) as new:
-        obstacles = len(loaded(new, source).scene.obstacles)
+        try:
+            obstacles = len(loaded(new, source).scene.obstacles)
+        except SceneError as error:
+            raise SceneError("; ".join((str(error), *notes))) from None
         new.replace(target)
-    return Imported(path=target, geoms=len(world.solids), obstacles=obstacles)
+    if mapped:
+        notes += (f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another",)
+    return Imported(path=target, geoms=len(world.solids), obstacles=obstacles, notes=notes)
 
 
 def _import_mesh(
@@ -182,8 +203,8 @@ def _example(world: World, start: Array, goal: Array) -> str:
     return f"{BORDER}, for example {low[0]:g} {high[0]:g} {low[1]:g} {high[1]:g}"
 
 
-def _geoms(solids: Sequence[Solid]) -> Iterator[str]:
-    """MJCF elements, with a number after names that are taken."""
+def _elements(solids: Sequence[Solid]) -> Iterator[tuple[str, str]]:
+    """Write each solid as MJCF: its mesh, if it is one, and its geom; names that are taken get a number."""
     taken = {"floor"}
     for solid in solids:
         name, count = solid.name, 1
@@ -193,7 +214,11 @@ def _geoms(solids: Sequence[Solid]) -> Iterator[str]:
         taken.add(name)
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
+        label, mesh, shape = quoteattr(name), "", f'size="{text(*solid.size)}"'
+        if solid.vertices is not None:
+            mesh, shape = f'<mesh name={label} vertex="{text(*solid.vertices.ravel())}"/>', f"mesh={label}"
         yield (
-            f'<geom name={quoteattr(name)} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" '
-            f'size="{text(*solid.size)}" pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>'
+            mesh,
+            f'<geom name={label} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
+            f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>',
         )

@@ -16,6 +16,7 @@ from sim.importing.limits import FARTHEST
 
 DEEPEST = 32  # nested models
 _NAMED = ("model", "link", "frame")
+_LOST = 1e12  # worlds saved while running hold models that fell off the ground and are as far down [m]
 _SHORTEST = 1e-9  # quaternion that still has a direction
 
 
@@ -29,8 +30,8 @@ def is_true(text: str | None) -> bool:
     return (text or "").strip().lower() in ("1", "true")
 
 
-def numbers(text: str | None, count: int) -> Array | None:
-    """So many numbers that are not beyond all measure, or None."""
+def numbers(text: str | None, count: int, most: float = FARTHEST) -> Array | None:
+    """Read so many numbers, none of a greater size than the most, or None."""
     words = (text or "").split()
     try:
         values = np.array(words, dtype=float)
@@ -38,7 +39,7 @@ def numbers(text: str | None, count: int) -> Array | None:
         return None
     if len(values) != count or any("_" in word for word in words):  # Python reads 4_0 as 40, and nobody else does
         return None
-    return values if np.all(np.abs(values) <= FARTHEST) else None
+    return values if np.all(np.abs(values) <= most) else None
 
 
 def transform(values: Array, *, degrees: bool = False) -> Array:
@@ -95,8 +96,6 @@ class Scope:
 
     def child(self, model: ET.Element) -> Scope:
         """The scope of a model declared here."""
-        if model.get("placement_frame"):
-            self.refuse(f"{label_of(model)} has a placement_frame; write the pose of the model instead")
         return self._inner(model, self.static or is_true(model.findtext("static")))
 
     def link(self, link: ET.Element) -> Scope:
@@ -112,6 +111,11 @@ class Scope:
             self.refuse(f'{label_of(element)} has a pose in frame="{pose.get("frame")}"; write relative_to')
         base = base or element.get("attached_to", "")
         placed: Array = (self.resolve(base) if base else self.own) @ raw
+        frame = element.get("placement_frame") if element.tag == "model" else None
+        if frame:  # the pose is that of a frame inside
+            inside = self._inner(element, self.static, np.eye(4))
+            inside.state = None  # it speaks of the world
+            placed = placed @ np.linalg.inv(inside.resolve(frame))
         return placed
 
     def resolve(self, name: str) -> Array:
@@ -127,12 +131,12 @@ class Scope:
             self.refuse(f'a pose is relative to "{name}", which is not declared there ({known}); mend it')
         return self.child(part).resolve(rest) if rest else self._place(part)
 
-    def _inner(self, part: ET.Element, static: bool) -> Scope:
+    def _inner(self, part: ET.Element, static: bool, own: Array | None = None) -> Scope:
         name = part.get("name", "")
         return Scope(
             element=part,
             path=self.path,
-            own=self._place(part),
+            own=self._place(part) if own is None else own,
             label=f"{self.label}::{name}" if self.label else name,
             static=static,
             state=self._state_of(part),
@@ -170,7 +174,8 @@ class Scope:
         """The matrix of a pose element, (4, 4)."""
         quaternion = pose.get("rotation_format") == "quat_xyzw"
         text = (pose.text or "").strip() or ("0 0 0 0 0 0 1" if quaternion else "0 0 0 0 0 0")
-        values = numbers(text, 7 if quaternion else 6)
-        if values is None or (quaternion and np.linalg.norm(values[3:]) < _SHORTEST):
+        values = numbers(text, 7 if quaternion else 6, _LOST)
+        turn = None if values is None else numbers(" ".join(text.split()[3:]), len(values) - 3)
+        if values is None or turn is None or (quaternion and np.linalg.norm(turn) < _SHORTEST):
             self.refuse(f"{what} has <pose> {text[:60]!r}; write x y z and roll pitch yaw, none beyond {FARTHEST:g}")
         return transform(values, degrees=not quaternion and is_true(pose.get("degrees")))

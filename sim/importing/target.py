@@ -42,7 +42,8 @@ $custom
     <material name="drum" rgba="0.66 0.36 0.28 1" specular="0.2" shininess="0.3"/>
     <material name="log" rgba="0.80 0.68 0.47 1" specular="0.2" shininess="0.3"/>
     <material name="boulder" rgba="0.42 0.52 0.38 1" specular="0.2" shininess="0.3"/>
-$assets  </asset>
+$assets
+  </asset>
   <worldbody>
     <light name="sun" directional="true" pos="$centre 8" dir="0.30 0.45 -1" diffuse="0.40 0.40 0.38"/>
     <camera name="top" pos="$centre $height" xyaxes="1 0 0 0 1 0" fovy="42"/>
@@ -65,6 +66,7 @@ class Imported:
     geoms: int  # shapes taken over
     obstacles: int  # of these, in the way of the robot and standing
     movers: int = 0  # bodies that move
+    notes: tuple[str, ...] = ()  # sentences on what the scene has otherwise than the source
 
 
 def check_target(source: Path, target: Path) -> None:
@@ -132,7 +134,7 @@ def scene_text(
         start: x, y [m] and optionally the heading [rad].
         goal: x, y, radius [m].
         bounds: left, right, low and high border [m].
-        assets: elements with meshes.
+        assets: elements of the assets, as meshes.
     """
     half = (bounds[1::2] - bounds[::2]) / 2
     return _SCENE.substitute(
@@ -141,7 +143,7 @@ def scene_text(
         half=text(*half),
         height=text(1.15 * max(half[1], half[0] * 3 / 4) / np.tan(np.radians(42 / 2))),  # of 4 to 3 pictures
         custom="\n".join(f"    {element}" for element in custom),
-        assets="".join(f"    {element}\n" for element in assets),
+        assets="\n".join(f"    {element}" for element in assets),
         parts="\n".join(f"    {element}" for element in parts),
         start=text(*start[:2]),
         heading=text(*start[2:]) or "0",

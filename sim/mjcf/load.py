@@ -42,7 +42,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
-from pirrht.geometry.scene import Goal, Scene
+from pirrht.geometry.scene import ROUNDING, Goal, Scene
 from sim.mjcf.coordinates import stance_of, standing
 from sim.mjcf.faults import Faults
 from sim.mjcf.frozen import freeze as freeze_bodies
@@ -50,7 +50,7 @@ from sim.mjcf.frozen import leave_out, listed
 from sim.mjcf.hulls import Concave, concave_meshes, use_hulls
 from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
 from sim.mjcf.loose import loosen
-from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers
+from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers, shortfall
 from sim.mjcf.numbers import MOTION, option_defaults
 from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace, refuse_turns
 from sim.mjcf.robot import Robot, meant_system, read_robot
@@ -89,6 +89,7 @@ class Loaded:
     path: Path  # the scene's file
     about: str = ""  # a sentence on the scene, by itself
     notes: tuple[str, ...] = ()  # lines on what of the file was changed, or is not what it looks like
+    margin: float = 0.0  # by which the footprint has been made larger [m]
 
     def __repr__(self) -> str:
         return f"Loaded({self.scene!r}, robot {self.robot!r}, {self.path})"
@@ -114,7 +115,8 @@ def load(
         scene: a built-in name or the path of an MJCF file.
         robot: likewise; without it the scene's `pirrht_robot`, else the puck.
         radius: footprint [m]; without it the scene's `pirrht_radius`, else the robot's own.
-        margin: by which the footprint is larger than that [m]; without it the scene's `pirrht_margin`, else 0.
+        margin: by which the footprint is larger than that [m]; without it the scene's `pirrht_margin`, else 0. Where a
+            moving obstacle leaves less at the start, half of what it leaves.
         start: x, y [m] and optionally heading [rad], in place of the site `start`.
         goal: x, y, radius [m], in place of the site `goal`.
         workspace: x0, x1, y0, y1 [m], in place of the site `workspace` or the floor.
@@ -165,9 +167,15 @@ def load(
         start=place,
         robot_radius=machine.radius,
         robot_height=machine.height,
+        margin=max(machine.radius - machine.reach, 0.0),
         defaults=defaults,
         movers=read_movers(model, data, motions, dict(zip(numbers.tolist(), solids, strict=True)), path),
     )
+    if room and 0.0 < (left := room - shortfall(values)) <= room:
+        return load(
+            scene, robot=robot, radius=radius, margin=0.5 * left, start=start, goal=goal, workspace=workspace,
+            system=system, freeze=freeze, without=without, loose=loose,
+        )  # fmt: skip
     _leave_only(model, mask, robot_geoms)
     _place(model, data, machine, values.start)
     _check_start(model, data, mask, moving, concave, path)
@@ -185,6 +193,7 @@ def load(
         meant=meant_system(meant),
         path=path,
         about=about,
+        margin=room or 0.0,
         notes=tuple(note for note in notes if note),
     )
 
@@ -275,7 +284,8 @@ def _about(spec: mujoco.MjSpec) -> str:
 def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Goal:
     if given is not None:
         if len(given) != 3:
-            raise SceneError(f"{path}: the goal has {counted(len(given), 'number')}; give three: x, y and radius")
+            more = ", since a goal has no heading: it is reached in whatever direction" if len(given) > 3 else ""
+            raise SceneError(f"{path}: the goal has {counted(len(given), 'number')}; give three: x, y and radius{more}")
         return _disc(np.array(given[:2], dtype=float), float(given[2]), "the goal", path)
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "goal")
     remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
@@ -320,7 +330,7 @@ def _check_start(
 ) -> None:
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_fwdPosition(model, data)
-    touched = [g for pair in data.contact.geom for g in pair if obstacles[g]]
+    touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if obstacles[g]]
     if touched:
         (x, y), geom = model.key_qpos[0, :2], int(touched[0])
         where = f"{path}: at the start ({x:g}, {y:g}) the robot touches {geom_label(model, geom)}"

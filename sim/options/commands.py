@@ -216,6 +216,15 @@ OTHERS = (
         commands=("import",), bounds=PLACE,
     ),
     Option(
+        name="models", text="folders with the models that a Gazebo world includes; those around WORLD, in "
+        "GZ_SIM_RESOURCE_PATH and in GAZEBO_MODEL_PATH are searched as well", kind=Path, count="+", metavar="DIR",
+        commands=("import",),
+    ),
+    Option(
+        name="without", text="models of a Gazebo world to leave out, like the robot in it", count="+", metavar="MODEL",
+        commands=("import",),
+    ),
+    Option(
         name="unknown", text="unknown cells of a map are walls (occupied) or not (free)", metavar="RULE",
         commands=("import",), unset="occupied",
     ),

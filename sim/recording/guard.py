@@ -1,6 +1,6 @@
 """Runs a command until standard input ends, so that it does not outlive whoever started it, however that one ends.
 
-`python -m sim.recording.guard COMMAND ARGUMENT ...`
+`python -P guard.py COMMAND ARGUMENT ...`: by file and with the standard library alone, from any folder.
 """
 
 from __future__ import annotations

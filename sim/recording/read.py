@@ -101,7 +101,7 @@ def _chunks(file: Path) -> list[Any]:
             pass
         with tempfile.TemporaryDirectory() as folder:
             mended = Path(folder) / "mended.rrd"
-            command = [sys.executable, "-m", "rerun", "rrd", "merge", str(file), "-o", str(mended)]
+            command = [sys.executable, "-P", "-m", "rerun", "rrd", "merge", str(file), "-o", str(mended)]
             subprocess.run(command, env={**os.environ, "CI": "1"}, capture_output=True, check=False)
             try:
                 return _stream(mended)

@@ -43,13 +43,13 @@ class Sinks:
 
 
 def _check_file(file: Path) -> None:
+    if takes_as_it_comes(file) and not os.path.samefile(file, os.devnull):
+        kind = os.stat(file).st_mode
+        what = "a pipe" if stat.S_ISFIFO(kind) else "a device" if stat.S_ISCHR(kind) else "taken"
+        raise OptionError(
+            f"--record {shown(file)} is {what}; give the path of a file, or let a viewer follow with --connect or "
+            "--serve"
+        )
     check_writable(file, "--record")
     if file.suffix not in ("", ".rrd"):
         raise OptionError(f"--record {shown(file)}: viewers know recordings by their ending; call it {file.stem}.rrd")
-    if not takes_as_it_comes(file) or os.path.samefile(file, os.devnull):
-        return
-    kind = os.stat(file).st_mode
-    what = "a pipe" if stat.S_ISFIFO(kind) else "a device" if stat.S_ISCHR(kind) else "taken"
-    raise OptionError(
-        f"--record {shown(file)} is {what}; give the path of a file, or let a viewer follow with --connect or --serve"
-    )

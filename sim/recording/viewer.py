@@ -24,7 +24,7 @@ from sim.recording import guard
 
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
 EXAMPLE = "rerun+http://127.0.0.1:9876/proxy"
-RERUN = (sys.executable, "-m", "rerun_cli", "--bind", "127.0.0.1")
+RERUN = (sys.executable, "-P", "-m", "rerun_cli", "--bind", "127.0.0.1")  # -P: nothing from the current folder
 DATA_PORT, WEB_PORT = 9876, 9090  # of --serve, if they are free
 PATIENCE = 20.0  # how long a viewer or a server may take to come up [s]
 
@@ -131,7 +131,7 @@ class Server:
         web = _free_port(WEB_PORT)
         options = ["--serve-web", "--port", str(data), "--web-viewer-port", str(web), "--server-memory-limit", "1GB"]
         # In a session of its own the guard outlives what ends a whole group or terminal, and can clear up after it.
-        command = [sys.executable, "-m", "sim.recording.guard", *RERUN, *options]
+        command = [sys.executable, "-P", guard.__file__, *RERUN, *options]
         process = _start(command, stdin=subprocess.PIPE, start_new_session=True)
         _await(process, [data, web], "--serve: the server")
         page = f"http://127.0.0.1:{web}/?url={quote(_url(data), safe='')}"

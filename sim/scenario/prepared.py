@@ -79,7 +79,7 @@ def prepare(
     if known is not None:
         known(kind, problem)
     space = FreeSpace.of(loaded.scene)
-    room = loaded.scene.defaults.get("margin", 0.0) if margin is None else margin
+    room = loaded.margin
     if margin is None and "margin" not in loaded.scene.defaults:
         room = default_margin(problem, space, settings.period if settings.between == "hold" else REACTION)
         if room > 0.0:

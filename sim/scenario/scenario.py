@@ -29,7 +29,7 @@ Driver = Controller | Mppi | Optimal
 class Scenario(Task):
     """A scene with a robot, a problem and settings; everything random comes from `settings.seed`.
 
-    Example:
+    Examples:
         >>> from sim.scenario import prepare
         >>> scenario = prepare("slit", given={"vertices": 50, "samples": 50, "max_time": 0.05})
         >>> scenario
@@ -129,8 +129,11 @@ class Scenario(Task):
         """
         return self.optimal(truth, progress) if self.settings.method == "optimal" else self.controller(tree)
 
-    def drive(self, plant: Plant, driver: Policy) -> Generator[Frame]:
+    def drive(self, plant: Plant, driver: Policy, growing: Callable[[int], None] | None = None) -> Generator[Frame]:
         """The drive from the start, as fast as it goes or in real time; one frame per control period.
+
+        Args:
+            growing: called with the number of vertices while the tree grows between two plans.
 
         Raises:
             NoReference: already the start has no reference.
@@ -138,7 +141,7 @@ class Scenario(Task):
         s, start, rng = self.settings, self.start, self.plant_rng()
         if s.real_time:
             return realtime.run(plant, driver, start, rng, period=s.period, max_time=s.max_time, grow=s.grow)
-        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow or 0)
+        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow or 0, growing=growing)
 
     def plant(self) -> Plant:
         """The robot in MuJoCo, or its stochastic equation."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import stat
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager, suppress
@@ -17,7 +18,8 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from pirrht.files import MISSING, why_unreadable
+from pirrht.files import MISSING, shown, why_unreadable
+from sim.files import refused
 from sim.sweeps import manifests, parts
 from sim.sweeps.columns import key_of, record_of, row_of
 from sim.sweeps.manifests import wished
@@ -88,8 +90,13 @@ class Dataset:
         Raises:
             OptionError: names the folder and the first difference.
         """
-        if self.folder.exists() and not self.folder.is_dir():
-            raise OptionError(f"--output {self.folder} is a file; give the path of a folder")
+        try:
+            if not stat.S_ISDIR(os.stat(self.folder).st_mode):
+                raise OptionError(f"--output {shown(self.folder)} is a file; give the path of a folder")
+        except FileNotFoundError:
+            pass
+        except (OSError, ValueError) as error:  # ValueError: a name that is none
+            raise refused("--output", self.folder, error) from None
         if not (self.folder / "manifest.json").exists():
             strange = [file.name for file in self.folder.glob("[!.]*") if file != self.runs] or self.files()
             if strange:
@@ -150,7 +157,7 @@ class Dataset:
             with self._turn():
                 yield
         except OSError as error:
-            raise OptionError(f"--output {self.folder}: {error.strerror or error}; choose another place") from None
+            raise refused("--output", self.folder, error) from None
 
     @contextmanager
     def _turn(self) -> Iterator[None]:
@@ -159,7 +166,7 @@ class Dataset:
         with suppress(ImportError, OSError):
             import fcntl
 
-            handle = os.open(self.runs, os.O_RDONLY)
+            handle = os.open(self.runs, os.O_RDONLY | os.O_DIRECTORY)  # a pipe would wait for a writer
             fcntl.flock(handle, fcntl.LOCK_EX)
         try:
             yield
@@ -181,9 +188,13 @@ class Dataset:
             return
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            stream = (self.folder / ".lock").open("w")
+            lock = self.folder / ".lock"
+            why = why_unreadable(lock)
+            if why not in (None, MISSING):
+                raise OptionError(f"{lock} {why}; remove it, or choose another folder")
+            stream = lock.open("a")
         except OSError as error:
-            raise OptionError(f"--output {self.folder}: {error.strerror or error}; choose another place") from None
+            raise refused("--output", self.folder, error) from None
         with stream:
             try:
                 fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)

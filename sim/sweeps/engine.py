@@ -17,7 +17,9 @@ from pirrht.errors import PirrhtError
 TRIES = 3  # processes that an errand may end before it counts as failed
 TICK = 0.2  # how often the loop looks up while nothing happens [s]
 READY, DONE = "ready", "done"
-LIBRARIES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+# A process does linear algebra in one thread, since the others' cores are taken, and imports nothing from the current
+# folder: what Python runs to begin it would look there first.
+ENVIRONMENT = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "PYTHONSAFEPATH")
 
 
 class Item(Protocol):
@@ -143,7 +145,7 @@ class Worker:
         context = multiprocessing.get_context("spawn")  # forking a process that has threads is not safe
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with _without_interrupts(), _single_threaded():
+        with _without_interrupts(), _environment():
             self.process.start()
         theirs.close()
         self.item: Any = None
@@ -297,12 +299,15 @@ def _without_interrupts() -> Iterator[None]:
 
 
 @contextmanager
-def _single_threaded() -> Iterator[None]:
-    """A process that begins here does linear algebra in one thread: the others' cores are taken."""
-    added = [name for name in LIBRARIES if name not in os.environ]
-    os.environ.update(dict.fromkeys(added, "1"))
+def _environment() -> Iterator[None]:
+    """Set what processes that begin here find in their environment, unless the user has."""
+    before = {name: os.environ.get(name) for name in ENVIRONMENT}
+    os.environ.update({name: "1" for name, value in before.items() if not value})
     try:
         yield
     finally:
-        for name in added:
-            del os.environ[name]
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

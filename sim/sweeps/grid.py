@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.control.methods import METHODS
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, printable
 from sim.mjcf import scene_names
 from sim.options import table as options
 from sim.options.settings import SEED
@@ -130,8 +130,8 @@ def seeds_of(text: str) -> range:
 
 def labels(scenes: Sequence[str]) -> list[str]:
     """Names of built-in scenes, and of files where they differ."""
-    stems = [scene if scene in scene_names() else Path(scene).stem for scene in scenes]
-    return [stem if stems.count(stem) == 1 else scene for scene, stem in zip(scenes, stems, strict=True)]
+    stems = [printable(scene if scene in scene_names() else Path(scene).stem) for scene in scenes]
+    return [stem if stems.count(stem) == 1 else printable(scene) for scene, stem in zip(scenes, stems, strict=True)]
 
 
 def _frozen(values: Mapping[str, Any]) -> Frozen:

@@ -8,6 +8,7 @@ from typing import Any
 _PARTS = {"version": str, "libraries": dict, "settings": dict, "scenes": dict, "asked": list}
 _WORDS = {str: "a text", dict: "an object", list: "a list"}
 MOST = 10_000_000  # seeds of a wish
+MOST_POINTS = 1_000_000  # combinations of scene, noise and method of all wishes: some hundred megabytes
 
 
 def flaw(manifest: Mapping[str, Any]) -> str:
@@ -23,6 +24,9 @@ def flaw(manifest: Mapping[str, Any]) -> str:
     for number, wish in enumerate(manifest["asked"], start=1):
         if not _is_wish(wish):
             return f'entry {number} of "asked" is no grid of methods, noise and seeds'
+    points = sum(len(wish["methods"]) * sum(map(len, wish["noise"].values())) for wish in manifest["asked"])
+    if points > MOST_POINTS:
+        return f'"asked" combines scenes, noise and methods in {points} ways, and {MOST_POINTS} are the most'
     return ""
 
 
@@ -58,14 +62,22 @@ def wishes(method: str, scene: str, noise: float, seeds: Iterable[int]) -> Itera
 
 
 def wished(asked: Sequence[Mapping[str, Any]]) -> int:
-    """How many different runs the wishes of a manifest add up to."""
-    return len(
-        {
-            (scene, method, noise, seed)
-            for wish in asked
-            for scene, noises in wish["noise"].items()
-            for noise in noises
-            for method in wish["methods"]
-            for seed in range(*wish["seeds"])
-        }
-    )
+    """Count the different runs that the wishes of a manifest add up to."""
+    stretches: dict[tuple[str, float, str], list[tuple[int, int]]] = {}
+    for wish in asked:
+        first, end = wish["seeds"]
+        for point in _points(wish):
+            stretches.setdefault(point, []).append((first, end))
+    total = 0
+    for known in stretches.values():
+        reached = 0
+        for first, end in sorted(known):
+            total += max(0, end - max(first, reached))
+            reached = max(reached, end)
+    return total
+
+
+def _points(wish: Mapping[str, Any]) -> Iterator[tuple[str, float, str]]:
+    """Scene, noise and method of the runs of a wish, each combination once."""
+    for scene, noises in wish["noise"].items():
+        yield from ((scene, noise, method) for noise in set(noises) for method in set(wish["methods"]))

@@ -15,6 +15,7 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
+from pirrht.files import why_unreadable
 from sim.sweeps.columns import COLUMNS
 
 FORMAT = 1
@@ -39,6 +40,9 @@ def read(file: Path) -> Any:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    why = why_unreadable(file)
+    if why is not None:
+        raise _unreadable(file, f"it {why}")
     try:
         table = pq.read_table(file, schema=schema())
     except (OSError, pa.ArrowException) as error:

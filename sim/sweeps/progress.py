@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
+import threading
 from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
 from tqdm import tqdm
+
+SECOND = 1.0  # how often the line is written anew at least [s]
 
 
 class Progress:
@@ -25,11 +28,25 @@ class Progress:
         for record in done:
             self._count(record)
 
+        self._closed = threading.Event()
+        self._clock = threading.Thread(target=self._tick, daemon=True)
+
     def __enter__(self) -> Progress:
+        if not self._bar.disable:
+            self.add(None, 0)
+            self._clock.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._closed.set()
+        if not self._bar.disable:
+            self._clock.join()
         self._bar.close()
+
+    def _tick(self) -> None:
+        """Let the clock go on while the main thread is at a tree or a run."""
+        while not self._closed.wait(SECOND):
+            self._bar.refresh()
 
     def add(self, record: Mapping[str, Any] | None, grown: int) -> None:
         """Take note of a run that has ended, or of none, and of how many trees there have been."""

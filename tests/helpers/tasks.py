@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from sim.sweeps.engine import LIBRARIES
+from sim.sweeps.engine import ENVIRONMENT
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def process_of(task: Task) -> tuple[str, int]:
 
 
 def threads_of(task: Task) -> list[str | None]:
-    return [os.environ.get(name) for name in LIBRARIES]
+    return [os.environ.get(name) for name in ENVIRONMENT]
 
 
 def held(task: Task) -> int:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import time
 
 import pytest
+from repository import environment
 
+from pirrht.errors import OptionError
 from sim.cli.ending import Stopped, ended
 
 
@@ -104,3 +107,44 @@ def test_a_broken_pipe_that_is_not_the_output_is_told(capsys):
         out.close()
         os.close(reader)
     assert capsys.readouterr().err == "pirrht: socket of a viewer: Broken pipe\n"
+
+
+HANDLED = """
+import os, signal, sys
+from sim.cli.ending import ended
+def command():
+    print("a line that waits in a buffer")
+    signal.raise_signal(signal.{signal})
+sys.exit(ended(command, process=True))
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_pipe_that_closes_while_a_signal_is_handled_costs_no_second_line(name):
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-c", HANDLED.format(signal=name)]
+    known = environment() | {"PYTHONUNBUFFERED": ""}
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, env=known, text=True)
+    os.close(writer)
+    assert done.returncode == 128 + getattr(signal, name)
+    assert done.stderr.count("\n") == 1, done.stderr
+
+
+def test_a_pipe_that_is_found_closed_while_a_signal_unwinds_does_not_hide_the_signal(capsys):
+    def command() -> int:
+        try:
+            raise Stopped(signal.SIGTERM)
+        finally:
+            raise BrokenPipeError(32, "Broken pipe")  # as a progress bar does that cannot be taken away
+
+    assert ended(command) == 128 + signal.SIGTERM
+    assert capsys.readouterr().err == "pirrht: terminated\n"
+
+
+def test_a_line_has_no_second_one_whatever_names_it_holds(capsys):
+    def refuse() -> int:
+        raise OptionError("--json a\nb\x1b[2J\ud800: no")
+
+    assert ended(refuse) == 2
+    assert capsys.readouterr().err == "pirrht: --json a\\nb\\x1b[2J\\ud800: no\n"

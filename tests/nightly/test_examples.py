@@ -96,3 +96,14 @@ def test_samples_of_an_example_count(folder, words, at):
     found = told(folder, "estimate", "slit", *words, "--vertices", "300", "--at", *at, "--samples", "1000")
     (ess,) = found["ess"]
     assert ess > 0.01 * 3 * 1000
+
+
+@pytest.mark.parametrize("seed", [0, thorough(1)])
+def test_the_robot_replans_to_another_class_when_a_crate_appears(seed, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("matplotlib")
+    import crate
+
+    monkeypatch.setattr("sys.argv", ["crate.py", "--seed", str(seed), "--png", str(tmp_path / "crate.png")])
+    assert crate.main() == 0
+    assert re.match(r"from class 0,0 to (1,0|0,-1), driven \((1, 0|0, -1)\)", capsys.readouterr().out)
+    assert (tmp_path / "crate.png").stat().st_size > 10_000

@@ -127,3 +127,35 @@ def test_paths_that_lead_nowhere_are_refused(tmp_path, name):
     (tmp_path / "circle").symlink_to("circle")
     with pytest.raises(OptionError, match=r"--json "):
         check_writable(tmp_path / name, "--json")
+
+
+@linux
+def test_a_pipe_that_nobody_reads_is_refused_and_one_that_is_read_takes_it_all(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(OptionError, match="is a pipe that nobody reads"):
+        check_writable(pipe, "--json")
+    with pytest.raises(OptionError, match="--json"):  # of somebody who did not check
+        write(pipe)
+    reader = subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE)
+    while True:
+        try:
+            check_writable(pipe, "--json")
+            break
+        except OptionError:  # it has not opened the pipe yet
+            continue
+    write(pipe, b"all of it")
+    assert reader.communicate()[0] == b"all of it"
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("a\nb", "a\\nb"), ("a\x1b[2J", "a\\x1b[2J"), ("\ud800", "\\ud800"), ("\udcff", "\\xff"), ("é", "é")],
+)
+def test_any_name_is_shown_in_one_line(name, text):
+    assert shown(Path(name)) == text
+
+
+def test_half_a_character_is_no_name(tmp_path):
+    with pytest.raises(OptionError, match="not UTF-8"):
+        check_writable(tmp_path / "\ud800.json", "--json")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mjcf_samples import ROBOT, robot_mjcf
+from numba import njit
 from thoroughly import first
 
 from pirrht import SingleIntegrator, StraightLine
@@ -15,7 +16,7 @@ from pirrht.errors import OptionError
 from sim.cli import main
 from sim.mjcf import load
 from sim.scenario import prepare
-from sim.system_import import chosen, source
+from sim.system_import import blamed, chosen, source
 from sim.systems import System, named, names, register, registry
 
 RAFT = """
@@ -140,6 +141,20 @@ def test_a_drift_that_is_no_number_costs_one_line_and_no_warning(folder, capsys,
     assert "writes [nan, 0.0]" in told
     assert told.count("\n") == 1
     assert not recwarn.list
+
+
+@pytest.mark.parametrize(
+    "line", ["    return float(f'{x[0]:.2f}')", "    return np.interp(x[0], [0.0], [1.0], period=1.0)"]
+)
+def test_what_numba_cannot_compile_is_blamed_on_its_line(folder, line, monkeypatch):
+    monkeypatch.delitem(sys.modules, "odd", raising=False)
+    (folder / "odd.py").write_text(f"from rafts import *\nimport numpy as np\ndef cost(x, p):\n{line}\n")
+    chosen("odd:RAFT")
+    with pytest.raises(Exception, match=r"format spec|interp") as caught:
+        njit(sys.modules["odd"].cost)(np.zeros(2), 0.0)
+    told = str(blamed(caught.value))
+    assert f"{folder / 'odd.py'}, line 4: numba cannot compile this (" in told
+    assert told.isprintable()
 
 
 def test_states_that_do_not_fit_the_robot_are_refused_by_name(folder, capsys):

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 pytest.importorskip("yaml")
 Image = pytest.importorskip("PIL.Image")
@@ -17,7 +15,6 @@ Image = pytest.importorskip("PIL.Image")
 from pirrht.errors import OptionError, SceneError  # noqa: E402
 from pirrht.geometry.scene import Kind  # noqa: E402
 from sim import cli  # noqa: E402
-from sim.importing.rectangles import cover, union  # noqa: E402
 from sim.importing.ros_map import read_map  # noqa: E402
 from sim.importing.scene_file import import_world  # noqa: E402
 from sim.mjcf import load  # noqa: E402
@@ -57,50 +54,6 @@ def rooms(seed: int, size: int = 80) -> np.ndarray:
     return picture
 
 
-# -- rectangles --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_the_union_of_the_rectangles_is_the_set_of_cells(seed: int):
-    rng = np.random.default_rng(seed)
-    shape = tuple(rng.integers(1, 40, size=2))
-    cells = rng.random(shape) < rng.uniform(0.05, 0.95)
-    pieces = cover(cells)
-    np.testing.assert_array_equal(union(pieces, shape) > 0, cells)
-    runs = int(np.sum(np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(int), axis=1) == 1))
-    assert len(pieces) <= runs  # no more than rows cut at every gap
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_no_rectangle_could_be_left_out(seed: int):
-    cells = np.random.default_rng(seed).random((25, 25)) < 0.7
-    pieces = cover(cells)
-    for i in range(len(pieces)):
-        assert np.any((union(np.delete(pieces, i, axis=0), cells.shape) > 0) != cells)
-
-
-@pytest.mark.parametrize(
-    ("picture", "count"),
-    [
-        (drawn("###", "###"), 1),
-        (drawn("...", "..."), 0),
-        (drawn(".#.", "###", ".#."), 2),
-        (drawn("#..", "#..", "###"), 2),
-        (drawn("#####", "#...#", "#...#", "#####"), 4),
-        (drawn("#.#", ".#.", "#.#"), 5),
-    ],
-)
-def test_simple_shapes_take_as_few_as_they_can(picture: np.ndarray, count: int):
-    assert len(cover(picture == BLACK)) == count
-
-
-def test_progress_adds_up_to_all_cells():
-    cells = np.random.default_rng(1).random((30, 30)) < 0.6
-    told: list[int] = []
-    cover(cells, told.append)
-    assert sum(told) == cells.sum()
-
-
 # -- maps --------------------------------------------------------------------------------------------------------
 
 
@@ -134,6 +87,8 @@ def test_a_turned_map_turns_about_its_lower_left_corner(tmp_path: Path, yaw: flo
         ({"negate": 1}, [0, 0, 1, 1], [1, 0, 0, 0]),
         ({"occupied_thresh": 0.2, "free_thresh": 0.1}, [1, 1, 0, 0], [0, 0, 0, 1]),
         ({"mode": "scale"}, [1, 0, 0, 0], [0, 0, 0, 1]),
+        ({"trinary": "false"}, [1, 0, 0, 0], [0, 0, 0, 1]),
+        ({"occupied_thresh": 1, "free_thresh": 0}, [1, 0, 0, 0], [0, 0, 0, 1]),
         ({"mode": "raw"}, [0, 0, 0, 0], [1, 0, 0, 0]),
         ({"mode": "trinary", "occupied_thresh": None, "free_thresh": None, "negate": None}, [1, 0, 0, 0], [0, 0, 0, 1]),
     ],
@@ -151,13 +106,13 @@ def test_raw_maps_hold_per_cents(tmp_path: Path):
     assert grid.free[0].tolist() == [True, True, False, False, False, False, False]
 
 
-def test_colours_count_by_their_mean_and_transparent_pixels_of_scale_maps_are_unknown(tmp_path: Path):
+def test_colours_count_by_their_mean_and_transparent_pixels_are_unknown(tmp_path: Path):
     picture = np.zeros((1, 3, 4), np.uint8)
     picture[..., 3] = [255, 255, 0]
     picture[0, 1, :3] = [255, 255, 240]
-    for mode, occupied in (("trinary", [True, False, True]), ("scale", [True, False, False])):
+    for mode in ("trinary", "scale"):
         grid = read_map(written(tmp_path, picture, "map.png", mode=mode))
-        assert grid.occupied[0].tolist() == occupied
+        assert grid.occupied[0].tolist() == [True, False, False]
         assert grid.free[0].tolist() == [False, True, False]
 
 
@@ -174,6 +129,32 @@ def test_what_is_unknown_is_a_wall_unless_it_is_said_to_be_free(tmp_path: Path):
     assert width == pytest.approx({"occupied": 0.2, "free": 0.1})
     with pytest.raises(OptionError, match="--unknown is 'open'"):
         grid.world("open")
+
+
+@pytest.mark.parametrize(
+    ("keys", "note"),
+    [
+        ({"free_thresh": 0.25}, "2 cells are 205, .* count as free by free_thresh 0.25; write free_thresh: 0.196"),
+        ({"trinary": "false"}, "trinary: false is the old key for mode: scale"),
+        ({"mode": "scale"}, "2 cells of a chance between free_thresh and occupied_thresh count as unknown"),
+        ({"origin": "[0.0, 0.0, -nan]"}, "the yaw of origin is nan and is read as 0"),
+        ({"origin": "[0.0, 0.0, .nan]"}, "the yaw of origin is nan and is read as 0"),
+        ({"image": "/home/somebody/maps/map.pgm"}, "map.pgm does not exist; map.pgm next to the YAML file is read"),
+        ({"image": r"C:\maps\map.pgm"}, "map.pgm next to the YAML file is read"),
+    ],
+)
+def test_what_is_read_otherwise_than_expected_is_reported(tmp_path: Path, capsys, keys, note: str):
+    picture = drawn("#?.", "#?.")
+    plain = read_map(written(tmp_path, picture, resolution=1.0))
+    assert plain.notes == ()
+    path = written(tmp_path, picture, resolution=1.0, **keys)
+    grid = read_map(path)
+    assert any(re.search(note, line) and line.startswith(f"{path}: ") for line in grid.notes), grid.notes
+    assert grid.occupied.tolist() == plain.occupied.tolist()
+    assert grid.origin.tolist() == [0.0, 0.0, 0.0]
+    task = ["--start", "2.5", "0.5", "--goal", "2.5", "1.5", "0.2"]
+    assert cli.main(["import", str(path), "-o", str(tmp_path / "a.xml"), *task]) == 0
+    assert re.search(note, capsys.readouterr().out)
 
 
 # -- scenes ------------------------------------------------------------------------------------------------------
@@ -197,6 +178,7 @@ def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys, see
         covered |= np.all(np.abs(off) < obstacle.size[:2], axis=-1)
     np.testing.assert_array_equal(covered, np.flipud(picture) != WHITE)
     np.testing.assert_allclose([*loaded.scene.lower, *loaded.scene.upper], [0, 0, 8, 8])
+    assert loaded.robot == "rover"
     assert cli.main(["plan", str(scene), "--robot", "puck", "--radius", "0.15", "--vertices", "400"]) == 0
     assert "400 vertices" in capsys.readouterr().out
 
@@ -319,11 +301,3 @@ def test_what_could_be_waited_for_without_end_is_not_opened(tmp_path: Path):
             with pytest.raises(SceneError, match=f"{name}{suffix}: it is a {name}, so it cannot be read"):
                 import_world(source, tmp_path / "a.xml", start=[0, 0], goal=[1, 1, 0.1])
             source.rename(tmp_path / name)
-
-
-@settings(max_examples=60)
-@given(cells=arrays(np.bool_, st.tuples(st.integers(1, 14), st.integers(1, 14))))
-def test_any_set_of_cells_survives_as_rectangles(cells):
-    pieces = cover(cells)
-    np.testing.assert_array_equal(union(pieces, cells.shape) > 0, cells)
-    assert np.all(pieces[:, ::2] < pieces[:, 1::2])

@@ -7,7 +7,7 @@ import signal
 import pytest
 from tasks import Task, gone, held, process_of, square, threads_of
 
-from sim.sweeps.engine import LIBRARIES, Agenda, Pool, Stop, _hand_out, in_turn, interruptible
+from sim.sweeps.engine import ENVIRONMENT, Agenda, Pool, Stop, _hand_out, in_turn, interruptible
 
 TASKS = [Task(scene, number) for scene in ("a", "b", "c") for number in range(4)]
 
@@ -33,11 +33,11 @@ def test_two_processes_keep_to_scenes_of_their_own_while_there_are_some():
 
 
 def test_processes_do_linear_algebra_in_one_thread_each_unless_told_otherwise(monkeypatch):
-    for name in LIBRARIES:
+    for name in ENVIRONMENT:
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv(LIBRARIES[0], "3")
-    assert results(threads_of, TASKS[:1]) == [["3", *["1"] * (len(LIBRARIES) - 1)]]
-    assert threads_of(TASKS[0]) == ["3", *[None] * (len(LIBRARIES) - 1)]
+    monkeypatch.setenv(ENVIRONMENT[0], "3")
+    assert results(threads_of, TASKS[:1]) == [["3", *["1"] * (len(ENVIRONMENT) - 1)]]
+    assert threads_of(TASKS[0]) == ["3", *[None] * (len(ENVIRONMENT) - 1)]
 
 
 class Hand:

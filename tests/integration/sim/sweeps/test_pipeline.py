@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import io
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from zlib import crc32
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 
 from pirrht.errors import PirrhtError
 from sim.sweeps import pipeline, runs
+from sim.sweeps import progress as progress_module
 from sim.sweeps.columns import KEY
 from sim.sweeps.engine import Agenda, Stop, in_turn
 from sim.sweeps.pipeline import Grown, Pipeline
@@ -161,3 +163,16 @@ def test_a_terminal_sees_runs_done_goals_and_trees_and_a_pipe_nothing(terminal, 
     told = stream.getvalue()
     assert not terminal or all(part in told for part in ("trees 1/2", "5/8", "goal 75%", "runs"))
     assert terminal or told == ""
+
+
+def test_the_clock_of_a_sweep_goes_on_while_one_run_takes_long(monkeypatch):
+    stream = Terminal()
+    monkeypatch.setattr("sys.stderr", stream)
+    monkeypatch.setattr(progress_module, "SECOND", 0.01)
+    with Progress(3, [], 1):
+        before = len(stream.getvalue())
+        deadline = time.monotonic() + 30.0
+        while len(stream.getvalue()) == before and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert "trees 0/1" in stream.getvalue()[:before]
+        assert len(stream.getvalue()) > before

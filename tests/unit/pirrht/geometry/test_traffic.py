@@ -11,10 +11,11 @@ from moving import SCENES, as_mesh, hall, moved
 from thoroughly import first
 
 from pirrht.arrays import Array
+from pirrht.geometry import bodies
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.crowd import Crowd
 from pirrht.geometry.moving_walls import WALL, moving_walls
-from pirrht.geometry.scene import Scene, World
+from pirrht.geometry.scene import Kind, Scene, World
 from pirrht.geometry.traffic import Traffic, pose_of, traffic_clearance
 
 EVERYWHERE = np.full(2, np.inf)
@@ -103,3 +104,23 @@ def test_where_nothing_moves_all_is_free():
     still = Traffic.of(hall("still", []))
     assert still.J == 0
     assert traffic_clearance(still, 1.0, 1.0, 0.0) == still.reach
+
+
+@pytest.mark.parametrize("radius", [0.001, 0.002])
+def test_for_a_small_robot_tables_stay_small_and_never_report_more_clearance_than_there_is(monkeypatch, radius):
+    monkeypatch.setattr(bodies, "MOST", 20_000)
+    egg = replace(block("egg", 0.0, 0.0, (0.3, 0.1)), kind=Kind.ELLIPSOID)
+    way = [(0.0, 1.5, 1.5, 0.3), (1.0, 2.0, 1.2, 1.0)]
+    movers = [moved("box", way, as_mesh(block("box", 0.1, 0.2, (0.15, 0.3)))), moved("egg", way[:1], egg)]
+    world, rng = hall("small", movers, radius=radius), np.random.default_rng(2)
+    traffic = Traffic.of(world)
+    assert len(traffic.arrays[-1]) < 22_000
+    for _ in range(300):
+        place, time = rng.normal((1.7, 1.5), 0.3), rng.uniform(0.0, 1.0)
+        found, right = traffic_clearance(traffic, place[0], place[1], time), truth(world, place, time)
+        assert found <= max(right, -radius) + 4e-3  # by which FCL errs beside ellipsoids
+        assert found >= min(right, traffic.reach) - 1.5 * traffic.pitch
+    for place in world.movers[0].motion.pose_at(0.0)[:2] + rng.normal(0.0, 0.3, (300, 2)):
+        alone = hall("alone", movers[:1], radius=radius)
+        found = traffic_clearance(traffic, place[0], place[1], 0.0)
+        assert found <= truth(alone, place, 0.0) + 1e-9 or truth(alone, place, 0.0) <= 0.0

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pirrht.compiled import cache
+from pirrht.compiled import cache, disk
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -41,7 +41,7 @@ def key_of(system: System, room=ROOM) -> str | None:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache of kernels."""
-    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
+    monkeypatch.setattr(disk, "folder", lambda: tmp_path)
     return tmp_path
 
 
@@ -93,11 +93,11 @@ def test_a_robot_whose_kernels_cannot_be_kept_has_no_note(folder):
     notice.known(system, problem)
     notice.done("plan", "sample")
     assert not notice.noted("sample")
-    assert not (folder / cache.NOTES).exists()
+    assert not (folder / disk.NOTES).exists()
 
 
 def test_where_nothing_can_be_written_notes_are_left_out(folder):
-    (folder / cache.NOTES).touch()  # a file where the folder should be
+    (folder / disk.NOTES).touch()  # a file where the folder should be
     notice = warm.Notice()
     notice.known(named("rover"), named("rover").problem(ROOM, named("rover").settings))
     notice.done("plan")

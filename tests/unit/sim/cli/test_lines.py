@@ -27,3 +27,10 @@ def test_a_state_that_touches_an_obstacle_is_told_from_one_with_too_few_samples(
     scenario = prepare("slit")
     assert "free distance there is 5e-05 m" in touching(scenario, np.array([3.0, 2.95005]))
     assert touching(scenario, np.array([3.0, 2.96])) is None
+
+
+def test_passages_that_a_turning_circle_does_not_fit_into_name_a_robot_that_turns_on_the_spot():
+    unused = [{"at": [1.0, 2.0], "width": width, "between": ["a", "b"]} for width in (0.8, 3.0)]
+    assert "does not fit into 1: --robot rover" in tables.passages_line({"open": 5, "unused": unused}, 2.4)
+    assert "rover" not in tables.passages_line({"open": 5, "unused": unused}, 0.5)
+    assert "rover" not in tables.passages_line({"open": 5, "unused": unused})

@@ -8,9 +8,11 @@ import os
 import subprocess
 import sys
 
+import pytest
 from repository import environment
 from sweep_samples import ASKED, SCENES, SETTINGS, failed, record
 
+from pirrht.errors import OptionError
 from sim.sweeps import dataset as module
 from sim.sweeps.columns import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
 from sim.sweeps.dataset import Dataset, wished
@@ -158,3 +160,45 @@ def test_the_key_is_part_of_the_results_and_timings_are_not():
     assert key_of(record(4))[4] == 4
     assert not [name for name in RESULTS if "second" in name or "_ms" in name]
     json.dumps(record(4))
+
+
+@pytest.mark.parametrize("which", [".lock", "runs/part-000000.parquet", "manifest.json"])
+def test_a_pipe_in_the_folder_is_refused_by_name(dataset, which):
+    file = dataset.folder / which
+    file.unlink(missing_ok=True)
+    os.mkfifo(file)
+
+    def touch() -> None:
+        with dataset.locked():
+            dataset.manifest()
+            dataset.records()
+
+    with pytest.raises(OptionError, match=f"{file.name}.*is a pipe"):
+        touch()
+
+
+def test_runs_that_are_a_pipe_are_refused(dataset):
+    dataset.runs.rmdir()
+    os.mkfifo(dataset.runs)
+    assert dataset.records() == []
+    with pytest.raises(OptionError, match="--output"):
+        dataset.begin(SETTINGS, SCENES, ASKED)
+
+
+def test_a_name_that_is_none_is_refused(tmp_path):
+    with pytest.raises(OptionError, match=r"--output .*\\ud800"):
+        Dataset(tmp_path / "\ud800").check(SETTINGS, SCENES)
+
+
+def test_many_runs_are_counted_without_a_list_of_them():
+    wish = {"methods": ["single", "mppi"], "noise": {"slit": [0.1], "u_trap": [0.1, 0.2]}}
+    seeds = [[0, 10_000_000], [5_000_000, 12_000_000], [20_000_000, 20_000_001], [3, 3]]
+    assert wished([{**wish, "seeds": stretch} for stretch in seeds]) == 6 * 12_000_001
+
+
+def test_a_manifest_of_too_many_combinations_is_damaged(dataset):
+    many = {"methods": ["single"] * 2000, "noise": {"slit": [0.1] * 2000}, "seeds": [0, 1]}
+    file = dataset.folder / "manifest.json"
+    file.write_text(json.dumps({**dataset.manifest(), "asked": [many]}))
+    with pytest.raises(OptionError, match="4000000 ways"):
+        dataset.manifest()

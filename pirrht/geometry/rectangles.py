@@ -1,0 +1,124 @@
+"""Few rectangles whose union is a set of cells, in time linear in their number.
+
+Rectangles may overlap: a cross takes two of them, and three or more that do not. The least number is NP-hard to find
+(Culberson and Reckhow 1994). Candidates are the maximal runs of each row and each column, stretched sideways as far as
+they stay occupied. Taken are, largest first, those that cover a cell which no earlier one covers, then of these,
+smallest first, those that cover a cell which no later one covers; whatever others cover in the end is left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.compiled.jit import kernel
+
+Cells = NDArray[np.bool_]
+Rectangles = NDArray[np.int64]
+
+
+def cover(occupied: Cells) -> Rectangles:
+    """Rectangles (k, 4) of cells (rows, columns), largest first: first row, row after the last, and so of columns."""
+    turned = _stretched(np.ascontiguousarray(occupied.T))[:, [2, 3, 0, 1]]
+    found = np.unique(np.vstack([_stretched(occupied), turned]), axis=0)
+    found = found[np.argsort(-_areas(found), kind="stable")]
+    found = found[_taken(found, occupied)]
+    found = found[::-1][_taken(found[::-1], occupied)]
+    return _needed(found, occupied.shape)[::-1]
+
+
+def union(rectangles: Rectangles, shape: tuple[int, ...]) -> NDArray[np.int32]:
+    """How many rectangles cover each cell of a grid."""
+    r0, r1, c0, c1 = rectangles.T
+    depth = np.zeros((shape[0] + 1, shape[1] + 1), np.int32)
+    for rows, columns, sign in ((r0, c0, 1), (r1, c1, 1), (r0, c1, -1), (r1, c0, -1)):
+        np.add.at(depth, (rows, columns), sign)
+    for axis in (0, 1):
+        np.cumsum(depth, axis=axis, out=depth)
+    return depth[:-1, :-1]
+
+
+def _areas(rectangles: Rectangles) -> NDArray[np.int64]:
+    areas: NDArray[np.int64] = np.prod(rectangles[:, 1::2] - rectangles[:, ::2], axis=1)
+    return areas
+
+
+def _stretched(occupied: Cells) -> Rectangles:
+    """The maximal run of each row, stretched over the rows above and below in which all its cells are occupied."""
+    rows, columns = occupied.shape
+    step = np.diff(np.pad(occupied, ((0, 0), (1, 1))).view(np.int8), axis=1)
+    row, first = np.nonzero(step > 0)
+    end = np.nonzero(step < 0)[1]
+    if not len(row):
+        return np.zeros((0, 4), np.int64)
+    runs = np.column_stack([row * columns + first, row * columns + end]).ravel()
+    reach = np.zeros((2, rows * columns + 1), np.int32)  # occupied cells in a row, upwards and downwards from each
+    for heights, order in zip(reach, (range(rows), range(rows - 1, -1, -1)), strict=True):
+        grid, last = heights[:-1].reshape(rows, columns), np.zeros(columns, np.int32)
+        for r in order:
+            last = grid[r] = (last + 1) * occupied[r]
+    up, down = (np.minimum.reduceat(heights, runs)[::2] for heights in reach)
+    return np.column_stack([row - up + 1, row + down, first, end])
+
+
+def _taken(rectangles: Rectangles, occupied: Cells) -> Cells:
+    """Which rectangles (k,) cover a cell that no earlier one does."""
+    rows, columns = occupied.shape
+    right = np.repeat(np.arange(columns + 1, dtype=np.int32)[None], rows, axis=0)
+    down = np.repeat(np.arange(rows + 1, dtype=np.int32)[None], columns, axis=0)
+    taken = np.zeros(len(rectangles), np.bool_)
+    _take(rectangles, right, down, taken)
+    return taken
+
+
+def _needed(rectangles: Rectangles, shape: tuple[int, ...]) -> Rectangles:
+    """Without those that the others cover; only few are in doubt."""
+    depth = union(rectangles, shape)
+    alone = np.zeros((shape[0] + 1, shape[1] + 1), np.int32)  # cells covered once, left of and above each corner
+    np.cumsum(np.cumsum(depth == 1, axis=0, dtype=np.int32), axis=1, out=alone[1:, 1:])
+    r0, r1, c0, c1 = rectangles.T
+    keep = np.ones(len(rectangles), np.bool_)
+    for i in np.flatnonzero(alone[r1, c1] - alone[r0, c1] - alone[r1, c0] + alone[r0, c0] == 0).tolist():
+        part = depth[r0[i] : r1[i], c0[i] : c1[i]]
+        if part.min() > 1:
+            part -= 1
+            keep[i] = False
+    return rectangles[keep]
+
+
+@kernel
+def _take(rectangles, right, down, taken):  # type: ignore[no-untyped-def]
+    """Mark rectangles that cover a cell which is not yet covered, one after another.
+
+    `right[r, c]` is where to look for the first column from c on that is not covered in row r, (rows, columns + 1);
+    `down[c, r]` is the same of rows. A rectangle takes as many searches as its shorter side has cells, and one for
+    each cell it covers first: together at most as many as there are cells, since each candidate has a run for a side.
+    """
+    for k in range(len(rectangles)):
+        r0, r1, c0, c1 = rectangles[k]
+        if r1 - r0 <= c1 - c0:
+            taken[k] = _cover(right, down, r0, r1, c0, c1)
+        else:
+            taken[k] = _cover(down, right, c0, c1, r0, r1)
+
+
+@kernel
+def _cover(along, across, first, end, low, high):  # type: ignore[no-untyped-def]
+    """Cover the lines from `first` to `end`, each from `low` to `high`; whether that is new to any cell."""
+    new = False
+    for line in range(first, end):
+        at = _find(along[line], low)
+        while at < high:
+            along[line, at], across[at, line] = at + 1, line + 1
+            new = True
+            at = _find(along[line], at)
+    return new
+
+
+@kernel
+def _find(links, at):  # type: ignore[no-untyped-def]
+    """The first place from `at` on that links to itself; the way there is halved."""
+    while links[at] != at:
+        links[at] = links[links[at]]
+        at = links[at]
+    return at

@@ -1,0 +1,156 @@
+"""Walls on the ground from plain numbers: boxes, discs, polygons and grids of occupied cells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pirrht.arrays import Array, BoolArray
+from pirrht.errors import SceneError
+from pirrht.geometry.obstacle import Kind, Obstacle, about_vertical
+
+SMALLEST = 1e-6  # side, radius, or area of a solid that counts as one [m], [m^2]
+
+
+def boxes(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
+    """Make boxes of a height [m] from rows (k, 4 or 5): least x, y, greatest x, y [m], a yaw about the middle [rad]."""
+    numbers = table(rows, (4, 5), "boxes", "x0, y0, x1, y1 [m] and perhaps a yaw [rad]")
+    half, middle = 0.5 * (numbers[:, 2:4] - numbers[:, :2]), 0.5 * (numbers[:, :2] + numbers[:, 2:4])
+    for i in np.flatnonzero(np.any(half < SMALLEST, axis=1)):
+        raise SceneError(f"box {i + 1} is {numbers[i].tolist()}; x0 must be less than x1, and y0 than y1")
+    return tuple(
+        _standing(f"box {i}", Kind.BOX, np.array([*h, 0.5 * height]), xy, height, about_vertical(float(yaw)))
+        for i, (h, xy, yaw) in enumerate(zip(half, middle, numbers[:, 4], strict=True), start=1)
+    )
+
+
+def discs(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
+    """Make upright cylinders of a height [m] from rows (k, 3): x, y, radius [m]."""
+    numbers = table(rows, (3,), "discs", "x, y, radius [m]")
+    for i in np.flatnonzero(numbers[:, 2] < SMALLEST):
+        raise SceneError(f"disc {i + 1} is {numbers[i].tolist()}; its radius must be positive")
+    return tuple(
+        _standing(f"disc {i}", Kind.CYLINDER, np.array([radius, 0.5 * height, 0.0]), np.array([x, y]), height)
+        for i, (x, y, radius) in enumerate(numbers, start=1)
+    )
+
+
+def prisms(polygons: Sequence[ArrayLike], height: float) -> tuple[Obstacle, ...]:
+    """Make upright prisms of a height [m] over polygons (l, 2) [m]; triangles where one is not convex."""
+    solids = []
+    for i, polygon in enumerate(polygons, start=1):
+        parts = _convex_parts(f"polygon {i}", table(polygon, (2,), f"polygon {i}", "corners x, y [m]"))
+        names = [f"polygon {i}"] if len(parts) == 1 else [f"polygon {i}.{k}" for k in range(1, len(parts) + 1)]
+        solids += [_prism(name, part, height) for name, part in zip(names, parts, strict=True)]
+    return tuple(solids)
+
+
+def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) -> tuple[Obstacle, ...]:
+    """Make boxes of a height [m] that cover just the occupied cells (rows, columns) of a side [m]; row 0 is the lowest.
+
+    Args:
+        origin: lower left corner of the grid, (2,) [m].
+    """
+    from pirrht.geometry.rectangles import cover  # slow to import, and few scenes are grids
+
+    rows = cover(occupied).reshape(-1, 4)[:, [2, 0, 3, 1]]
+    return boxes(resolution * rows + np.tile(origin, 2), height)
+
+
+def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
+    """Return rows of finite numbers (k, widest); what a row of fewer numbers leaves out is 0.
+
+    Raises:
+        SceneError: a row is something else; says which, and what a row holds.
+    """
+    out = np.zeros((len(rows), widths[-1]))
+    for i, row in enumerate(rows):
+        try:
+            numbers = np.array(row, dtype=float)
+        except (TypeError, ValueError):
+            numbers = np.zeros(())
+        if numbers.ndim != 1 or len(numbers) not in widths or not np.isfinite(numbers).all():
+            shown = " ".join(str(row).split())[:60]
+            raise SceneError(f"{what}: row {i + 1} is {shown}; it must be finite numbers {columns}")
+        out[i, : len(numbers)] = numbers
+    return out
+
+
+def _standing(name: str, kind: Kind, size: Array, xy: Array, height: float, rotation: Array | None = None) -> Obstacle:
+    position = np.array([*xy, 0.5 * height])
+    return Obstacle(
+        name=name, kind=kind, size=size, position=position, rotation=np.eye(3) if rotation is None else rotation
+    )
+
+
+def _prism(name: str, corners: Array, height: float) -> Obstacle:
+    """Make a mesh of a convex polygon (l, 2), counter-clockwise, with a floor and a ceiling."""
+    count, middle = len(corners), corners.mean(axis=0)
+    z = np.repeat([-0.5 * height, 0.5 * height], count)
+    fan = np.array([[0, k, k + 1] for k in range(1, count - 1)])
+    here, there = np.arange(count), np.roll(np.arange(count), -1)
+    sides = [np.column_stack([here, there, there + count]), np.column_stack([here, there + count, here + count])]
+    return Obstacle(
+        name=name, kind=Kind.MESH, size=np.zeros(3), position=np.array([*middle, 0.5 * height]), rotation=np.eye(3),
+        vertices=np.column_stack([np.tile(corners - middle, (2, 1)), z]),
+        faces=np.vstack([fan[:, ::-1], fan + count, *sides]).astype(np.int64),
+    )  # fmt: skip
+
+
+def _convex_parts(name: str, corners: Array) -> list[Array]:
+    """Return a simple polygon (l, 2) itself if it is convex, else its triangles, ear by ear; counter-clockwise.
+
+    Raises:
+        SceneError: it has no inside, or crosses itself.
+    """
+    corners = corners[np.any(corners != np.roll(corners, 1, axis=0), axis=1)]
+    if _crosses_itself(corners):
+        raise SceneError(f"{name} crosses itself; list its corners in their order around it")
+    area = 0.5 * float(np.sum(_cross(corners, np.roll(corners, -1, axis=0))))
+    if abs(area) < SMALLEST**2:
+        raise SceneError(f"{name} has no inside; give it three corners or more that are not in line")
+    left = list(corners if area > 0 else corners[::-1])
+    if all(_turn(left, k) >= 0 for k in range(len(left))):
+        return [np.array(left)]
+    parts = []
+    while len(left) > 3:
+        k = next(k for k in range(len(left)) if _is_ear(left, k))
+        parts.append(np.array([left[k - 1], left[k], left[(k + 1) % len(left)]]))
+        del left[k]
+    parts.append(np.array(left))
+    return [part for part in parts if _turn(list(part), 1) > 0]
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _turn(corners: Sequence[Array], k: int) -> float:
+    """Whether a polygon turns to the left at its corner k, which is then positive."""
+    before, here, after = corners[k - 1], corners[k], corners[(k + 1) % len(corners)]
+    return float(_cross(here - before, after - here))
+
+
+def _is_ear(corners: Sequence[Array], k: int) -> bool:
+    """Whether the triangle at corner k of a simple polygon can be cut off."""
+    a, b, c = corners[k - 1], corners[k], corners[(k + 1) % len(corners)]
+    if _turn(corners, k) <= 0:
+        return _turn(corners, k) == 0
+    p = np.array([q for q in corners if not any(np.array_equal(q, own) for own in (a, b, c))]).reshape(-1, 2)
+    inside = (_cross(b - a, p - a) >= 0) & (_cross(c - b, p - b) >= 0) & (_cross(a - c, p - c) >= 0)
+    return not inside.any()
+
+
+def _crosses_itself(corners: Array) -> bool:
+    """Whether two sides of a polygon that are no neighbours meet."""
+    a, b = corners, np.roll(corners, -1, axis=0)
+    ends = [np.sign(_cross((b - a)[:, None], end[None] - a[:, None])) for end in (a, b)]
+    apart = ends[0] * ends[1]  # (l, l) -1 where the ends of one side lie apart, seen from another
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    near = np.all((low[:, None] <= high[None]) & (low[None] <= high[:, None]), axis=-1)
+    meet = (apart <= 0) & (apart.T <= 0) & near
+    gap = np.abs(np.subtract.outer(np.arange(len(a)), np.arange(len(a))))
+    return bool(np.any(meet & (gap > 1) & (gap < len(a) - 1)))

@@ -1,0 +1,166 @@
+"""Triangles of COLLADA files (.dae), placed as Gazebo places them.
+
+Gazebo applies the unit of length and the transforms of the nodes, and ignores `<up_axis>`.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+from sim.importing.sdf_files import parse
+
+MOST_NODES, MOST_TRIANGLES, DEEPEST = 10_000, 1_000_000, 64
+Faces = NDArray[np.int64]
+
+
+def read_collada(path: Path, name: str = "") -> Array:
+    """Read the corners of all triangles, (t, 3, 3) [m].
+
+    Args:
+        name: of the node or geometry to read; all if empty.
+
+    Raises:
+        SceneError: malformed, too large, or without triangles under that name.
+    """
+    try:
+        root = parse(path, "a COLLADA file")
+        for element in root.iter():
+            element.tag = element.tag.rpartition("}")[2]
+        found = list(_Document(root, name).triangles())
+        unit = float(getattr(root.find("asset/unit"), "attrib", {}).get("meter", 1.0))
+        triangles = unit * np.concatenate(found) if found else np.empty((0, 3, 3))
+    except (ValueError, LookupError, OverflowError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:100]
+        raise SceneError(f"{path}: this is no COLLADA file of triangles ({reason}); export it again") from None
+    return triangles
+
+
+@dataclass(slots=True)
+class _Document:
+    root: ET.Element
+    name: str
+    nodes: int = 0
+    count: int = 0  # of triangles
+    ids: dict[str, ET.Element] = field(default_factory=dict)
+    shapes: dict[str, Array] = field(default_factory=dict)  # triangles by id of the geometry
+
+    def __post_init__(self) -> None:
+        self.ids = {f"#{element.get('id')}": element for element in self.root.iter() if element.get("id")}
+
+    def triangles(self) -> Iterator[Array]:
+        """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
+        scene = self.root.find("scene/instance_visual_scene")
+        if scene is None:
+            for geometry in self.root.iterfind("library_geometries/geometry"):
+                if self._named(geometry):
+                    yield self._shape(geometry)
+            return
+        for node in self.ids[scene.get("url", "")].findall("node"):
+            yield from self._node(node, np.eye(4), not self.name, 0)
+
+    def _named(self, element: ET.Element) -> bool:
+        return self.name in ("", element.get("name"), element.get("id"))
+
+    def _node(self, node: ET.Element, outer: Array, wanted: bool, depth: int) -> Iterator[Array]:
+        self.nodes += 1
+        if self.nodes > MOST_NODES or depth > DEEPEST:
+            raise ValueError(f"more than {MOST_NODES} nodes, or nested deeper than {DEEPEST}")
+        wanted = wanted or self._named(node)
+        pose = outer
+        for part in node:
+            pose = pose @ _matrix(part)
+        for part in node:
+            if part.tag == "node":
+                yield from self._node(part, pose, wanted, depth + 1)
+            elif part.tag == "instance_node":
+                yield from self._node(self.ids[part.get("url", "")], pose, wanted, depth + 1)
+            elif part.tag in ("instance_geometry", "instance_controller"):
+                geometry = self.ids[part.get("url", "")]
+                skin = geometry.find("skin")
+                geometry = geometry if skin is None else self.ids[skin.get("source", "")]
+                if wanted or self._named(geometry):
+                    yield self._shape(geometry) @ pose[:3, :3].T + pose[:3, 3]
+
+    def _shape(self, geometry: ET.Element) -> Array:
+        key = geometry.get("id", "")
+        if key not in self.shapes:
+            self.shapes[key] = np.concatenate([np.empty((0, 3, 3)), *self._primitives(geometry)])
+        self.count += len(self.shapes[key])
+        if self.count > MOST_TRIANGLES:
+            raise ValueError(f"more than {MOST_TRIANGLES} triangles")
+        return self.shapes[key]
+
+    def _primitives(self, geometry: ET.Element) -> Iterator[Array]:
+        for part in geometry.iterfind("mesh/*"):
+            inputs = {i.get("semantic"): i for i in part.findall("input")}
+            if part.tag not in _TRIANGLES or "VERTEX" not in inputs:
+                continue
+            stride = 1 + max(int(i.get("offset", 0)) for i in part.findall("input"))
+            first = int(inputs["VERTEX"].get("offset", 0))
+            faces = _TRIANGLES[part.tag]
+            counts = _whole(part.findtext("vcount"))
+            for indices in part.iter("p"):
+                yield self._points(inputs["VERTEX"])[faces(_whole(indices.text)[first::stride], counts)]
+
+    def _points(self, source: ET.Element) -> Array:
+        vertices = self.ids[source.get("source", "")]
+        position = next(i for i in vertices.findall("input") if i.get("semantic") == "POSITION")
+        block = self.ids[position.get("source", "")]
+        accessor = block.find("technique_common/accessor")
+        stride = 3 if accessor is None else int(accessor.get("stride", 3))
+        return _numbers(block.findtext("float_array")).reshape(-1, stride)[:, :3]
+
+
+def _numbers(text: str | None) -> Array:
+    return np.array((text or "").split(), dtype=float)
+
+
+def _whole(text: str | None) -> Faces:
+    values = np.array((text or "").split(), dtype=np.int64)
+    if np.any(values < 0):
+        raise ValueError("a negative index")
+    return values
+
+
+def _matrix(part: ET.Element) -> Array:
+    """Read a transform of a node, (4, 4); that of any other element is the identity."""
+    matrix = np.eye(4)
+    if part.tag == "matrix":
+        return _numbers(part.text).reshape(4, 4)
+    if part.tag == "translate":
+        matrix[:3, 3] = _numbers(part.text)
+    elif part.tag == "scale":
+        matrix[:3, :3] = np.diag(_numbers(part.text))
+    elif part.tag == "rotate":
+        x, y, z, angle = _numbers(part.text)
+        matrix[:3, :3] = Rotation.from_rotvec(np.array([x, y, z]) * angle / np.linalg.norm([x, y, z]), True).as_matrix()
+    return matrix
+
+
+def _fans(indices: Faces, counts: Faces) -> Faces:
+    """Split polygons with so many corners each into triangles around their first corners, (t, 3)."""
+    if counts.sum() != len(indices) or np.any(counts < 3):
+        raise ValueError("polygons of less than three corners, or more corners than indices")
+    triangles = counts - 2
+    begin = np.repeat(np.cumsum(counts) - counts, triangles)
+    step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    fans: Faces = indices[np.stack([begin, begin + step + 1, begin + step + 2], axis=1)]
+    return fans
+
+
+_TRIANGLES: dict[str, Callable[[Faces, Faces], Faces]] = {
+    "triangles": lambda indices, _: indices.reshape(-1, 3),
+    "polylist": _fans,
+    "polygons": lambda indices, _: _fans(indices, np.array([len(indices)])),
+    "trifans": lambda indices, _: _fans(indices, np.array([len(indices)])),
+    "tristrips": lambda indices, _: np.lib.stride_tricks.sliding_window_view(indices, 3),
+}

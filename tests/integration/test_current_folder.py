@@ -1,0 +1,129 @@
+"""Nothing in the user's current folder is imported or executed, whatever its files are called, but by `--system`."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from repository import ROOT, environment
+
+from pirrht.errors import OptionError
+from sim import system_import
+from sim.cli import warm
+from sim.recording import read, viewer
+from sim.rehearsal import ROOM as BOX
+
+PACKAGES = ("sim", "pirrht", "rerun", "rerun_cli", "multiprocessing", "mujoco", "numpy")
+MODULES = ("numba", "rerun_sdk", "subprocess", "socket", "signal", "tempfile", "pickle", "threading", "tqdm")
+TRAP = """
+import os
+with open(os.path.join({folder!r}, "executed"), "a") as stream:
+    stream.write(__name__ + "\\n")
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's folder, which is the current one, with modules that note down when they are executed."""
+    folder = tmp_path / "project"
+    for name in PACKAGES:
+        (folder / name).mkdir(parents=True)
+        for file in ("__init__", "__main__", "cli", "guard", "spawn"):
+            (folder / name / f"{file}.py").write_text(TRAP.format(folder=str(tmp_path)))
+    for name in MODULES:
+        (folder / f"{name}.py").write_text(TRAP.format(folder=str(tmp_path)))
+    monkeypatch.chdir(folder)
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    monkeypatch.setenv("PYTHONPATH", environment()["PYTHONPATH"])
+    return folder
+
+
+def executed(project: Path) -> list[str]:
+    """Names of modules of the project that were executed."""
+    mark = project.parent / "executed"
+    return mark.read_text().splitlines() if mark.exists() else []
+
+
+def test_the_traps_of_these_tests_work(project: Path):
+    subprocess.run([sys.executable, "-c", "import rerun_cli, numba, socket"], check=True)
+    assert executed(project)[:2] == ["rerun_cli", "numba"]
+
+
+def test_processes_of_a_sweep_import_nothing_from_there(project: Path):
+    command = project.parent / "command.py"  # as installed: a script in a folder of its own
+    command.write_text("import sys\nfrom sim.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n")
+    words = ["sweep", "slit", "--methods", "passive", "--seeds", "0:2", "--max-time", "0.1", "--jobs", "2"]
+    done = subprocess.run([sys.executable, str(command), *words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert executed(project) == []
+
+
+def test_python_m_imports_nothing_from_there_but_what_the_command_is_in(project: Path):
+    (project / "sim").rename(project / "other")  # Python itself looks there for what `-m` names
+    done = subprocess.run([sys.executable, "-m", "sim.cli", "scenes"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert executed(project) == []
+
+
+def test_python_m_works_where_the_package_lies_in_the_current_folder(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    command = [sys.executable, "-m", "sim.cli", "--version"]
+    assert subprocess.run(command, cwd=ROOT, capture_output=True).returncode == 0
+
+
+def test_viewer_and_server_import_nothing_from_there(project: Path, monkeypatch: pytest.MonkeyPatch):
+    started: list[list[str]] = []
+    monkeypatch.setattr(viewer, "_start", lambda command, **_: started.append(command))
+    monkeypatch.setattr(viewer, "_await", lambda *_: None)
+    monkeypatch.setattr(viewer, "check_display", lambda: None)
+    viewer.spawn()
+    viewer.Server.start()
+    for command in started:
+        ran = subprocess.Popen([*command, "--version"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert ran.stdout is not None
+        assert b"rerun" in ran.stdout.read()
+        ran.communicate()
+    assert len(started) == 2
+    assert executed(project) == []
+
+
+def test_recordings_are_repaired_without_importing_anything_from_there(project: Path):
+    file = project.parent / "broken.rrd"
+    file.write_bytes(b"RRF2" + bytes(60))
+    with pytest.raises(OptionError, match="no Rerun recording"):
+        read.read(file)
+    assert executed(project) == []
+
+
+def test_what_compiles_ahead_imports_nothing_from_there(project: Path, monkeypatch: pytest.MonkeyPatch):
+    begun: list[list[str]] = []
+    real = subprocess.Popen
+    monkeypatch.setattr(warm.subprocess, "Popen", lambda command, **_: begun.append(command))
+    monkeypatch.setattr(warm.cache, "kept", lambda: True)
+    monkeypatch.setattr(warm, "notice", lambda note=warm.Notice(): note)  # noqa: B008
+    system = warm.named("single_integrator")
+    warm.begin(system, system.problem(BOX, system.settings))
+    monkeypatch.setattr(warm.subprocess, "Popen", real)
+    (command,) = begun
+    module = command.index("-m")
+    code = "import rerun_cli, sim.cli.warm as found; print(found.__file__)"
+    ran = subprocess.run([*command[:module], "-c", code], capture_output=True, text=True)
+    assert Path(ran.stdout.strip()).is_relative_to(ROOT), ran.stderr
+    assert executed(project) == []
+
+
+def test_a_system_of_the_folder_hides_nothing_that_is_imported_later(project: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setattr(system_import, "_folders", set())
+    (project / "tempfile_boat.py").write_text(
+        "import boat_parts\nfrom sim.systems import named\ndef BOAT():\n    return named(boat_parts.NAME)\n"
+    )
+    (project / "boat_parts.py").write_text("NAME = 'unicycle'\n")
+    (project / "boat_more.py").write_text("")
+    assert system_import.chosen("tempfile_boat:BOAT").name == "unicycle"
+    assert sys.path.index(str(project)) == len(sys.path) - 1
+    assert importlib.util.find_spec("boat_more") is not None  # a module of theirs may import it when it is called
+    assert executed(project) == []

@@ -1,0 +1,303 @@
+"""Obstacles come and go while a controller drives: classes keep their names, and what is known of them goes on."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from thoroughly import thorough
+
+from pirrht import (
+    Controller,
+    Dubins,
+    FreeSpace,
+    HomologyTree,
+    OptionError,
+    Problem,
+    Sampling,
+    Scene,
+    SceneError,
+    SingleIntegrator,
+    StraightLine,
+    Unicycle,
+)
+from pirrht.arrays import Array
+from pirrht.geometry.collision import Collision
+from pirrht.topology.driven import Driven
+from pirrht.topology.homology import Homology, class_id
+
+WALLS = [[2.0, 0.75, 2.4, 2.1], [2.0, 2.9, 2.4, 4.25]]
+CRATE = [3.3, 2.2, 3.9, 2.9]  # in the way of what comes through between the walls
+PLUG = [2.0, 2.1, 2.4, 2.9]  # fills the gap
+TASK = {"lower": (0, 0), "upper": (6, 5), "start": (0.5, 2.5), "goal": (5.5, 2.45, 0.25), "robot_radius": 0.15}
+PERIOD = {"puck": 0.05, "car": 0.1}
+
+
+def room(*boxes, **task) -> Scene:
+    return Scene.from_boxes(boxes, **TASK | task)
+
+
+def controller(scene: Scene, robot: str = "puck", *, vertices: int = 300, method: str = "pi-rrht") -> Controller:
+    if robot == "puck":
+        problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2 * np.eye(2))
+        steering, sampling = StraightLine.of(problem), Sampling(samples=100, first=PERIOD[robot])
+    else:
+        problem = Problem(dynamics=Unicycle(b=0.03), scene=scene, R=np.eye(1), phi=1000.0)
+        steering, sampling = Dubins.of(problem), Sampling(samples=100)
+    space = FreeSpace.of(scene)
+    tree = HomologyTree(space, steering, limit=0.8, rng=np.random.default_rng(0))
+    tree.grow(vertices)
+    return Controller(problem, space, tree, sampling, method=method, rng=np.random.default_rng(1))
+
+
+def start(c: Controller) -> Array:
+    return c.problem.dynamics.state_of(c.problem.scene.start)
+
+
+def drive(c: Controller, x: Array, seconds: float, rng: np.random.Generator, h: float = 0.002) -> Array:
+    """Positions (k, 2) that the equation passes, from x (n,) on until the goal."""
+    d, period = c.problem.dynamics, PERIOD["puck" if c.problem.dynamics.n == 2 else "car"]
+    path = [x]
+    while len(path) * h < seconds and not c.problem.scene.goal.contains(path[-1][:2]):
+        plan = c.plan(path[-1])
+        for k in range(round(period / h)):
+            path.append(d.step(path[-1], plan.at(path[-1], k * h), np.sqrt(h) * rng.standard_normal(d.m), h))
+        c.observe(np.array(path[-round(period / h) :]), period)
+    return np.array(path)
+
+
+def assert_equal_plans(one, other):
+    assert one.ids == other.ids
+    assert one.estimate.value == other.estimate.value
+    np.testing.assert_array_equal(one.tape, other.tape)
+
+
+# -- what does not change ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("robot", ["puck", "car"])
+def test_an_update_with_an_equal_scene_changes_nothing(robot: str):
+    one, other = (controller(room(*WALLS), robot) for _ in range(2))
+    x = drive(one, start(one), 0.2, np.random.default_rng(2))[-1]
+    np.testing.assert_array_equal(drive(other, start(other), 0.2, np.random.default_rng(2))[-1], x)
+    tree = one.tree
+    one.update(room(*WALLS, start=(1.0, 1.0)))
+    assert one.tree is tree
+    assert_equal_plans(one.plan(x), other.plan(x))
+
+
+@pytest.mark.parametrize(
+    ("scene", "error", "words"),
+    [
+        (room(*WALLS, CRATE, goal=(5.4, 2.5, 0.25)), OptionError, "keeps the goal"),
+        (room(*WALLS, [5.2, 2.2, 5.8, 2.8]), SceneError, "covers the goal"),
+    ],
+)
+def test_a_refused_update_says_why_in_one_line_and_changes_nothing(scene: Scene, error, words: str):
+    one, other = controller(room(*WALLS)), controller(room(*WALLS))
+    with pytest.raises(error, match=words) as caught:
+        one.update(scene)
+    assert "\n" not in str(caught.value)
+    assert_equal_plans(one.plan(start(one)), other.plan(start(other)))
+
+
+def test_the_tree_of_an_update_is_as_large_as_the_last_or_as_is_said():
+    c = controller(room(*WALLS))
+    c.update(room(*WALLS, CRATE))
+    assert c.tree.size == 300
+    c.update(room(*WALLS), vertices=50)
+    assert c.tree.size == 50
+
+
+def test_a_controller_without_a_tree_is_updated_too():
+    passive = Controller(
+        controller(room()).problem, FreeSpace.of(room()), None, Sampling(samples=20), method="passive",
+        rng=np.random.default_rng(0),
+    )  # fmt: skip
+    passive.update(room(CRATE))
+    assert passive.space.homology.M == 1
+    passive.plan(start(passive))
+
+
+# -- names -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_class_whose_path_stays_free_keeps_its_name_but_for_turns_about_what_is_new(seed: int):
+    rng = np.random.default_rng(seed)
+    c = controller(room(*WALLS))
+    x = drive(c, start(c), 0.3, rng)[-1]
+    before = c.plan(x)
+    assert len(before.ids) == 3
+    corner = rng.uniform([2.6, 0.3], [4.4, 4.0])
+    c.update(room(*WALLS, [*corner, *(corner + 0.5)]))
+    after = c.plan(x)
+    straight = np.linspace(x, c.problem.scene.goal.center, 2)
+    kept = 0
+    for name, reference in zip(before.ids, before.references, strict=True):
+        path = reference.trajectory.points
+        if not c.space.collision.segments_free(path[:-1], path[1:]).all():
+            continue
+        kept += 1
+        # The turn about the new marker of the path ahead, against the straight line from where the robot is.
+        turns = [c.space.homology.turns(line)[2:] for line in (np.vstack([path, straight[1:]]), straight)]
+        more = np.rint(turns[0] - turns[1]).astype(int)
+        assert (name if not more.any() else f"{name},{more[0]}") in after.ids
+    assert kept > 0
+    assert all(name.split(",")[:2] in [["0", "0"], ["1", "0"], ["0", "-1"]] for name in after.ids)
+
+
+def test_names_stay_as_they_are_where_a_gap_closes_and_opens_again():
+    """Both walls and the plug are then one obstacle, which has two markers."""
+    c = controller(room(*WALLS))
+    x = start(c)
+    assert set(c.plan(x).ids) == {"0,0", "1,0", "0,-1"}
+    c.update(room(*WALLS, PLUG))
+    assert set(c.plan(x).ids) == {"1,0", "0,-1"}
+    c.update(room(*WALLS))
+    assert set(c.plan(x).ids) == {"0,0", "1,0", "0,-1"}
+
+
+def test_a_wall_that_reaches_the_border_keeps_its_number():
+    c = controller(room(*WALLS))
+    c.update(room(*WALLS, [2.0, 0.0, 2.4, 0.8]))
+    assert set(c.plan(start(c)).ids) == {"0,0", "0,-1"}
+
+
+def test_a_number_stays_0_while_its_obstacle_is_gone_and_then_is_that_of_another():
+    c = controller(room(*WALLS))
+    x = start(c)
+    c.update(room(WALLS[1]))
+    assert set(c.plan(x).ids) == {"0,0", "0,-1"}
+    c.update(room(WALLS[1], CRATE))
+    assert {name.split(",")[1] for name in c.plan(x).ids} == {"0", "-1"}
+    assert {name.split(",")[0] for name in c.plan(x).ids} > {"0"}
+    assert c.space.homology.M == 2
+
+
+def test_a_crate_that_comes_and_goes_leaves_names_and_plans_as_they_were():
+    c = controller(room(*WALLS))
+    x = start(c)
+    before = {one.id: one.length for one in c.plan(x).references}
+    for _ in range(3):
+        c.update(room(*WALLS, CRATE))
+        assert c.space.homology.M == 3
+        c.update(room(*WALLS))
+    assert c.space.homology.M == 2
+    after = {one.id: one.length for one in c.plan(x).references}
+    assert after == pytest.approx(before, rel=1e-3)
+
+
+def test_in_an_empty_room_names_begin_with_the_first_obstacle():
+    c = controller(room())
+    assert c.plan(start(c)).ids == ("-",)
+    c.update(room(CRATE))
+    assert len(set(c.plan(start(c)).ids)) == 2
+    assert "-" in c.plan(start(c)).ids
+
+
+def test_what_was_driven_before_does_not_turn_about_what_is_new():
+    """Half a turn around where a crate then stands, behind the robot."""
+    c = controller(room(*WALLS))
+    path = np.array([[0.5, 2.5], [0.5, 4.5], [1.5, 4.5], [1.5, 2.5]])
+    c.observe(path, 3.0)
+    c.update(room(*WALLS, [0.8, 3.0, 1.2, 3.6]))
+    assert c.driven_class() == (0, 0, 0)
+    assert c.plan(path[-1]).favourite == "0,0"
+
+
+@pytest.mark.parametrize("ahead", [0, 5])
+def test_turns_go_on_among_markers_that_stay_and_begin_about_those_that_are_new(ahead: int):
+    rng = np.random.default_rng(4)
+    goal, old = np.array([4.0, 0.0]), rng.uniform(-2, 2, (3, 2))
+    new = np.vstack([old[:1], rng.uniform(-2, 2, (3, 2))])
+    path = rng.uniform(-2, 2, (30, 2))
+    changed, only, late = (Driven(Homology(markers=m, goal=goal), path[0]) for m in (old, old, new))
+    for one in (changed, only):
+        one.observe(path[:12])
+        if ahead:
+            one.expect(path[12 : 12 + ahead])
+    late = Driven(Homology(markers=new, goal=goal), path[11])
+    changed.enter(Homology(markers=new, goal=goal))
+    for one in (changed, only, late):
+        one.observe(path[12:])
+    assert changed.winding()[:1] == only.winding()[:1]
+    assert changed.winding()[1:] == late.winding()[1:]
+
+
+@pytest.mark.parametrize(
+    ("winding", "named", "name"),
+    [
+        ((0, -1), None, "0,-1"),
+        ((0, 0, 0), 2, "0,0"),
+        ((0, 0, -1, 0), 2, "0,0,-1"),
+        ((0,), 0, "-"),
+        ((0, 0), None, "0,0"),
+    ],
+)
+def test_a_name_leaves_out_what_does_not_turn_about_later_obstacles(winding, named, name: str):
+    assert class_id(winding, named) == name
+
+
+# -- what goes on ------------------------------------------------------------------------------------------------
+
+
+def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
+    c = controller(room(*WALLS), "car", vertices=600)
+    x = start(c)
+    c.plan(x)
+    guides = dict(c.around.guides.last)
+    assert set(guides) >= {(0, 0)}
+    c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))  # off every path
+    assert {whole[:2]: guide for whole, guide in c.around.guides.last.items()} == guides
+    assert c.around.guides.strong
+    c.update(room(*WALLS, CRATE))
+    assert (0, 0) not in {whole[:2] for whole in c.around.guides.last}
+
+
+def test_statistics_of_a_class_go_on_under_its_name():
+    c = controller(room(*WALLS), "car", vertices=600)
+    c.plan(start(c))
+    c.around.aside.shares = {"0,0": 0.3, "gone": 0.4}
+    assert c.pool is not None
+    known = c.pool._last.log_psi(start(c), 0.0)
+    c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))
+    assert c.around.aside.shares == {"0,0": 0.3}
+    assert c.pool._last.log_psi(start(c), 0.0)["0,0"] == pytest.approx(known["0,0"])
+
+
+def test_the_class_that_is_followed_alone_is_remembered_while_its_path_is_free():
+    c = controller(room(*WALLS), method="best-class")
+    assert c.plan(start(c)).followed == "0,0"
+    c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))
+    assert c._followed == "0,0"
+    c.update(room(*WALLS, CRATE))
+    assert c._followed is None
+
+
+# -- safety ------------------------------------------------------------------------------------------------------
+
+
+def touched(scene: Scene, path: Array) -> bool:
+    """Whether a robot on a path (k, n) touches something; steps are shorter than walls are thick."""
+    gaps = [np.hypot(*(b - a)) for a, b in pairwise(path[:, :2])]
+    return bool(np.any(Collision(scene.world, scene.footprint).clearance(path[:, :2]) <= 0.0)) or max(gaps) > 0.1
+
+
+SEEDS = [(robot, seed) if seed == 0 else thorough(robot, seed) for robot in ("puck", "car") for seed in range(5)]
+
+
+@pytest.mark.parametrize(("robot", "seed"), SEEDS)
+def test_a_crate_that_appears_in_the_path_is_not_hit(robot: str, seed: int):
+    """And who knows nothing of it runs into it."""
+    scene, crate = room(*WALLS), room(*WALLS, [3.5, 2.2, 4.1, 2.8])
+    paths = []
+    for knows in (True, False):
+        c, rng = controller(scene, robot), np.random.default_rng(seed)
+        x = drive(c, start(c), 0.6, rng)[-1]
+        if knows:
+            c.update(crate)
+        paths.append(drive(c, x, 12.0, rng))
+        assert scene.goal.contains(paths[-1][-1, :2])
+    assert [touched(crate, path) for path in paths] == [False, True]

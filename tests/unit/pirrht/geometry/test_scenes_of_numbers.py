@@ -1,0 +1,149 @@
+"""Scenes from plain numbers are those that files describe, and hold what was given and nothing else."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pirrht import (
+    Controller,
+    FreeSpace,
+    HomologyTree,
+    Problem,
+    Sampling,
+    Scene,
+    SceneError,
+    SingleIntegrator,
+    StraightLine,
+)
+from pirrht.arrays import Array
+from pirrht.geometry.collision import Collision
+from sim.mjcf import load
+
+ROOM = {"lower": (0, 0), "upper": (6, 5), "start": (0.5, 2.5), "goal": (5.5, 2.4, 0.25), "robot_radius": 0.15}
+BOXES = [[1.5, 0.75, 2.0, 2.25], [1.5, 2.75, 2.0, 4.25], [3.5, 1.5, 4.25, 3.0]]
+DISCS = [[2.0, 1.5, 0.5], [2.0, 3.5, 0.75], [4.0, 2.25, 0.3125]]
+U_SHAPE = [(2, 1), (4, 1), (4, 4), (2, 4), (2, 3.5), (3.5, 3.5), (3.5, 1.5), (2, 1.5)]
+GEOMS = {
+    "boxes": [
+        f'<geom type="box" pos="{(a + c) / 2} {(b + d) / 2} 0.25" size="{(c - a) / 2} {(d - b) / 2} 0.25"/>'
+        for a, b, c, d in BOXES
+    ],
+    "discs": [f'<geom type="cylinder" pos="{x} {y} 0.25" size="{r} 0.25"/>' for x, y, r in DISCS],
+}
+MADE = {"boxes": partial(Scene.from_boxes, BOXES), "discs": partial(Scene.from_discs, DISCS)}
+
+
+def clearance(scene: Scene, points: Array) -> Array:
+    return Collision(scene.world, scene.footprint).clearance(points)
+
+
+def to_outline(corners: Array, points: Array) -> Array:
+    """Distance from points (k, 2) to the area of a simple polygon (l, 2), 0 inside."""
+    a, b = corners, np.roll(corners, -1, axis=0)
+    gap, side = points[:, None] - a, b - a
+    t = np.clip(np.sum(gap * side, axis=-1) / np.sum(side**2, axis=-1), 0.0, 1.0)
+    far = np.linalg.norm(gap - t[..., None] * side, axis=-1).min(axis=1)
+    above = (a[:, 1] > points[:, None, 1]) != (b[:, 1] > points[:, None, 1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = a[:, 0] + (points[:, None, 1] - a[:, 1]) * side[:, 0] / side[:, 1]
+    return np.where(np.sum(above & (points[:, None, 0] < x), axis=1) % 2, 0.0, far)
+
+
+def star(seed: int) -> Array:
+    """A polygon about (3, 2.5) that is hardly ever convex."""
+    rng = np.random.default_rng(seed)
+    angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 9))
+    return np.array([3.0, 2.5]) + rng.uniform(0.4, 2.0, (9, 1)) * np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+@pytest.mark.parametrize("kind", ["boxes", "discs"])
+def test_a_scene_by_constructor_gives_bit_by_bit_the_plan_of_the_same_scene_by_file(kind: str, tmp_path: Path):
+    file = tmp_path / "room.xml"
+    file.write_text(
+        f'<mujoco><worldbody>{"".join(GEOMS[kind])}<site name="start" pos="0.5 2.5 0"/>'
+        '<site name="goal" type="cylinder" pos="5.5 2.4 0" size="0.25 0.01"/>'
+        '<site name="workspace" type="box" pos="3 2.5 0.5" size="3 2.5 0.5"/></worldbody></mujoco>'
+    )
+    read = load(file).scene
+    made = MADE[kind](**ROOM | {"robot_radius": read.robot_radius, "robot_height": read.robot_height})
+    plans = []
+    for scene in (made, read):
+        problem, space = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2 * np.eye(2)), FreeSpace.of(scene)
+        tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
+        tree.grow(200)
+        controller = Controller(problem, space, tree, Sampling(samples=50), rng=np.random.default_rng(1))
+        plans.append(controller.plan(scene.start[:2]))
+    one, other = plans
+    assert len(one.ids) > 1
+    assert one.ids == other.ids
+    assert one.estimate.value == other.estimate.value
+    np.testing.assert_array_equal(one.tape, other.tape)
+    for here, there in zip(one.references, other.references, strict=True):
+        np.testing.assert_array_equal(here.trajectory.points, there.trajectory.points)
+
+
+@pytest.mark.parametrize("corners", [U_SHAPE, [(1, 1), (3, 1), (1, 3)], *(star(seed) for seed in range(8))])
+@pytest.mark.parametrize("turned", [1, -1])
+def test_a_polygon_is_as_far_away_as_its_outline(corners, turned: int):
+    polygon = np.array(corners, dtype=float)[::turned]
+    room = ROOM | {"start": (0.2, 0.2), "goal": (5.8, 4.8, 0.1)}
+    points = np.random.default_rng(1).uniform([1.0, 0.8], [5.0, 4.2], (300, 2))
+    border = np.minimum(points, [6, 5] - points).min(axis=1)
+    expected = np.minimum(border, to_outline(polygon, points) - 0.15)
+    np.testing.assert_allclose(clearance(Scene.from_polygons([polygon], **room), points), expected, atol=1e-5)
+
+
+def test_a_turned_box_is_the_polygon_of_its_corners():
+    c, s = np.cos(0.5), np.sin(0.5)
+    corners = [[3, 2.5]] + np.array([[1, 0.25], [-1, 0.25], [-1, -0.25], [1, -0.25]]) @ np.array([[c, s], [-s, c]])
+    points = np.random.default_rng(2).uniform([0.5, 0.5], [5.5, 4.5], (200, 2))
+    box, prism = Scene.from_boxes([[2, 2.25, 4, 2.75, 0.5]], **ROOM), Scene.from_polygons([corners], **ROOM)
+    np.testing.assert_allclose(clearance(box, points), clearance(prism, points), atol=1e-5)
+
+
+def test_a_grid_is_occupied_where_it_says_and_free_elsewhere():
+    occupied = np.random.default_rng(3).random((12, 20)) < 0.3
+    occupied[:2, :2] = occupied[-2:, -2:] = False
+    task = {"start": (-0.8, 2.2), "goal": (8.8, 7.8, 0.1), "robot_radius": 1e-3}
+    scene = Scene.from_grid(occupied, 0.5, origin=(-1, 2), **task)
+    np.testing.assert_array_equal([scene.lower, scene.upper], [[-1, 2], [9, 8]])
+    rows, columns = np.indices(occupied.shape)
+    centres = np.column_stack([-1 + 0.5 * (columns.ravel() + 0.5), 2 + 0.5 * (rows.ravel() + 0.5)])
+    np.testing.assert_array_equal(clearance(scene, centres) <= 0.0, occupied.ravel())
+    assert len(scene.obstacles) < occupied.sum()
+
+
+def test_walls_are_as_high_as_a_robot_asks_for():
+    points = np.array([[1.0, 1.0], [3.0, 2.0]])
+    low, high = (Scene.from_boxes(BOXES, robot_height=height, **ROOM) for height in (0.1, 3.0))
+    np.testing.assert_array_equal(clearance(low, points), clearance(high, points))
+
+
+CORNERED = {key: value for key, value in ROOM.items() if key not in ("lower", "upper")}
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: Scene.from_boxes([[0, 1, 2, 3], [1, 2, 0, 3]], **ROOM), "box 2 is .*x0 must be less than x1"),
+        (lambda: Scene.from_boxes([[0, 1, 2]], **ROOM), r"boxes: row 1 is \[0, 1, 2\]; .* x0, y0, x1, y1 \[m\]"),
+        (lambda: Scene.from_boxes([[0, 1, 2, np.nan]], **ROOM), "boxes: row 1 .* finite"),
+        (lambda: Scene.from_discs([[3, 2, 0]], **ROOM), "disc 1 is .* radius must be positive"),
+        (lambda: Scene.from_discs([[3, 2, "wide"]], **ROOM), "discs: row 1 .* x, y, radius"),
+        (lambda: Scene.from_polygons([U_SHAPE, [(0, 0), (1, 1), (2, 2)]], **ROOM), "polygon 2 has no inside"),
+        (lambda: Scene.from_polygons([[(0, 0), (1, 1), (1, 0), (0, 1)]], **ROOM), "polygon 1 crosses itself"),
+        (lambda: Scene.from_grid(np.zeros((3, 3)), 1.0, **CORNERED), "the grid is of float64 .*grid > 50"),
+        (lambda: Scene.from_grid(np.zeros(3, bool), 1.0, **CORNERED), r"shape \(3,\)"),
+        (lambda: Scene.from_grid(np.zeros((5, 6), bool), 0.0, **CORNERED), "the resolution is 0"),
+        (lambda: Scene.from_boxes([], **ROOM | {"goal": (1, 2)}), "goal: .* x, y, radius"),
+        (lambda: Scene.from_boxes([], **ROOM | {"start": (9, 2)}), "the start .* outside the workspace"),
+    ],
+)
+def test_what_cannot_be_a_scene_is_refused_in_one_line(made, words: str):
+    with pytest.raises(SceneError, match=words) as caught:
+        made()
+    assert "\n" not in str(caught.value)
