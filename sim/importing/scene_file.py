@@ -110,10 +110,8 @@ def import_world(
             f"--decompose is for meshes, whose names end in {kinds}; leave it out" if decompose else
             f"{source}: MuJoCo collides with the convex hull of a mesh; add --decompose for its convex parts"
         )  # fmt: skip
-    if decompose:
-        return _import_mesh(source, target, start, goal, workspace)
     mapped = not moves and source.suffix.lower() in ros_map.SUFFIXES
-    if without and (moves or mapped):
+    if without and (moves or mapped or decompose):
         raise OptionError(f"{source}: only models of a Gazebo world can be left out by name")
     if moves:
         if unknown is not None:
@@ -129,43 +127,30 @@ def import_world(
         workspace = world.ground.tolist() if workspace is None and world.ground is not None else workspace
     elif unknown is not None:
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
+    elif decompose:
+        world, notes = decomposed.read_mesh(source), ()
     else:
         _refuse_motions(source)
         world = read_sdf(source, progress, folders=models, without=without)
         notes = world.notes
-    kind = "map" if mapped else "world"
+    kind = "map" if mapped else "mesh" if decompose else "world"
     place, goal_disc = _task(source, kind, start, goal)
     if workspace is None and mapped and world.ground is None:
         raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
     bounds = _workspace(source, world, workspace, place, goal_disc)
     assets, geoms = zip(*_elements(world.solids), strict=True) if world.solids else ((), ())
     meshes = [mesh for mesh in assets if mesh]
-    scene = scene_text(target.stem, (*_ROBOTS[kind], *_CUSTOM), geoms, place, goal_disc, bounds, meshes)
+    custom = (*_ROBOTS["map" if mapped or decompose else "world"], *_CUSTOM)
+    scene = scene_text(target.stem, custom, geoms, place, goal_disc, bounds, meshes)
     with draft(scene, target) as new:
         try:
             obstacles = len(loaded(new, source).scene.obstacles)
         except SceneError as error:
             raise SceneError("; ".join((str(error), *notes))) from None
         new.replace(target)
-    if mapped:
+    if mapped or decompose:
         notes += (f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another",)
     return Imported(path=target, geoms=len(world.solids), obstacles=obstacles, notes=notes)
-
-
-def _import_mesh(
-    source: Path, target: Path, start: Sequence[float] | None, goal: Sequence[float] | None,
-    workspace: Sequence[float] | None,
-) -> Imported:  # fmt: skip
-    place, disc = _task(source, "mesh", start, goal)
-    parts = decomposed.read_parts(source)
-    bounds = decomposed.ground(parts) if workspace is None else numbers_of(source, BORDER, workspace, (4,))
-    check_borders(source, bounds)
-    meshes = list(decomposed.assets(parts))
-    scene = scene_text(target.stem, _CUSTOM, list(decomposed.geoms(parts)), place, disc, bounds, meshes)
-    with draft(scene, target) as new:
-        obstacles = len(loaded(new, source).scene.obstacles)
-        new.replace(target)
-    return Imported(path=target, geoms=len(parts), obstacles=obstacles)
 
 
 def _refuse_motions(source: Path) -> None:

@@ -197,7 +197,7 @@ OTHERS = (
         commands=("import",),
     ),
     Option(
-        name="decompose", text="WORLD is a mesh (.obj, .stl, .ply, .off), in metres and with z up: write its convex "
+        name="decompose", text="WORLD is a mesh (.obj, .stl, .dae), in metres and with z up: write its convex "
         "parts, since MuJoCo collides with hulls (extra `decompose`)", kind=bool, commands=("import",),
     ),
     Option(

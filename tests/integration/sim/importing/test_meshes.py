@@ -30,6 +30,14 @@ def angle(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
+def ring(tmp_path: Path) -> Path:
+    """A torus so large that planes of its own faces do not cut it into a hundred convex parts."""
+    path = tmp_path / "ring.obj"
+    trimesh.creation.torus(100.0, 3.0, major_sections=200, minor_sections=6).export(path)
+    return path
+
+
+@pytest.fixture
 def parted(monkeypatch):
     """CoACD, as far as it is used: a part for each solid that hangs together."""
 
@@ -46,22 +54,27 @@ def parted(monkeypatch):
     monkeypatch.setitem(sys.modules, "coacd", fake)
 
 
-def test_each_part_is_an_obstacle_where_it_was(angle, parted, tmp_path):
+def test_each_part_is_an_obstacle_where_it_was(angle, tmp_path):
     imported = import_world(angle, tmp_path / "scene.xml", decompose=True, **TASK)
     scene = load(imported.path).scene
     assert (imported.geoms, imported.obstacles) == (2, 2)
     np.testing.assert_allclose([*scene.lower, *scene.upper], [0, 0, 4, 4], atol=1e-6)
-    corners = [solid.vertices @ solid.rotation.T + solid.position for solid in scene.obstacles]
-    extents = sorted(np.round([*each.min(axis=0), *each.max(axis=0)], 5).tolist() for each in corners)
-    np.testing.assert_allclose(extents, [[0, 0, 0, 4, 0.2, 1], [0, 0.3, 0, 0.2, 4, 1]], atol=1e-5)
+    reaches = [np.abs(solid.rotation) @ solid.size for solid in scene.obstacles]
+    extents = [[*(o.position - r), *(o.position + r)] for o, r in zip(scene.obstacles, reaches, strict=True)]
+    expected = [[0, 0, 0, 4, 0.2, 1], [0, 0.3, 0, 0.2, 4, 1]]
+    np.testing.assert_allclose(sorted(np.round(extents, 5).tolist()), expected, atol=1e-5)
 
 
-def test_coacd_itself_parts_a_mesh(angle, tmp_path):
+def test_a_mesh_that_its_own_faces_do_not_cut_is_parted_by_coacd(ring, parted, tmp_path):
+    task = {"start": (105.0, 105.0), "goal": (108.0, 108.0, 0.3), "workspace": (104.0, 110.0, 104.0, 110.0)}
+    assert import_world(ring, tmp_path / "scene.xml", decompose=True, **task).geoms == 1
+
+
+def test_coacd_itself_parts_a_mesh(ring, tmp_path):
     pytest.importorskip("coacd")
-    imported = import_world(angle, tmp_path / "scene.xml", decompose=True, workspace=(-1, 5, -1, 5), **TASK)
-    loaded = load(imported.path)
-    assert imported.obstacles == 2
-    assert loaded.notes == ()
+    imported = import_world(ring, tmp_path / "scene.xml", decompose=True, workspace=(-5, 8, -5, 8), **TASK)
+    assert imported.obstacles > 3
+    assert load(imported.path).notes == ()
 
 
 def test_a_mesh_without_the_switch_and_the_switch_without_a_mesh_are_refused(angle, tmp_path):
@@ -72,10 +85,10 @@ def test_a_mesh_without_the_switch_and_the_switch_without_a_mesh_are_refused(ang
         import_world(tmp_path / "hall.sdf", tmp_path / "scene.xml", decompose=True, **TASK)
 
 
-def test_without_coacd_the_extra_is_named(angle, tmp_path, monkeypatch):
+def test_without_coacd_the_extra_is_named(ring, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "coacd", None)
     with pytest.raises(OptionError, match=r"pip install 'pirrht\[decompose\]'"):
-        import_world(angle, tmp_path / "scene.xml", decompose=True, **TASK)
+        import_world(ring, tmp_path / "scene.xml", decompose=True, **TASK)
 
 
 @pytest.mark.parametrize(
@@ -83,12 +96,12 @@ def test_without_coacd_the_extra_is_named(angle, tmp_path, monkeypatch):
     [
         (b"", "mesh"),
         (b"v 0 0 0\n", "mesh"),
-        (b"v 0 0 0\nv 1e7 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "finite"),
-        (b"mtllib /dev/zero\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 faces"),
+        (b"v 0 0 0\nv 1e7 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "farther out"),
+        (b"mtllib /dev/zero\nv 0 0 0\n", "mesh"),
         (bytes(range(256)), "mesh"),
     ],
 )
-def test_what_is_no_mesh_is_refused_in_one_line(content, reason, parted, tmp_path):
+def test_what_is_no_mesh_is_refused_in_one_line(content, reason, tmp_path):
     path = tmp_path / "room.obj"
     path.write_bytes(content)
     with pytest.raises(SceneError, match=reason) as caught:
