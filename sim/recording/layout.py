@@ -123,7 +123,7 @@ def _space_time(subject: Subject) -> rrb.Container:
     view = rrb.Spatial3DView(
         origin="/",
         contents=[f"{spacetime.FOLDER}/**", "/world/scene/**", "- /world/scene/names", f"- {MOVERS}/**"],
-        name="Time upward: classes around the ways of what moves",
+        name="Time upward: classes around the paths of moving obstacles",
         background=list(BACKGROUND),
         line_grid=False,
         eye_controls=_controls(views.in_time(scene)),

@@ -61,7 +61,7 @@ def key(subject: Subject) -> str:
     rows = [f"**{sign}** {name}" for sign, name, _ in subject.marks if name != f"obstacle {sign}"]
     if len(rows) < len(subject.marks):
         rows.append("Other numbers: as in *obstacle 1*.")
-    moving = " *Lilac*: what moves." if subject.moves else ""
+    moving = " *Lilac*: moving obstacles." if subject.moves else ""
     signs = f"*Yellow*: the robot and its path. *White*: the path of most weight, and the control.{moving}"
     return "  \n".join([signs, *rows])
 
