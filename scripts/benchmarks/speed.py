@@ -1,7 +1,7 @@
 """Speed of rollouts, of planning and of a drive's control steps, beside other libraries where there are any.
 
 Everything is timed in one process, compiled before, and takes turns; figures are medians. Columns: the figure, how
-many times ours it takes, the rate, and what is needed to judge it.
+many times ours it takes, the rate, effective samples per second, and what is needed to judge it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     for name in [options.part] if options.part else parts:
         found, values[name] = parts[name](options)
         table += found
-    return ["figure", "median", "unit", "over ours", "rate", "note"], table, values
+    return ["figure", "median", "unit", "over ours", "rate", "effective/s", "note"], table, values
 
 
 def drive(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
