@@ -10,7 +10,7 @@ The tree knows nothing of noise, the path integral nothing of topology; `control
 Names are imported when they are first used, so that importing the package is quick. At the prompt objects show
 themselves in a line, trees and plans as pictures: `tree.plot(x)`, `plan.plot()` (extra `pirrht[figures]`).
 
-Example:
+Examples:
     >>> import pirrht
     >>> pirrht.Sampling(samples=500)
     Sampling(samples=500)
@@ -58,7 +58,7 @@ _HOME = {
 }
 
 __all__ = [*_HOME]
-__version__ = "0.30.0"
+__version__ = "0.31.0"
 
 
 def __getattr__(name: str) -> Any:

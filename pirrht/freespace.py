@@ -15,6 +15,7 @@ from pirrht.geometry.arena import Arena
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.crowd import Crowd
 from pirrht.geometry.field import Field
+from pirrht.geometry.fitting import fitted
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.survey import build_field
@@ -49,10 +50,13 @@ class FreeSpace:
         """Examine a scene; the markers of its encircled obstacles, (M, 2) [m], become those of `homology`.
 
         Raises:
-            SceneError: the start or the goal point is in collision, or the workspace is too large for the robot.
+            SceneError: the start or all of the goal is in collision, or the workspace is too large for the robot.
         """
+        scene = replace(scene, waivers=())
         collision = Collision(scene.world, scene.footprint)
-        _check_task(scene, collision)
+        scene = fitted(scene, collision)
+        if scene.waivers:
+            collision = Collision(scene.world, scene.footprint)
         parts = components(collision)
         return cls._of(scene, collision, parts, tuple(part for part in parts if part.marker is not None))
 
@@ -66,7 +70,9 @@ class FreeSpace:
             SceneError: the goal point is in collision, or the workspace is too large for the robot.
         """
         collision = Collision(scene.world, scene.footprint)
-        _check_task(scene, collision, under_way=True)
+        if (lacking := -float(collision.clearance(scene.goal.center[None])[0])) >= 0.0:
+            where = f"({scene.goal.center[0]:g}, {scene.goal.center[1]:g})"
+            raise SceneError(f"{scene.name}: an obstacle covers the goal {where}, by {lacking:.3g} m; move it away")
         named = self.homology.M if self.homology.named is None else self.homology.named
         parts = components(collision)
         return self._of(scene, collision, parts, continued(parts, self.obstacles, collision, named), named)
@@ -89,12 +95,15 @@ class FreeSpace:
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
         """The same world and footprint with another start (3,) [m, m, rad] or goal; nothing is sampled again.
 
+        Only where a start or goal has less than the safety margin around it is the world examined anew.
+
         Raises:
             SceneError: one of them lies outside the workspace or is in collision.
         """
         scene = self.scene
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
-        _check_task(scene, self.collision)
+        if self.scene.waivers or (scene := fitted(scene, self.collision)).waivers:
+            return FreeSpace.of(scene)
         center = scene.goal.center.astype(float)
         homology = Homology(markers=self.homology.markers, goal=center, named=self.homology.named)
         return replace(self, scene=scene, homology=homology, moving=replace(self.moving, goal=center))
@@ -140,13 +149,3 @@ def _field(scene: Scene, collision: Collision, members: list[int]) -> Field:
         return build_field(collision, members)
     except SceneError as error:
         raise SceneError(f"{scene.name}: {error}") from None
-
-
-def _check_task(scene: Scene, collision: Collision, *, under_way: bool = False) -> None:
-    for what, point in (("start", scene.start), ("goal", scene.goal.center))[under_way:]:
-        clearance = float(collision.clearance(point[None, :2])[0])
-        if clearance <= 0.0:
-            raise SceneError(
-                f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g}) is in collision for a robot of radius "
-                f"{scene.robot_radius:g} (it lacks {-clearance:.3g} m); move it or choose less --radius or --margin"
-            )

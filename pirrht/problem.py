@@ -39,7 +39,7 @@ class Problem:
         OptionError: the system, R, q or phi cannot work here; says what would.
         NotLinearlySolvable: no scalar lambda fits G, R and B, or in input form R and s.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import Goal, Problem, Scene, SingleIntegrator
         >>> goal = Goal(center=np.array([3.4, 1.5]), radius=0.3)

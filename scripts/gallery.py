@@ -70,7 +70,7 @@ def drive(name: str, given: dict[str, Any]) -> tuple[Film, float]:
     driver = scenario.driver(scenario.grown_tree())
     time = 0.0
     for frame in scenario.drive(scenario.plant(), driver):
-        film.add(frame)
+        film.add(frame, driver.path_integral)
         time = frame.end_time
     return film, time
 

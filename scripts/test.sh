@@ -7,7 +7,7 @@ extras=test,figures,gym,maps
 words=()
 if [ "${1:-}" = --full ]; then
     shift
-    extras+=,cluster,docs,nightly,video
+    extras+=,cluster,decompose,docs,nightly,video
     words=(tests/unit tests/integration tests/nightly --full)
 fi
 prepare ".[$extras]"

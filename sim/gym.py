@@ -56,7 +56,7 @@ class Drive(gymnasium.Env[Array, Array]):
 
     Args:
         scene: built-in name or MJCF file.
-        robot, system, radius, margin, start, goal: as the options of `pirrht run`.
+        robot, system, radius, margin, start, goal, workspace, freeze, without: as the options of `pirrht run`.
         noise: b; None: what the scene or the robot says, and likewise period [s], max_time [s], plant and phi.
         penalty: taken off at a collision where phi is infinite.
         bound: actions are clipped to [-bound, bound], and to what the robot's ctrlranges allow; infinite by default,
@@ -78,6 +78,9 @@ class Drive(gymnasium.Env[Array, Array]):
         margin: float | None = None,
         start: Sequence[float] | None = None,
         goal: Sequence[float] | None = None,
+        workspace: Sequence[float] | None = None,
+        freeze: bool = False,
+        without: Sequence[str] | None = None,
         noise: float | None = None,
         period: float | None = None,
         max_time: float | None = None,
@@ -93,7 +96,7 @@ class Drive(gymnasium.Env[Array, Array]):
             raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
         task = {
             "robot": robot, "system": system, "radius": radius, "margin": margin, "start": start, "goal": goal,
-            "preset": None,
+            "workspace": workspace, "freeze": freeze or None, "without": without, "preset": None,
         }  # fmt: skip
         settings = {"noise": noise, "period": period, "max_time": max_time, "plant": plant, "phi": phi}
         given = {name: value for name, value in settings.items() if value is not None}

@@ -56,7 +56,7 @@ class Controller(Policy):
         homology: tells classes apart where bodies move; None: that of the tree, or of the problem.
         predict: what is taken to come of bodies that move; None: as they do.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import Controller, FreeSpace, Goal, HomologyTree, Problem, Sampling, Scene, SingleIntegrator
         >>> from pirrht import StraightLine

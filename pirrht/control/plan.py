@@ -44,7 +44,7 @@ class Plan:
         space: the free space in which it was made, for pictures.
         movers: bodies as it took them to move, on the drive's clock.
 
-    Example:
+    Examples:
         A plan says what to do now, `plan.control` (m,), and a little later, `plan.at(x, s)`:
 
         >>> plan = controller.plan(x)  # doctest: +SKIP

@@ -104,7 +104,7 @@ class Policy(ABC):
             OptionError: dt is not positive.
             NoReference: no class reaches the goal from where the drive begins.
 
-        Example:
+        Examples:
             A loop of your own; `begin(x)` starts another drive:
 
             >>> while not arrived:  # doctest: +SKIP

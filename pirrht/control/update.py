@@ -35,8 +35,9 @@ def renewed(
         SceneError: the goal point is in collision, or the workspace is too large for the robot.
     """
     before = space.scene
-    if not _same(before.goal, scene.goal):
-        raise OptionError(f"an update keeps the goal, {before.goal}; for {scene.goal} make another Controller")
+    goal = problem.scene.goal
+    if not _same(goal, scene.goal):
+        raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
     if before.movers or scene.movers:
         raise OptionError(
             f"an update is of static obstacles, and {len(scene.movers or before.movers)} move here; make another "
@@ -47,7 +48,7 @@ def renewed(
     pairs = zip(before.obstacles, scene.obstacles, strict=False)
     if alike and len(before.obstacles) == len(scene.obstacles) and all(_same(*pair) for pair in pairs):
         return None
-    now = space.updated(scene)
+    now = space.updated(replace(scene, goal=before.goal, waivers=before.waivers))
     grown = None
     if tree is not None:
         grown = HomologyTree(now, tree.steering, limit=tree.limit, classes=tree.classes, rng=tree.rng)

@@ -74,7 +74,7 @@ class Estimate:
         parts: all samples, in the rounds in which they were drawn.
         walls: what the nearest ones do to `control`.
 
-    Example:
+    Examples:
         >>> estimate = controller.plan(x).estimate  # doctest: +SKIP
         >>> estimate  # doctest: +SKIP
         Estimate(v 10.93 +- 0.015, control (0.94, -0.0617) +- (0.025, 0.02), ESS 404 of 600; 0,0 66 %, 0,1 34 %)

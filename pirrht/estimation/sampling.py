@@ -44,7 +44,7 @@ class Sampling:
     Raises:
         OptionError: a number is out of range, or a choice is unknown.
 
-    Example:
+    Examples:
         >>> from pirrht import Sampling
         >>> Sampling()
         Sampling(defaults)

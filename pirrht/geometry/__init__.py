@@ -17,6 +17,7 @@ moving_walls  the walls of bodies that are near; listed: which are, along one pa
 sweeps        what surely passes bodies that move: straight ways in space and time
 spans         where bodies are within spans of time, as boxes, which rule far ones out
 arcs          curves of arcs and straight pieces, and the angle of a chord, absmin of section IV-A
+fitting       a start inside the safety margin and a goal that is partly covered, fitted to the walls
 arena         field and goal together: what a path asks about the world
 
 It may import `compiled` and the root's arrays and errors. Only collision and fcl_shapes know FCL.

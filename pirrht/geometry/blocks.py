@@ -137,7 +137,7 @@ class _Builder(NamedTuple):
         steps = np.stack(np.meshgrid(np.arange(S), np.arange(S), indexing="ij"), axis=-1)
         points = self.collision.world.lower + (origins[:, None, None] + (steps << level)) * self.h
         shape, reach = points.shape[:3], REACH + r
-        walls = self.collision.nearest_walls(points.reshape(-1, 2), self.members, reach)
+        walls = self.collision.nearest_walls(points.reshape(-1, 2), self.members, reach, width)
         first, second = walls.first.reshape(shape), walls.second.reshape(shape)
         found = Found(first, second, walls.which.reshape(shape), walls.away.reshape(points.shape))
         _go_on_inside(found, width)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.fcl_shapes import ball, capsule, shell_of, solid_of, tree_of
-from pirrht.geometry.flat import flat_cells
+from pirrht.geometry.flat import CURVED, flat_cells
 from pirrht.geometry.scene import Footprint, Kind, World
 from pirrht.geometry.shapes import PROBE, Solids, distance_from
 from pirrht.geometry.walls import Answer, Found, asked_points, nearest_walls
@@ -26,6 +26,7 @@ from pirrht.geometry.walls import Answer, Found, asked_points, nearest_walls
 TOLERANCE = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]
 SHORTEST = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]
 CONFIRMED = 1e-9  # a closed form is that of a solid if it differs from FCL by less than this [m]
+KINK = 3.0  # in so many cells around it, interpolation is wrong where the distance to the rim takes over
 SPOTS = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0.1], [-1, -0.1], [0.1, 1], [-0.1, -1]])
 
 
@@ -47,6 +48,7 @@ class Collision:
         self._probe = ball(np.zeros(3), PROBE)
         self._distance_request = fcl.DistanceRequest(enable_nearest_points=True)
         self._collision_request = fcl.CollisionRequest()
+        self._waivers = np.array(world.waivers).reshape(-1, 4)
         self._border: tuple[float, ...] = (*world.lower.tolist(), *world.upper.tolist())
         self._slack = 2 * TOLERANCE if self._doubtful else 1e-9
         self._forms = Solids.of(world.obstacles)
@@ -67,18 +69,33 @@ class Collision:
         """From the robot's centre to `obstacles[index]`, (k, 2) -> (k,) [m]; 0 inside."""
         return np.array([self._from_one(index, point) for point in self._lift(points)], dtype=float)
 
-    def nearest_walls(self, points: Array, members: Sequence[int], reach: float) -> Found:
+    def nearest_walls(self, points: Array, members: Sequence[int], reach: float, cell: float = 0.0) -> Found:
         """The nearest of the solids `members` and the nearest that stands in another direction, points (k, 2) [m].
 
-        No distance above `reach` [m] is told. FCL is asked about solids for which no closed form is known.
+        No distance above `reach` [m] is told. FCL is asked about solids for which no closed form is known. With a cell
+        [m], bilinear interpolation between points so far apart is not too high where less margin begins to count.
         """
         counted = np.array(members, dtype=np.int64)
-        return nearest_walls(self._forms, self._confirmed, counted, self._answer, points, self.footprint.height, reach)
+        height = self.footprint.height
+        found = nearest_walls(self._forms, self._confirmed, counted, self._answer, points, height, reach)
+        if not len(self._waivers):
+            return found
+        first, second = (np.minimum(self._eased(d, points, cell), reach) for d in (found.first, found.second))
+        return found._replace(first=first, second=second)
 
     def flat_cells(self, points: Array, found: Found, members: Sequence[int], reach: float) -> NDArray[np.int8]:
         """In which cells of blocks of points (k, S, S, 2) [m] distances are linear, as `flat.flat_cells` says."""
         counted, height = np.array(members, dtype=np.int64), self.footprint.height
-        return flat_cells(self._forms, self._confirmed, counted, points, found, height, reach)
+        kinds = flat_cells(self._forms, self._confirmed, counted, points, found, height, reach)
+        kinds[self.near_waivers(points[:, :-1, :-1], reach)] = CURVED
+        return kinds
+
+    def near_waivers(self, points: Array, distance: float) -> BoolArray:
+        """Whether points (..., 2) are less than a distance [m] off a disc in which less margin counts, (...,)."""
+        near = np.zeros(points.shape[:-1], dtype=np.bool_)
+        for x, y, reach, _ in self._waivers:
+            near |= np.hypot(points[..., 0] - x, points[..., 1] - y) < reach + distance
+        return near
 
     def asked_points(self, points: Array, members: Sequence[int], reach: float) -> int:
         """How many of the points (k, 2) [m] may be within reach [m] of solids that FCL has to be asked about."""
@@ -118,6 +135,10 @@ class Collision:
         spans, radius = heads - tails, self.footprint.radius + more
         for k in np.flatnonzero(result):
             result[k] = not self._hits(self._all_solids, capsule(radius, middles[k], spans[k]))
+            if not result[k] and len(self._waivers):
+                length = float(np.hypot(*spans[k]))
+                way = spans[k] / max(length, 1e-300)
+                result[k] = self.bisect_free(lambda s, k=k, way=way: tails[k] + s * way, length)  # type: ignore[misc]
         return result
 
     def bisect_free(self, position: Callable[[float], Array], length: float) -> bool:
@@ -183,9 +204,28 @@ class Collision:
         d = best[0] + PROBE
         if d <= PROBE:
             return 0.0
-        if not self._doubtful:
-            return d
-        return self._corrected(point, d, lambda body: self._hits(self._all_doubtful, body))
+        if self._doubtful:
+            d = self._corrected(point, d, lambda body: self._hits(self._all_doubtful, body))
+        return float(self._eased(d, point)) if len(self._waivers) else d
+
+    def _eased(self, d: Any, points: Array, cell: float = 0.0) -> Any:
+        """Raise distances (k,) [m] from points (k, 2) to obstacles where less than the safety margin counts.
+
+        The planning radius then leaves as much clearance as a smaller radius does within the disc of a waiver. Where
+        one takes over from the other, interpolation in cells [m] is too high by half a cell, which is subtracted.
+        """
+        eased = d
+        for x, y, reach, less in self._waivers:
+            away = np.hypot(points[..., 0] - x, points[..., 1] - y)
+            other = np.minimum(self.footprint.radius + reach - away, d + less)
+            kink = np.where(np.abs(eased - other) < KINK * cell, min(0.6 * cell, 0.5 * less), 0.0)
+            eased = np.maximum(eased, other) - kink
+        return np.where(d > 0.0, eased, d)
+
+    @property
+    def least_radius(self) -> float:
+        """Return the least radius with which the robot plans anywhere [m]."""
+        return self.footprint.radius - float(self._waivers[:, 3].max(initial=0.0))
 
     def _answer(self, index: int, point: Array) -> Answer:
         """How far one solid is from a point (3,) [m], for `nearest_walls`."""

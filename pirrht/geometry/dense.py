@@ -27,19 +27,20 @@ def dense_shape(span: Array, h: float) -> tuple[int, int]:
 
 def build_dense(collision: Collision, members: Sequence[int], h: float) -> Field:
     """Sample clearances [m] from the solids that count on a grid of spacing h [m]."""
-    world, r = collision.world, collision.footprint.radius
+    world, r, least_r = collision.world, collision.footprint.radius, collision.least_radius
     span = world.upper - world.lower
     coarse = h * 2 ** (LEVELS - 1)
     shape = np.ceil(span / coarse).astype(int) + 1
-    level = _Level(collision, members)
+    level = _Level(collision, members, h)
     every = np.ones(tuple(shape), dtype=bool)
     nearest, second, label = level.at(coarse, every, ~every, None)
     width = coarse
     for _ in range(LEVELS - 1):
         least, most = _least(nearest), -_least(-nearest)
-        margin = width**2 / (4.0 * np.maximum(least + r - np.sqrt(2.0) * width, 0.5 * r))
+        margin = width**2 / (4.0 * np.maximum(least + least_r - np.sqrt(2.0) * width, 0.5 * least_r))
         shallow, near = most > -1.5 * width, SHARP * r
-        refine = _within(shallow & (least < BAND * width))
+        corners = world.lower + width * np.moveaxis(np.indices(least.shape), 0, -1)
+        refine = _within(shallow & (least < BAND * width) | collision.near_waivers(corners, 2.0 * width))
         change = _within(_change(shallow & (least < near), second, label, width, near))
         width /= 2.0
         near_guess, second_guess = _upsample(nearest) - _fill(margin), _upsample(second)
@@ -47,15 +48,15 @@ def build_dense(collision: Collision, members: Sequence[int], h: float) -> Field
         guess = (near_guess, second_guess, label_guess.copy())
         guess[0][::2, ::2] = nearest
         nearest, second, label = level.at(width, refine, change, guess)
-    final = width**2 / (4.0 * np.maximum(nearest + r, r) - 4.0 * np.sqrt(2.0) * width)
+    final = width**2 / (4.0 * np.maximum(nearest + least_r, least_r) - 4.0 * np.sqrt(2.0) * width)
     return Field.of(world, float(width), nearest - final, second - final, label)
 
 
 class _Level:
     """Asks FCL for the grid points of one level that masks select."""
 
-    def __init__(self, collision: Collision, members: Sequence[int]) -> None:
-        self.collision, self.members = collision, members
+    def __init__(self, collision: Collision, members: Sequence[int], cell: float) -> None:
+        self.collision, self.members, self.cell = collision, members, cell
 
     def at(self, width: float, refine: Mask, change: Mask, guess: Values | None) -> Values:
         """Values at the points to refine, and the second wall and the label where these change; elsewhere the guess."""
@@ -74,7 +75,7 @@ class _Level:
         """Put what is found within reach [m] into the values, in place."""
         (nearest, second, label), at, r = values, np.nonzero(mask), self.collision.footprint.radius
         points = self.collision.world.lower + np.column_stack(at) * width
-        one, two, which, _ = self.collision.nearest_walls(points, self.members, reach + r)
+        one, two, which, _ = self.collision.nearest_walls(points, self.members, reach + r, self.cell)
         nearest[at] = np.where(refine[at], one - r, nearest[at])  # a guess is what it has to be: never too high
         label[at] = which
         second[at] = np.where(two < reach + r, two - r, np.maximum(second[at], reach))

@@ -29,7 +29,7 @@ class Goal:
         center: x, y, (2,) [m]; the paper's goal representative point.
         radius: of the disc [m].
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import Goal
         >>> goal = Goal(center=np.array([5.5, 2.5]), radius=0.25)
@@ -51,12 +51,25 @@ class Goal:
         return inside
 
 
+ROUNDING = 1e-9  # overlap that is rounding and no contact [m]
+
+
+class Waiver(NamedTuple):
+    """A disc in which plans keep less than the safety margin, since they begin or end there; all in [m]."""
+
+    x: float
+    y: float
+    reach: float  # radius of the disc
+    less: float  # by which the margin is smaller, except near the rim
+
+
 class World(NamedTuple):
     """What stands where; distances, clearance fields and topological obstacles depend on it and the footprint alone."""
 
     lower: Array  # (2,) least corner of the box that holds the robot's centre [m]
     upper: Array  # (2,) greatest corner [m]
     obstacles: tuple[Obstacle, ...]
+    waivers: tuple[Waiver, ...] = ()
 
     def contains(self, position: Array) -> bool:
         """Whether a robot centre (2,) [m] lies strictly inside the workspace."""
@@ -95,11 +108,13 @@ class Scene:
         robot_height: of that sphere's centre above the ground [m].
         defaults: option name -> value that the scene asks for, in the option's unit.
         movers: bodies that move; `obstacles` holds only what stands.
+        margin: part of the robot radius that is safety margin and not body [m]; a start inside it is no collision.
+        waivers: discs in which less margin counts; `FreeSpace.of` sets them.
 
     Raises:
         SceneError: start or goal lie outside the workspace, or something is empty; names the scene.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import Goal, Kind, Obstacle, Scene
         >>> table = Obstacle(
@@ -123,6 +138,8 @@ class Scene:
     robot_height: float = 0.1
     defaults: dict[str, float] = field(default_factory=dict)
     movers: tuple[Mover, ...] = ()
+    margin: float = 0.0
+    waivers: tuple[Waiver, ...] = ()
 
     def __repr__(self) -> str:
         across, up = self.upper - self.lower
@@ -136,6 +153,10 @@ class Scene:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.robot_radius) and self.robot_radius > 0):
             raise SceneError(f"{self.name}: the robot radius is {self.robot_radius:g}; it must be positive")
+        if not 0.0 <= self.margin < self.robot_radius:
+            raise SceneError(
+                f"{self.name}: the margin is {self.margin:g}; it is a part of the robot radius, {self.robot_radius:g}"
+            )
         if not (np.isfinite(self.goal.radius) and self.goal.radius > 0):
             raise SceneError(f"{self.name}: the goal radius is {self.goal.radius:g}; it must be positive")
         if not np.all(self.lower < self.upper):
@@ -245,8 +266,8 @@ class Scene:
 
     @property
     def world(self) -> World:
-        """Bounds, 2 x (2,) [m], and obstacles."""
-        return World(self.lower, self.upper, self.obstacles)
+        """Bounds, 2 x (2,) [m], obstacles, and where margins are smaller."""
+        return World(self.lower, self.upper, self.obstacles, self.waivers)
 
     @property
     def footprint(self) -> Footprint:

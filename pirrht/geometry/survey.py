@@ -25,7 +25,7 @@ def build_field(collision: Collision, members: Sequence[int]) -> Field:
     Raises:
         SceneError: the workspace is too large for that; says which size is not.
     """
-    world, radius = collision.world, collision.footprint.radius
+    world, radius = collision.world, collision.least_radius
     span, farthest = world.upper - world.lower, float(np.abs([world.lower, world.upper]).max())
     h = radius / FINENESS
     if farthest > SINGLE * h:

@@ -112,7 +112,7 @@ def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
     return {
         "workspace": [*scene.lower.tolist(), *scene.upper.tolist()],
         "goal": [*scene.goal.center.tolist(), scene.goal.radius],
-        "robot radius": scene.robot_radius,
+        "robot radius": [scene.robot_radius, *map(list, scene.waivers)] if scene.waivers else scene.robot_radius,
         "robot height": scene.robot_height,
         "obstacles": f"{len(scene.obstacles)} solids, {_digest(scene.obstacles)}",
         "obstacles to wind around": [[round(v, 9) for v in marker] for marker in space.homology.markers.tolist()],

@@ -47,7 +47,7 @@ class HomologyTree:
         classes: keep at most so many cheapest classes per vertex; 0 keeps all.
         rng: source of the random states.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> from pirrht import *
         >>> size, position = np.array([0.4, 0.4, 0.3]), np.array([2.0, 1.5, 0.3])

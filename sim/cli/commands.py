@@ -78,6 +78,7 @@ def import_world(arguments: argparse.Namespace) -> int:
             unknown=arguments.unknown,
             motion=arguments.motion,
             number=arguments.number,
+            decompose=bool(arguments.decompose),
             models=[*(arguments.models or ()), *folders_of(os.environ)],
             without=arguments.without or (),
             progress=progress,

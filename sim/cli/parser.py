@@ -53,7 +53,7 @@ COMMANDS: dict[str, tuple[str, str]] = {  # what the help says of each, and at i
     "report": ("sum up a sweep: intervals, comparisons on equal seeds, pictures", ""),
     "warm": ("compile kernels ahead, so that the first command of a robot does not have to", ""),
     "export": ("turn a recording into a table: Parquet or NumPy", f"{TABLE}\n{explained()}"),
-    "import": ("turn a Gazebo world, a ROS map or the motions of DynaBARN into a scene", ""),
+    "import": ("turn a Gazebo world, a ROS map, a mesh or the motions of DynaBARN into a scene", ""),
 }
 
 
@@ -78,10 +78,21 @@ def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
         name = word.partition("=")[0]
         if name.startswith("--"):
             gone(name.removeprefix("--"), name)
+    said = vars(arguments)
+    words = [*unknown, str(said.get("scene")), *said.get("scenes", ())]
+    if said.get("goal") is not None and any(map(_is_number, words)):
+        raise OptionError("a goal has no heading: --goal takes X Y R, a disc that is reached in whatever direction")
     if unknown:
         raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
     check(arguments.command, vars(arguments))
     return arguments
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
 
 
 def parser() -> argparse.ArgumentParser:

@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
             if recorder is not None:
                 recorder.log(frame, news, known)
             if film is not None:
-                film.add(frame)
+                film.add(frame, driver.path_integral)
             if news and frame.outcome is None:  # how it ended is in the summary
                 bar.write(news)
             bar.update(round(frame.end_time - bar.n, 6))

@@ -17,7 +17,7 @@ from pirrht.errors import OptionError
 from pirrht.exact.progress import Progress
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
-from sim.cli import warm
+from sim.cli import tables, warm
 from sim.files import check_writable
 from sim.options import table as options
 from sim.scenario import Scenario, prepare
@@ -54,6 +54,8 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
     for name in MEANINGLESS if not scenario.moving else ():
         if given(arguments).get(name) is not None:
             say(f"--{name.replace('_', '-')} changes nothing here: nothing moves in this scene")
+    for note in scenario.loaded.notes:
+        say(note)
     said.update(options.completed(arguments.command, said, scenario.loaded.scene.defaults))
     return scenario
 
@@ -78,6 +80,7 @@ def planned(
     Args:
         waits: whether there may be none among moving obstacles, since a drive waits for a way.
     """
+    say(tables.fitting_lines(scenario))
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
         tree = scenario.grown_tree(lambda size: bar.update(size - bar.n), at)
     references = scenario.references(tree, waits=waits)

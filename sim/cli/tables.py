@@ -156,6 +156,22 @@ def passages_line(found: dict[str, Any], circle: float = 0.0) -> str:
     )
 
 
+def fitting_lines(scenario: Scenario) -> str:
+    """Report where less than the margin counts, and which part of a covered goal plans lead to; empty if neither."""
+    given, planned = scenario.loaded.scene, scenario.space.scene
+    lines = [
+        f"less than the margin of {given.margin:.3g} m is free at ({w.x:.4g}, {w.y:.4g}): {given.margin - w.less:.3g} "
+        f"m counts within {w.reach:.3g} m of it"
+        for w in planned.waivers
+        if given.margin > 0.0
+    ]
+    if planned.goal is not given.goal:
+        x, y = planned.goal.center
+        lines.append(f"the centre of the goal is covered: plans lead to its free part, {planned.goal.radius:.3g} m "
+                     f"around ({x:.4g}, {y:.4g})")  # fmt: skip
+    return "\n".join(lines)
+
+
 def odds(scenario: Scenario) -> str:
     """What is uncertain, in a line: noise, where the system asks for it, and lambda."""
     unit = scenario.system.noise_in.removeprefix("in ")

@@ -23,6 +23,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.scene import ROUNDING
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from sim.drive.loop import Advance, Control, Loop
@@ -156,7 +157,8 @@ class Executor:
 
     def _touching(self, before: Array, x: Array) -> bool:
         # Nothing but the robot has joints, and MuJoCo lets bodies without touch no others: what touches is the robot.
-        if self._data.ncon > 0 and self._obstacles[self._data.contact.geom].any():
+        contact = self._data.contact
+        if self._data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any():
             return True
         if self._sweep is not None and isinstance(self._room, RoomAmong):
             return self._run_over(self._sweep, self._room, before, x)

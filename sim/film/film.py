@@ -15,10 +15,11 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.files import replaced
-from sim.drawing.colors import DRIVEN, MOVER, ClassColors, Color, mix
+from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, ClassColors, Color, mix, title
 from sim.drawing.sides import NAMED
-from sim.drawing.strokes import at_most
+from sim.drawing.strokes import DEAD, Fan, at_most, fans
 from sim.drawing.tubes import foreseen
 from sim.drive.episode import Frame
 from sim.film.offscreen import Offscreen, Picture
@@ -31,7 +32,10 @@ RATE = 30  # pictures per second
 HOLD = 1.0  # how long the last picture stays [s]
 ELEVATION = 68.0  # of the eye [degrees]
 REFERENCE_POINTS, PATH_POINTS = 32, 300
-CLOCK = 0.04  # where it stands below the workspace's upper edge, over its height
+FRESH = 0.1  # after which other samples are drawn [s]
+SAMPLED = 800  # points of samples in a picture
+FEWEST, ROWS = 0.005, 6  # share of psi from which a class is in the list, and classes in it at most
+INK: Color = (240, 240, 236)
 GROUND: Color = (206, 209, 207)  # into which what is foreseen fades
 FORESEEN = mix(MOVER, (0, 0, 0), 0.4)
 
@@ -68,7 +72,6 @@ class Film:
         across = max(float(extent[1]), float(extent[0]) * high / wide)
         center = np.array([*(lower + (0.5, 0.46) * extent), 0.0])  # what is near takes more room
         self._thick = max(1.0, across / 6.0)  # of lines
-        self._corner = np.array([lower[0] + 0.01 * extent[0], lower[1] + (1.0 - CLOCK) * extent[1], 0.0])
         self._eye.look_at(center, distance=1.32 * across, elevation=ELEVATION)
         self._scene = loaded.scene
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
@@ -78,9 +81,14 @@ class Film:
         self._states: list[Array] = []
         self._times: list[Array] = []
         self._plans: list[tuple[float, Plan]] = []
+        self._fans: list[tuple[float, dict[str, Fan]]] = []
 
-    def add(self, frame: Frame) -> None:
-        """Take a control step in."""
+    def add(self, frame: Frame, path_integral: PathIntegral | None = None) -> None:
+        """Take a control step in.
+
+        Args:
+            path_integral: that drew the samples of its plan; without it none are shown.
+        """
         states = frame.advance.states
         if not self._plans:
             self._states.append(frame.plan.state[None])
@@ -88,6 +96,8 @@ class Film:
         self._states.append(states)
         self._times.append(frame.time + frame.advance.time * np.arange(1, len(states) + 1) / max(1, len(states)))
         self._plans.append((frame.time, frame.plan))
+        if not self._fans or frame.time >= self._fans[-1][0] + FRESH - 1e-9:
+            self._fans.append((frame.time, _samples(frame.plan, path_integral)))
         self._colors.meet(frame.plan.ids)
 
     @property
@@ -142,6 +152,8 @@ class Film:
         begun = [began for began, _ in self._plans]
         plan = self._plans[int(np.searchsorted(begun, time + 1e-9, side="right")) - 1][1]
         self._references(plan)
+        self._threads(time)
+        self._eye.note(self._shares(plan, float(times[now])))
         self._bodies(plan, float(times[now]))
         self._eye.line(_raised(at_most(states[: now + 1, :2], PATH_POINTS), 0.03), DRIVEN, 0.015 * self._thick)
         return self._eye.draw()
@@ -153,10 +165,24 @@ class Film:
             points = at_most(reference.trajectory.points, REFERENCE_POINTS)
             self._eye.line(_raised(points, 0.02), self._colors[name], radius * self._thick)
 
+    def _threads(self, time: float) -> None:
+        """Draw the samples of the plan at a time [s], the heavier the stronger; grey ones do not arrive."""
+        begun = [began for began, _ in self._fans]
+        for name, fan in self._fans[int(np.searchsorted(begun, time + 1e-9, side="right")) - 1][1].items():
+            color = DEAD_COLOR if name == DEAD else self._colors[name]
+            opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
+            rgba = np.column_stack([np.tile(np.array(color) / 255.0, (len(opacity), 1)), opacity])
+            self._eye.thin(fan.strips, rgba.astype(np.float32))
+
+    def _shares(self, plan: Plan, time: float) -> list[tuple[str, Color]]:
+        """Return the time, and the classes with their shares of the weight, heaviest first."""
+        weights = plan.estimate.class_weights if plan.estimate else {}
+        heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda name: -weights[name])[:ROWS]
+        rows = [(f"{title(n)}  {100 * weights[n]:.0f} %", mix(self._colors[n], (255, 255, 255), 0.3)) for n in heavy]
+        return [(f"{time:.1f} s", INK), *rows]
+
     def _bodies(self, plan: Plan, time: float) -> None:
-        """What time it is, names of few bodies that move, and outlines of where the plan takes them to be soon."""
-        if self._movers:
-            self._eye.label(self._corner, f"{time:.1f} s")
+        """Draw names of few moving obstacles, and outlines of where the plan predicts them to be soon."""
         for mover in self._movers if len(self._movers) <= NAMED else ():
             top = max(float(solid.position[2]) for solid in mover.solids)
             self._eye.label(np.array([*mover.motion.pose(time)[:2], top]), mover.name.replace("_", " "))
@@ -165,6 +191,12 @@ class Film:
                 if one.after > 0.0:
                     shade = mix(GROUND, FORESEEN, one.strength)
                     self._eye.line(_raised(one.ring, 0.01), shade, 0.008 * self._thick)
+
+
+def _samples(plan: Plan, path_integral: PathIntegral | None) -> dict[str, Fan]:
+    if path_integral is None or plan.estimate is None:
+        return {}
+    return fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
 
 
 def _raised(points: Array, z: float) -> Array:

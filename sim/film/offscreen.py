@@ -6,6 +6,7 @@ import copy
 import importlib
 import os
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -24,6 +25,9 @@ CHOSEN = os.environ.get("MUJOCO_GL")  # by the user; MuJoCo's bindings have heed
 SKY: Color = (204, 216, 228)  # behind what has no sky
 MOST = 6000  # shapes in a picture
 DEEP, SUNK = 0.02, 0.002  # half of a floor's thickness, and how far below 0 it begins, so that marks are seen on it [m]
+THIN = 1.5  # width of thin lines [px]
+INSET, ROW, LETTER = 14.0, 26.0, 12.0  # of texts in a picture 720 pixels high [px]
+PANEL = (0.08, 0.09, 0.10, 0.85)  # behind them
 SLICES, STACKS = 28, 8  # corners of round shapes
 
 
@@ -49,6 +53,7 @@ class Offscreen:
         self._frame = mujoco.MjrRect(0, 0, width, height)
         self._scene = mujoco.MjvScene(self._model, maxgeom=MOST)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
+        self._rows: tuple[tuple[str, Color], ...] = ()
         self._options, self._camera = mujoco.MjvOption(), mujoco.MjvCamera()
 
     def look_at(self, center: Array, *, distance: float, elevation: float) -> None:
@@ -93,10 +98,39 @@ class Offscreen:
         shape.label = text
         self._scene.ngeom += 1
 
+    def thin(self, strips: NDArray[np.float32], colors: NDArray[np.float32]) -> None:
+        """Add thin polylines (s, k, 3) in colours (s, 4), from 0 to 1."""
+        for strip, rgba in zip(strips, colors, strict=True):
+            for a, b in zip(strip[:-1], strip[1:], strict=True):
+                if self._scene.ngeom == MOST:
+                    return
+                shape, kind = self._scene.geoms[self._scene.ngeom], mujoco.mjtGeom.mjGEOM_LINE
+                mujoco.mjv_initGeom(shape, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+                mujoco.mjv_connector(shape, kind, THIN, a.astype(float), b.astype(float))
+                shape.emission = 0.6
+                self._scene.ngeom += 1
+
+    def note(self, rows: Sequence[tuple[str, Color]]) -> None:
+        """Write rows of text into the upper left corner, each in its colour, until other ones are given."""
+        self._rows = tuple(rows)
+
+    def _write(self) -> None:
+        scale = self._frame.height / 720.0
+        wide = round(scale * (2 * INSET + LETTER * max((len(text) for text, _ in self._rows), default=0)))
+        high = round(scale * (INSET + ROW * len(self._rows)))
+        if self._rows:
+            mujoco.mjr_rectangle(mujoco.MjrRect(0, self._frame.height - high, wide, high), *PANEL)
+            mujoco.mjr_rectangle(self._frame, 0.0, 0.0, 0.0, 0.0)  # what texts are placed in
+        for k, (text, color) in enumerate(self._rows, 1):
+            x, y = scale * INSET / self._frame.width, 1.0 - scale * ROW * k / self._frame.height
+            ink = (channel / 255.0 for channel in color)
+            mujoco.mjr_text(mujoco.mjtFont.mjFONT_NORMAL, text, self._renderer, x, y, *ink)
+
     def draw(self) -> Picture:
         """The picture."""
         self._gl.make_current()
         mujoco.mjr_render(self._frame, self._scene, self._renderer)
+        self._write()
         pixels = np.empty((self._frame.height, self._frame.width, 3), np.uint8)
         depth = None if self._sky else np.empty(pixels.shape[:2], np.float32)
         mujoco.mjr_readPixels(pixels, depth, self._frame, self._renderer)

@@ -67,6 +67,11 @@ class Meshes:
             self.known[key] = _parts(key)
         return self.known[key]
 
+    @staticmethod
+    def triangles(path: Path) -> Array:
+        """Read the corners of a file's triangles, (t, 3, 3) [m]."""
+        return _read(path, "")
+
 
 def as_box(corners: Array) -> tuple[Array, Array] | None:
     """Find the box with these corners (8, 3), if there is one: its pose (4, 4) and half sizes (3,) [m]."""

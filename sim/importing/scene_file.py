@@ -17,7 +17,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.files import why_unreadable
-from sim.importing import dynabarn, ros_map
+from sim.importing import decomposed, dynabarn, ros_map
 from sim.importing.limits import content_of
 from sim.importing.sdf import Solid, World, read_sdf
 from sim.importing.target import (
@@ -72,6 +72,7 @@ def import_world(
     unknown: str | None = None,
     motion: bool = False,
     number: str | None = None,
+    decompose: bool = False,
     models: Sequence[Path] = (),
     without: Sequence[str] = (),
     progress: Callable[[int, int], object] | None = None,
@@ -87,6 +88,7 @@ def import_world(
         workspace: x0, x1, y0, y1, the box that holds the robot's centre [m].
         motion: it is a file of motions, whatever its name ends in.
         number: which of its worlds.
+        decompose: it is a mesh, of which convex parts are made.
         unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
         models: folders where models and meshes of an SDF world are searched for, before those around the file.
         without: names of models of an SDF world to leave out, like the robot.
@@ -102,8 +104,14 @@ def import_world(
         what = "the JSON file of a set of motions" if moves else "an SDF world file or the YAML file of a map"
         raise SceneError(f"{source}: it {why}, so it cannot be read; give {what}")
     check_target(source, target)
+    if decompose != (source.suffix.lower() in decomposed.SUFFIXES):
+        kinds = ", ".join(decomposed.SUFFIXES)
+        raise OptionError(
+            f"--decompose is for meshes, whose names end in {kinds}; leave it out" if decompose else
+            f"{source}: MuJoCo collides with the convex hull of a mesh; add --decompose for its convex parts"
+        )  # fmt: skip
     mapped = not moves and source.suffix.lower() in ros_map.SUFFIXES
-    if without and (moves or mapped):
+    if without and (moves or mapped or decompose):
         raise OptionError(f"{source}: only models of a Gazebo world can be left out by name")
     if moves:
         if unknown is not None:
@@ -119,25 +127,28 @@ def import_world(
         workspace = world.ground.tolist() if workspace is None and world.ground is not None else workspace
     elif unknown is not None:
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
+    elif decompose:
+        world, notes = decomposed.read_mesh(source), ()
     else:
         _refuse_motions(source)
         world = read_sdf(source, progress, folders=models, without=without)
         notes = world.notes
-    kind = "map" if mapped else "world"
+    kind = "map" if mapped else "mesh" if decompose else "world"
     place, goal_disc = _task(source, kind, start, goal)
     if workspace is None and mapped and world.ground is None:
         raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
     bounds = _workspace(source, world, workspace, place, goal_disc)
     assets, geoms = zip(*_elements(world.solids), strict=True) if world.solids else ((), ())
     meshes = [mesh for mesh in assets if mesh]
-    scene = scene_text(target.stem, (*_ROBOTS[kind], *_CUSTOM), geoms, place, goal_disc, bounds, meshes)
+    custom = (*_ROBOTS["map" if mapped or decompose else "world"], *_CUSTOM)
+    scene = scene_text(target.stem, custom, geoms, place, goal_disc, bounds, meshes)
     with draft(scene, target) as new:
         try:
             obstacles = len(loaded(new, source).scene.obstacles)
         except SceneError as error:
             raise SceneError("; ".join((str(error), *notes))) from None
         new.replace(target)
-    if mapped:
+    if mapped or decompose:
         notes += (f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another",)
     return Imported(path=target, geoms=len(world.solids), obstacles=obstacles, notes=notes)
 

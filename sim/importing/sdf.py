@@ -150,7 +150,7 @@ class _Reader:
             if parts.rough:
                 self.rough[name] = parts.rough
             pose = link.pose(collision)
-            solids = [_part(name, pose, vertices) for vertices in parts.vertices]
+            solids = [part_solid(name, pose, vertices) for vertices in parts.vertices]
         else:
             solids = [_solid(name, link, collision, geometry)]
         for solid in solids:
@@ -223,7 +223,7 @@ def _solid(name: str, link: Scope, collision: ET.Element, geometry: ET.Element) 
     return Solid(name=name, shape=geometry.tag, size=size, pose=link.pose(collision))
 
 
-def _part(name: str, pose: Array, vertices: Array) -> Solid:
+def part_solid(name: str, pose: Array, vertices: Array) -> Solid:
     """Make a solid of a convex part of a mesh, which is a box if it can be."""
     box = as_box(vertices)
     if box is None:

@@ -33,7 +33,7 @@ The joined model takes timestep and looks from the scene; gravity, contact model
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -42,13 +42,17 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
-from pirrht.geometry.scene import Goal, Scene
+from pirrht.geometry.scene import ROUNDING, Goal, Scene
 from sim.mjcf.coordinates import stance_of, standing
+from sim.mjcf.faults import Faults
+from sim.mjcf.frozen import freeze as freeze_bodies
+from sim.mjcf.frozen import leave_out, listed
+from sim.mjcf.hulls import Concave, concave_meshes, use_hulls
 from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
 from sim.mjcf.loose import loosen
-from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers
+from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers, shortfall
 from sim.mjcf.numbers import MOTION, option_defaults
-from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace
+from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace, refuse_turns
 from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options.table import NUMERICS
 from sim.systems import System
@@ -61,7 +65,9 @@ _FROM_ROBOT = (
     *("cone", "impratio", "solver", "iterations", "tolerance", "noslip_iterations"),
 )  # options of the physics
 _GEOM = mujoco.mjtGeom
+DECOMPOSE = "`pirrht import MESH --decompose` makes convex parts of a mesh"
 REACH = 1e4  # of a goal at most [m]
+DEFAULT = "puck"  # the robot of scenes that name none
 ABOUT = "pirrht_about"  # what a scene says of itself
 TURNED = 1e3  # heading of a start at most [rad]
 
@@ -82,6 +88,8 @@ class Loaded:
     meant: str  # name of the system that the scene's numbers are meant for
     path: Path  # the scene's file
     about: str = ""  # a sentence on the scene, by itself
+    notes: tuple[str, ...] = ()  # lines on what of the file was changed, or is not what it looks like
+    margin: float = 0.0  # by which the footprint has been made larger [m]
 
     def __repr__(self) -> str:
         return f"Loaded({self.scene!r}, robot {self.robot!r}, {self.path})"
@@ -95,7 +103,10 @@ def load(
     margin: float | None = None,
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
+    workspace: Sequence[float] | None = None,
     system: System | None = None,
+    freeze: bool = False,
+    without: Sequence[str] | None = None,
     loose: bool = False,
 ) -> Loaded:
     """A scene with a robot in it.
@@ -104,46 +115,70 @@ def load(
         scene: a built-in name or the path of an MJCF file.
         robot: likewise; without it the scene's `pirrht_robot`, else the puck.
         radius: footprint [m]; without it the scene's `pirrht_radius`, else the robot's own.
-        margin: by which the footprint is larger than that [m]; without it the scene's `pirrht_margin`, else 0.
+        margin: by which the footprint is larger than that [m]; without it the scene's `pirrht_margin`, else 0. Where a
+            moving obstacle leaves less at the start, half of what it leaves.
         start: x, y [m] and optionally heading [rad], in place of the site `start`.
         goal: x, y, radius [m], in place of the site `goal`.
+        workspace: x0, x1, y0, y1 [m], in place of the site `workspace` or the floor.
         system: what moves, in place of the one that the robot names.
+        freeze: whether bodies with joints are welded where the first keyframe, else the default pose, has them, and
+            actuators, sensors, tendons and equalities dropped.
+        without: names of bodies that are left out, with all that refers to them.
         loose: whether what stands is made of mocap bodies, which can be moved, and a body shows the goal.
 
     Raises:
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
     """
     path = find("scene", scene)
-    spec = parse(path)
-    defaults, motions = option_defaults(spec, path), read_motions(spec, path)
+    spec, faults = parse(path), Faults(path)
+    notes = [leave_out(spec, without, path)] if without else []
+    motions = read_motions(spec, path)
+    notes += [freeze_bodies(spec, motions, path)] if freeze else []
+    defaults = faults.of(option_defaults, spec, path) or {}
     if loose:
         loosen(spec)
-    meant, about = _meant_robot(spec, path), _about(spec)
+    meant, about = faults.of(_meant_robot, spec, path) or DEFAULT, _about(spec)
     length, room = (_measure(name, given, defaults, path) for name, given in (("radius", radius), ("margin", margin)))
     machine = read_robot(robot or meant, length, system, margin=room or 0.0)
     model = _join(spec, machine, path)
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    data = _posed(model)
     robot_geoms = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
     span = max(machine.height - machine.radius, 0.0), machine.height + machine.radius
-    mask, solids = read_obstacles(model, data, robot_geoms, span, path)
+    faults.of(_refuse_actuators, model, machine, path)
+    faults.of(refuse_turns, model, path)
+    mask, solids = read_obstacles(model, data, robot_geoms, span, path, faults)
     moving, numbers = moved_geoms(model, motions), np.flatnonzero(mask)
-    lower, upper = read_workspace(model, data, path)
+    borders = faults.of(read_workspace, model, data, workspace, path)
+    disc, place = faults.of(_goal, model, data, goal, path), faults.of(_start, model, data, start, path)
+    faults.settle()
+    assert borders is not None and disc is not None  # noqa: PT018
+    assert place is not None
+    concave = concave_meshes(model, mask, solids)
+    if concave:
+        model = use_hulls(spec, model, concave, path)
+        data = _posed(model)
+        notes.append(_on_hulls(list(concave.values())))
     values = Scene(
         name=path.stem,
-        lower=lower,
-        upper=upper,
+        lower=borders[0],
+        upper=borders[1],
         obstacles=tuple(solid for solid, geom in zip(solids, numbers, strict=True) if not moving[geom]),
-        goal=_goal(model, data, goal, path),
-        start=_start(model, data, start, path),
+        goal=disc,
+        start=place,
         robot_radius=machine.radius,
         robot_height=machine.height,
+        margin=max(machine.radius - machine.reach, 0.0),
         defaults=defaults,
         movers=read_movers(model, data, motions, dict(zip(numbers.tolist(), solids, strict=True)), path),
     )
+    if room and 0.0 < (left := room - shortfall(values)) <= room:
+        return load(
+            scene, robot=robot, radius=radius, margin=0.5 * left, start=start, goal=goal, workspace=workspace,
+            system=system, freeze=freeze, without=without, loose=loose,
+        )  # fmt: skip
     _leave_only(model, mask, robot_geoms)
     _place(model, data, machine, values.start)
-    _check_start(model, data, mask, moving, path)
+    _check_start(model, data, mask, moving, concave, path)
     check_start(values, path)
     return Loaded(
         scene=values,
@@ -158,6 +193,22 @@ def load(
         meant=meant_system(meant),
         path=path,
         about=about,
+        margin=room or 0.0,
+        notes=tuple(note for note in notes if note),
+    )
+
+
+def _posed(model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _on_hulls(concave: Sequence[Concave]) -> str:
+    """A line on meshes that are not convex."""
+    return (
+        f"MuJoCo collides with the convex hulls of meshes, and so do plans: {listed([one.words for one in concave])}; "
+        f"{DECOMPOSE}"
     )
 
 
@@ -171,10 +222,18 @@ def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
     for key in list(spec.keys):
         spec.delete(key)
     spec.add_key(name="start")
-    model = compile_spec(spec, path)
-    if model.nu != len(robot.command):
-        raise SceneError(f"{path}: the scene has actuators; only the robot may have some: remove them")
-    return model
+    return compile_spec(spec, path)
+
+
+def _refuse_actuators(model: mujoco.MjModel, robot: Robot, path: Path) -> None:
+    own = len(robot.command)
+    if model.nu != own:
+        names = [model.actuator(i).name for i in range(model.nactuator)]
+        called = listed([f'"{name}"' for name in names if name and not name.startswith("robot/")])
+        raise SceneError(
+            f"{path}: the scene has {counted(model.nu - own, 'actuator')}{f' ({called})' if called else ''}; only the "
+            "robot may have some: remove them, or load it with --freeze"
+        )
 
 
 def _leave_only(model: mujoco.MjModel, obstacles: Mask, robot: Mask) -> None:
@@ -204,7 +263,7 @@ def _measure(name: str, given: float | None, defaults: dict[str, float], path: P
 
 
 def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
-    robot = "puck"
+    robot = DEFAULT
     for text in spec.texts:
         if text.name == "pirrht_robot":
             robot = str(text.data)
@@ -225,7 +284,8 @@ def _about(spec: mujoco.MjSpec) -> str:
 def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Goal:
     if given is not None:
         if len(given) != 3:
-            raise SceneError(f"{path}: the goal has {counted(len(given), 'number')}; give three: x, y and radius")
+            more = ", since a goal has no heading: it is reached in whatever direction" if len(given) > 3 else ""
+            raise SceneError(f"{path}: the goal has {counted(len(given), 'number')}; give three: x, y and radius{more}")
         return _disc(np.array(given[:2], dtype=float), float(given[2]), "the goal", path)
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "goal")
     remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
@@ -260,14 +320,26 @@ def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | 
     return np.array([*place[:2], heading], dtype=float)
 
 
-def _check_start(model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, moving: Mask, path: Path) -> None:
+def _check_start(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    obstacles: Mask,
+    moving: Mask,
+    concave: Mapping[int, Concave],
+    path: Path,
+) -> None:
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_fwdPosition(model, data)
-    touched = [g for pair in data.contact.geom for g in pair if obstacles[g]]
+    touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if obstacles[g]]
     if touched:
         (x, y), geom = model.key_qpos[0, :2], int(touched[0])
         where = f"{path}: at the start ({x:g}, {y:g}) the robot touches {geom_label(model, geom)}"
         if moving[geom]:
             body = f'body "{model.body(model.body_rootid[model.geom_bodyid[geom]]).name}"'
             raise SceneError(f"{where}{'' if body in where else f' of {body}'}, and {MOVES}")
-        raise SceneError(f'{where}; move site "start", or choose another --start or a smaller --radius')
+        if geom in concave:
+            where = where.replace("touches", "touches the convex hull of")
+            where += f" ({concave[geom].volumes}), with which MuJoCo collides: {DECOMPOSE}"
+        body = model.body(model.body_rootid[model.geom_bodyid[geom]]).name
+        spare = f', leave out body "{body}" (--without)' if body and body != "world" else ""
+        raise SceneError(f'{where}; move site "start"{spare}, or choose another --start or a smaller --radius')

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import remainder, tau
+from math import inf, remainder, tau
 from pathlib import Path
 
 import mujoco
@@ -147,6 +147,15 @@ def _in_body(solid: Obstacle, motion: Motion) -> Obstacle:
     _, x, y, yaw = motion.rows[0]
     turn = about_vertical(-yaw)
     return replace(solid, position=turn @ (solid.position - np.array([x, y, 0.0])), rotation=turn @ solid.rotation)
+
+
+def shortfall(scene: Scene) -> float:
+    """Return how far moving obstacles reach into the footprint at the start [m]; negative if none does."""
+    if not scene.movers:
+        return -inf
+    from pirrht.geometry.crowd import Crowd
+
+    return -float(Crowd(scene.movers, scene.footprint).clearance(scene.start[:2], 0.0))
 
 
 def check_start(scene: Scene, path: Path) -> None:

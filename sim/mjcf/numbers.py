@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -15,11 +14,6 @@ from sim.options.table import NUMERICS, gone
 
 MOTION = "pirrht_motion_"  # with the name of a body: how it moves (`sim.mjcf.motions`)
 FAR = 1e6  # [m]; whatever stands or reaches farther is a slip of the pen
-_WORDS = {  # attributes whose value is a name
-    "name", "class", "childclass", "file", "model", "prefix", "mesh", "material", "texture", "hfield", "joint",
-    "joint1", "joint2", "body", "body1", "body2", "geom", "geom1", "geom2", "site", "site1", "site2", "target",
-    "tendon", "actuator", "objname", "refname", "key", "plugin", "instance",
-}  # fmt: skip
 
 
 def option_defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
@@ -50,26 +44,6 @@ def option_defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
     return defaults
 
 
-def refuse_nan(path: Path) -> None:
-    """Refuse a file, or one that it includes, in which an attribute is not a number; MuJoCo only warns.
-
-    Raises:
-        SceneError: names file, element and attribute.
-    """
-    waiting, seen = [path], set()
-    while waiting:
-        file = waiting.pop()
-        seen.add(file)
-        for element in _elements(file):
-            for attribute, value in element.attrib.items():
-                if attribute not in _WORDS and element.tag != "text" and _has_nan(value):
-                    called = f' "{element.get("name")}"' if element.get("name") else ""
-                    raise SceneError(f'{file}: {element.tag}{called} has {attribute}="{value}"; write numbers there')
-            if element.tag == "include" and "file" in element.attrib:
-                included = path.parent / element.attrib["file"]
-                waiting += [included] if included not in seen else []
-
-
 def refuse_far(label: str, path: Path, *numbers: Array) -> None:
     """Refuse what stands or reaches farther than any scene does [m].
 
@@ -81,19 +55,3 @@ def refuse_far(label: str, path: Path, *numbers: Array) -> None:
         wrong = wrong[~(np.abs(wrong) <= FAR)]
         if len(wrong):
             raise SceneError(f"{path}: {label} has a place or size of {wrong[0]:g} m; write at most {FAR:g} m")
-
-
-def _elements(file: Path) -> list[ElementTree.Element]:
-    """All elements of a file; none where MuJoCo has the better words for what is wrong."""
-    try:
-        content = file.read_bytes()
-        return (
-            list(ElementTree.fromstring(content).iter()) if b"nan" in content.lower() or b"include" in content else []
-        )
-    except (OSError, ElementTree.ParseError, ValueError, LookupError):
-        return []
-
-
-def _has_nan(value: str) -> bool:
-    words = value.replace(",", " ").split()
-    return any(word.lower().lstrip("+-") == "nan" for word in words)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,7 +14,9 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.scene import Kind, Obstacle
 from sim.mjcf.coordinates import GROUND
-from sim.mjcf.numbers import MOTION, refuse_far
+from sim.mjcf.faults import Faults
+from sim.mjcf.frozen import listed
+from sim.mjcf.numbers import FAR, MOTION, refuse_far
 
 Mask = NDArray[np.bool_]
 
@@ -26,11 +30,17 @@ _KINDS = {
     int(_GEOM.mjGEOM_ELLIPSOID): Kind.ELLIPSOID,
     int(_GEOM.mjGEOM_MESH): Kind.MESH,
 }
+_UNIT = 1e-6  # by which the norm of a rotation's quaternion may be off 1
 _TOUCH = 1e-9  # what only touches the robot's height range, like a slab it stands on, is not in its way [m]
 
 
 def read_obstacles(
-    model: mujoco.MjModel, data: mujoco.MjData, robot: Mask, span: tuple[float, float], path: Path
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    robot: Mask,
+    span: tuple[float, float],
+    path: Path,
+    faults: Faults,
 ) -> tuple[Mask, tuple[Obstacle, ...]]:
     """The static geoms that would collide with the robot and reach into its height range.
 
@@ -40,21 +50,22 @@ def read_obstacles(
         robot: mask of the robot's geoms, (ngeom,).
         span: the robot's height range [m].
         path: the scene's file, for messages.
+        faults: takes moving bodies, flexes, planes that are no floor, height fields, and meshes without volume.
 
     Returns:
         The mask of the obstacles' geoms, (ngeom,), and their plain values in the order of the model.
-
-    Raises:
-        SceneError: a moving body, a flex, a plane that is no floor, a height field, or a mesh without volume.
     """
-    _refuse_moving(model, robot, path)
+    faults.of(_refuse_moving, model, robot, path)
+    faults.of(_refuse_flexes, model, path)
     mask = np.zeros(model.ngeom, dtype=bool)
     obstacles = []
     for geom in np.flatnonzero(~robot & _collides(model, robot)):
         if int(model.geom_type[geom]) == _PLANE:
-            _check_floor(model, data, int(geom), path)
+            faults.of(_check_floor, model, data, int(geom), path)
             continue
-        obstacle = _obstacle(model, data, int(geom), path)
+        obstacle = faults.of(_obstacle, model, data, int(geom), path)
+        if obstacle is None:
+            continue
         low, high = _height_range(obstacle)
         if low < span[1] - _TOUCH and high > span[0] + _TOUCH:
             mask[geom] = True
@@ -62,15 +73,30 @@ def read_obstacles(
     return mask, tuple(obstacles)
 
 
-def read_workspace(model: mujoco.MjModel, data: mujoco.MjData, path: Path) -> tuple[Array, Array]:
-    """Least and greatest corner (2,) of the site `workspace`, else of the first horizontal plane [m]."""
+def read_workspace(
+    model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path
+) -> tuple[Array, Array]:
+    """Least and greatest corner (2,) [m]: as given, else of the site `workspace`, else of the first horizontal plane.
+
+    Args:
+        given: x0, x1, y0, y1 [m], or None.
+
+    Raises:
+        SceneError: there is none, it is askew or no box, or what is given is empty; names the remedy.
+    """
+    if given is not None:
+        bounds = np.array(given, dtype=float)
+        if bounds.shape != (4,) or not np.all(np.abs(bounds) <= FAR) or not np.all(bounds[::2] < bounds[1::2]):
+            raise SceneError(f"{path}: the workspace {bounds.tolist()} is none; give x0 < x1 and y0 < y1")
+        return bounds[::2], bounds[1::2]
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "workspace")
     if site >= 0:
         if int(model.site_type[site]) != int(_GEOM.mjGEOM_BOX):
             raise SceneError(f'{path}: site "workspace" must be a box; write type="box" and its half sizes')
         pose = data.site_xpos[site], data.site_xmat[site]
         return _extent(*pose, model.site_size[site], 'site "workspace"', path)
-    remedy = 'add <site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
+    site_text = '<site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
+    remedy = f"add {site_text} or give --workspace X0 X1 Y0 Y1"
     planes = [g for g in np.flatnonzero(model.geom_type == _PLANE) if _faces_up(data, int(g))]
     planes = [g for g in planes if model.geom(g).name != f"robot/{GROUND}"]
     if not planes:
@@ -98,18 +124,48 @@ def _collides(model: mujoco.MjModel, robot: Mask) -> Mask:
     return np.asarray(np.any(match != 0, axis=1))
 
 
-def _refuse_moving(model: mujoco.MjModel, robot: Mask, path: Path) -> None:
-    own = set(model.geom_bodyid[robot].tolist())
-    for body in np.flatnonzero(model.body_jntnum > 0):
-        if int(body) not in own:
-            joint = model.joint(model.body_jntadr[body])
-            kind = mujoco.mjtJoint(int(joint.type[0])).name.removeprefix("mjJNT_").lower()
-            which = f'joint "{joint.name}"' if joint.name else f"a {kind} joint"
-            name = model.body(body).name
+def refuse_turns(model: mujoco.MjModel, path: Path) -> None:
+    """Refuse bodies, geoms and sites whose compiled rotations are none, which would vanish from all checks.
+
+    Raises:
+        SceneError: names the first of each kind.
+    """
+    for kind, turns, name in (
+        ("body", model.body_quat, model.body),
+        ("geom", model.geom_quat, model.geom),
+        ("site", model.site_quat, model.site),
+    ):
+        wrong = np.flatnonzero(~(np.abs(np.linalg.norm(turns, axis=1) - 1.0) < _UNIT))
+        if len(wrong):
+            label = f'{kind} "{name(wrong[0]).name}"' if name(wrong[0]).name else f"unnamed {kind} number {wrong[0]}"
             raise SceneError(
-                f'{path}: body "{name}" moves by {which}; obstacles stand, or move by rows: remove its joints, and if '
-                f'it is to move write <body mocap="true" ...> and a numeric "{MOTION}{name or "NAME"}"'
+                f"{path}: {label} has a rotation that is not finite after compilation; write finite numbers of "
+                "ordinary size in its orientation, its mesh, and the frames and bodies around it"
             )
+
+
+def _refuse_moving(model: mujoco.MjModel, robot: Mask, path: Path) -> None:
+    own = set(model.body_rootid[model.geom_bodyid[robot]].tolist())
+    joints: dict[int, list[str]] = {}
+    for joint in range(model.njnt):
+        root = int(model.body_rootid[model.jnt_bodyid[joint]])
+        if root not in own:
+            joints.setdefault(root, []).append(_joint_label(model.joint(joint)))
+    if joints:
+        moving = [f'body "{model.body(root).name}" moves by {listed(names)}' for root, names in joints.items()]
+        name = model.body(next(iter(joints))).name or "NAME"
+        raise SceneError(
+            f"{path}: {listed(moving)}; obstacles stand, or move by rows: remove joints, load it with --freeze or "
+            f'--without {name}, or write <body mocap="true" ...> and a numeric "{MOTION}{name}"'
+        )
+
+
+def _joint_label(joint: Any) -> str:
+    kind = mujoco.mjtJoint(int(joint.type[0])).name.removeprefix("mjJNT_").lower()
+    return f'joint "{joint.name}"' if joint.name else f"a {kind} joint"
+
+
+def _refuse_flexes(model: mujoco.MjModel, path: Path) -> None:
     if model.nflex:
         raise SceneError(f'{path}: flex "{model.flex(0).name}" deforms; obstacles must be static: remove it')
 
@@ -135,6 +191,8 @@ def _obstacle(model: mujoco.MjModel, data: mujoco.MjData, geom: int, path: Path)
         raise SceneError(f"{path}: {label} is of type {shape}; remove it or write one of {known}")
     refuse_far(label, path, data.geom_xpos[geom], model.geom_size[geom])
     vertices, faces = _hull(model, geom, path) if kind is Kind.MESH else (None, None)
+    if vertices is not None:
+        refuse_far(label, path, vertices)
     return Obstacle(
         name=model.geom(geom).name or f"geom{geom}",
         kind=kind,

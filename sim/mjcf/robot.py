@@ -32,6 +32,7 @@ class Robot:
     system: System  # what moves
     command: Array  # (nu, k) M of ctrl = M @ twist
     radius: float  # of the footprint [m]
+    reach: float  # of what collides, off the footprint's centre [m]
     height: float  # of the footprint's centre above the ground [m]
     rest: Array  # (nq,) joint positions at the origin, heading along x
     rolling: bool  # whether wheels carry it, instead of joints
@@ -77,7 +78,7 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     (_check_wheels if rolls(model) else _check_joints)(model, system, path)
     if named_here:  # another system may do without MuJoCo; `check_motion` sees to it where it does not
         check_actuators(model, system, path)
-    _check_reach(model, path)
+    reach = _checked_reach(model, path)
     centre = model.geom("footprint").pos
     return Robot(
         name=path.stem,
@@ -86,6 +87,7 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         system=system,
         command=_command(spec, int(model.nu), system.twists if named_here else None, path),
         radius=float(model.geom("footprint").size[0]),
+        reach=reach,
         height=float(centre[2]),
         rest=_rest(model, path),
         rolling=rolls(model),
@@ -225,7 +227,8 @@ def _rest(model: mujoco.MjModel, path: Path) -> Array:
     return rest
 
 
-def _check_reach(model: mujoco.MjModel, path: Path) -> None:
+def _checked_reach(model: mujoco.MjModel, path: Path) -> float:
+    """Distance from the footprint's centre to the farthest point of what collides, which lies inside it [m]."""
     foot = int(model.geom("footprint").id)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -235,13 +238,14 @@ def _check_reach(model: mujoco.MjModel, path: Path) -> None:
     solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
     if solid.size == 0:
         raise SceneError(f'{path}: no geom collides; give "footprint" or another geom contype="1"')
-    for geom in solid:
-        reach = _reach(model, data, int(geom), centre)
+    reaches = [_reach(model, data, int(geom), centre) for geom in solid]
+    for geom, reach in zip(solid, reaches, strict=True):
         if reach > radius + 1e-9:
             raise SceneError(
                 f'{path}: geom "{model.geom(geom).name}" reaches {reach:.4g} m off the "footprint" centre, '
                 f"beyond its radius {radius:g}; choose a --radius of at least {np.ceil(reach * 1e3) / 1e3:g}"
             )
+    return max(reaches)
 
 
 def _reach(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array) -> float:

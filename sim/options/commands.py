@@ -60,6 +60,18 @@ TASK = (
     ),
     _task("start", "start: X Y [m] and TH [rad]", kind=float, count="+", metavar="X", unset="the scene's"),
     _task("goal", "goal disc", kind=float, count=3, metavar=("X", "Y", "R"), unset="the scene's"),
+    _task(
+        "workspace", "border of the robot's centre", kind=float, count=4, metavar=("X0", "X1", "Y0", "Y1"),
+        unset="the scene's site or floor", bounds=PLACE,
+    ),
+    _task(
+        "freeze", "weld bodies with joints where the scene's first keyframe, else its default pose, has them, and drop "
+        "its actuators", kind=bool,
+    ),
+    _task(
+        "without", "leave out bodies of the scene, say a robot of its own, and all that refers to them", count="+",
+        metavar="BODY",
+    ),
 )  # fmt: skip
 
 WARM = (
@@ -176,13 +188,17 @@ OTHERS = (
     _file("recording", "made by `pirrht run --record`, whole or not", "FILE.rrd", "export", positional=True),
     _file("output", "the table to write, .parquet or .npz", "TABLE", "export", short="o", required=True),
     _file(
-        "world", "an SDF file (.world, .sdf), a map's .yaml, or a file of motions (.json)", "WORLD", "import",
+        "world", "an SDF file (.world, .sdf), a map's .yaml, a file of motions (.json), or a mesh", "WORLD", "import",
         positional=True,
     ),
     _file("output", "the scene to write", "SCENE.xml", "import", short="o", required=True),
     Option(
         name="motion", text="WORLD is a file of motions, as that of DynaBARN, whatever its name ends in", kind=bool,
         commands=("import",),
+    ),
+    Option(
+        name="decompose", text="WORLD is a mesh (.obj, .stl, .dae), in metres and with z up: write its convex "
+        "parts, since MuJoCo collides with hulls (extra `decompose`)", kind=bool, commands=("import",),
     ),
     Option(
         name="world", attribute="number", text="which world of a file of motions", metavar="NUMBER",

@@ -12,16 +12,20 @@ from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
 
 FOLLOWING, ABOVE = "/world/eyes/following", "/world/eyes/above"
-HEIGHT = 300.0  # of the eye above, in sizes of the workspace
+HEIGHT, MARGIN = 300.0, 1.06  # of the eye above, in sizes of the workspace; what it sees, over the workspace
 SETTLE = 1.2  # after which it has turned by most of a bend [s]
 PACE = 0.35  # time over which it looks where the robot is going [s]
 DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
+WIDTH, UPPER, WHOLE = 1280.0, 362.0, 597.0  # of a window, and heights of the upper views of Drive and other tabs [px]
+COLUMNS = (4.0, 6.0, 2.0)  # shares of the robot, the map and the key in the tab Drive
+MAP = np.array([WIDTH * COLUMNS[1] / sum(COLUMNS), UPPER])  # size of the map [px]
+NARROW = 1.4  # width over height of the narrowest map that is not cut
 WIDE = 0.9  # opening of the eye that follows, upwards [rad]
 
 
 def above(scene: Scene) -> list[rr.AsComponents]:
     """An eye over the middle of the workspace, north being up."""
-    center, extent = 0.5 * (scene.lower + scene.upper), 1.06 * (scene.upper - scene.lower)
+    center, extent = 0.5 * (scene.lower + scene.upper), seen(scene)
     height = HEIGHT * float(extent.max())
     down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     size = extent * 100.0
@@ -29,6 +33,17 @@ def above(scene: Scene) -> list[rr.AsComponents]:
         rr.Transform3D(translation=(*center, height), mat3x3=down),
         rr.Pinhole(focal_length=100.0 * height, width=size[0], height=size[1], image_plane_distance=DEPTH),
     ]
+
+
+def pixels_per_metre(scene: Scene) -> float:
+    """Return the scale of the map in a window of 1280 x 720 pixels."""
+    return float(np.min(MAP / seen(scene)))
+
+
+def seen(scene: Scene) -> Array:
+    """Return width and height of the ground that the eye above sees [m]: Rerun fits the height, whatever the width."""
+    wide, high = MARGIN * (scene.upper - scene.lower)
+    return np.array([wide, max(high, wide / NARROW)])
 
 
 def opening() -> rr.AsComponents:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import copy
+
 import mujoco
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from sim.drawing.colors import Color
 
 _GEOM = mujoco.mjtGeom
 _UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that names none
@@ -18,6 +23,23 @@ def shown(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Geoms (ngeom,) that MuJoCo would draw, planes aside."""
     mask: NDArray[np.bool_] = (model.geom_group < _SHOWN_GROUPS) & (model.geom_type != _GEOM.mjGEOM_PLANE)
     return mask
+
+
+def see_through(model: mujoco.MjModel, opacity: Array, marked: NDArray[np.bool_], color: Color) -> mujoco.MjModel:
+    """Return a model whose geoms have other opacities (ngeom,), and the marked ones (ngeom,) one colour."""
+    seen = copy.copy(model)
+    rgba = np.array([rgba_of(model, geom) for geom in range(model.ngeom)]).reshape(-1, 4) / 255.0
+    rgba[marked, :3] = np.array(color) / 255.0
+    rgba[:, 3] *= opacity
+    seen.geom_rgba[:], seen.geom_matid[:] = rgba, -1
+    return seen
+
+
+def top(model: mujoco.MjModel) -> float:
+    """Return a height [m] that no geom reaches above at zero joint positions, planes aside."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return float(np.max(data.geom_xpos[:, 2] + model.geom_rbound, initial=0.0))
 
 
 def solids(model: mujoco.MjModel, chosen: NDArray[np.bool_], body: str | None = None) -> dict[str, rr.AsComponents]:

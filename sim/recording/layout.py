@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import rerun.blueprint as rrb
 
 from pirrht.geometry.scene import Scene
-from sim.recording import spacetime
-from sim.recording.camera import ABOVE, FOLLOWING
-from sim.recording.static import MOVERS, label_path
+from sim.drawing.labels import Eye
+from sim.recording import spacetime, views
+from sim.recording.camera import ABOVE, COLUMNS, FOLLOWING
+from sim.recording.static import MARK, MOVERS, label_path
 from sim.recording.subject import Subject
 
 BACKGROUND = (20, 22, 26)
@@ -20,19 +20,19 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     """Tabs Drive, Why, About, where bodies move Space-time, and if a tree is lifted, Tree.
 
     Args:
-        live: have the time cursor follow the data.
+        live: have the time cursor follow the data; else it waits at the first plan, which shows the choice.
     """
     scene = subject.space.scene
     tabs = [_drive(scene), _why(truth=subject.look.truth)]
     if subject.moves:
         tabs.append(_space_time(subject))
     if subject.lifted:
-        views = [_tree(scene, path, title, subject.turn) for _, path, title in subject.lifted]
-        tabs.append(rrb.Horizontal(*views, name="Tree"))
+        eye = views.on_tree(scene, subject.turn, len(subject.lifted))
+        tabs.append(rrb.Horizontal(*(_tree(path, title, eye) for _, path, title in subject.lifted), name="Tree"))
     tabs.append(rrb.Horizontal(rrb.TextDocumentView(origin="/about", name="What you see"), name="About"))
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if live else "playing"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if live else "paused"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,
@@ -41,12 +41,15 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
 
 
 def _drive(scene: Scene) -> rrb.Container:
-    """With the robot, from above, and below them what the plan rests on and what happened."""
-    names = ["/world/scene/names", "/world/names", *(label_path(mover.name) for mover in scene.movers)]
+    """With the robot, from above with a key, and below them what the plan rests on and what happened."""
+    moving = [label_path(mover.name) for mover in scene.movers]  # on the map they are among /world/names
+    names = ["/world/scene/names", "/world/names", *moving, MARK]
     close = _space("With the robot", rrb.EyeControls3D(tracking_entity=FOLLOWING), [*names, ABOVE])
-    chart = _space("From above", rrb.EyeControls3D(tracking_entity=ABOVE), [FOLLOWING])
+    chart = _space("From above", rrb.EyeControls3D(tracking_entity=ABOVE), [FOLLOWING, *moving])
+    key = rrb.TextDocumentView(origin="/key", name="Key")
+    upper = rrb.Horizontal(close, chart, key, column_shares=list(COLUMNS))
     words = rrb.Horizontal(_page(), _log(), column_shares=[5, 3])
-    return rrb.Vertical(rrb.Horizontal(close, chart), words, row_shares=[5, 3], name="Drive")
+    return rrb.Vertical(upper, words, row_shares=[5, 3], name="Drive")
 
 
 def _space(name: str, eye: rrb.EyeControls3D, without: list[str]) -> rrb.View:
@@ -92,7 +95,7 @@ def _why(*, truth: bool) -> rrb.Container:
         _series("/why/cost", "Running cost [cost]", "RightBottom"),
     )
     words = rrb.Vertical(_page(), _log(), row_shares=[3, 2])
-    return rrb.Horizontal(classes, robot, words, column_shares=[3, 2, 3], name="Why")
+    return rrb.Horizontal(classes, robot, words, column_shares=[5, 3, 6], name="Why")
 
 
 def _series(origin: str, name: str, corner: str | None, range: tuple[float, float] | None = None) -> rrb.View:
@@ -102,14 +105,14 @@ def _series(origin: str, name: str, corner: str | None, range: tuple[float, floa
     return rrb.TimeSeriesView(origin=origin, name=name, axis_y=axis, plot_legend=legend)
 
 
-def _tree(scene: Scene, path: str, title: str, turn: float) -> rrb.View:
+def _tree(path: str, title: str, eye: Eye) -> rrb.View:
     return rrb.Spatial3DView(
         origin="/",
         contents=[f"{path}/**", "/world/scene/**", "- /world/scene/names"],
         name=title,
         background=list(BACKGROUND),
         line_grid=False,
-        eye_controls=_eye(scene, turn),
+        eye_controls=_controls(eye),
         overrides={f"{path}/growth": _so_far()},
     )
 
@@ -117,18 +120,13 @@ def _tree(scene: Scene, path: str, title: str, turn: float) -> rrb.View:
 def _space_time(subject: Subject) -> rrb.Container:
     """The map as floor, time upward."""
     scene = subject.space.scene
-    height = float(np.hypot(*(scene.goal.center - scene.start[:2])))  # of the straight way at the best speed
-    far = 1.25 * max(float((scene.upper - scene.lower).max()), height)
-    x, y = (float(v) for v in 0.5 * (scene.lower + scene.upper))
     view = rrb.Spatial3DView(
         origin="/",
         contents=[f"{spacetime.FOLDER}/**", "/world/scene/**", "- /world/scene/names", f"- {MOVERS}/**"],
         name="Time upward: classes around the ways of what moves",
         background=list(BACKGROUND),
         line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            position=(x + 0.5 * far, y - far, 0.85 * far), look_target=(x, y, 0.35 * height), eye_up=(0.0, 0.0, 1.0)
-        ),
+        eye_controls=_controls(views.in_time(scene)),
         overrides={path: _so_far() for path in spacetime.growing(scene)},
     )
     return rrb.Horizontal(view, name="Space-time")
@@ -146,13 +144,5 @@ def _so_far() -> rrb.VisibleTimeRanges:
     )
 
 
-def _eye(scene: Scene, turn: float) -> rrb.EyeControls3D:
-    """An eye to the south and a little to the east of a lifted tree, high enough to see what stands below it."""
-    center, extent = 0.5 * (scene.lower + scene.upper), scene.upper - scene.lower
-    distance = 1.25 * max(float(extent.max()), 1.2 * turn)
-    x, y, z = float(center[0]), float(center[1]), 0.75 * turn
-    return rrb.EyeControls3D(
-        position=(x + 0.45 * distance, y - 1.0 * distance, z + 0.55 * distance),
-        look_target=(x, y, z),
-        eye_up=(0.0, 0.0, 1.0),
-    )
+def _controls(eye: Eye) -> rrb.EyeControls3D:
+    return rrb.EyeControls3D(position=eye.position, look_target=eye.target, eye_up=eye.up)

@@ -56,6 +56,16 @@ line to the goal, counter-clockwise positive; with many obstacles `+5 -12` names
 """
 
 
+def key(subject: Subject) -> str:
+    """Return what the numbers, letters and colours on the map mean, in Markdown."""
+    rows = [f"**{sign}** {name}" for sign, name, _ in subject.marks if name != f"obstacle {sign}"]
+    if len(rows) < len(subject.marks):
+        rows.append("Other numbers: as in *obstacle 1*.")
+    moving = " *Lilac*: what moves." if subject.moves else ""
+    signs = f"*Yellow*: the robot and its path. *White*: the path of most weight, and the control.{moving}"
+    return "  \n".join([signs, *rows])
+
+
 def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -13,10 +13,10 @@ from pirrht.exact.desirability import Desirability
 from sim.drawing import averages, strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, title
 from sim.drawing.strokes import at_most, lift, packed
-from sim.drawing.tubes import foreseen
-from sim.recording import spacetime
+from sim.drawing.tubes import Outline, foreseen
+from sim.recording import spacetime, views
 from sim.recording.reasons import reasons, words_of
-from sim.recording.static import CONTROL, FLOOR
+from sim.recording.static import CONTROL, FLOOR, all_named, levels_of
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 from sim.recording.truth_view import on_floor, shares_of
@@ -31,6 +31,7 @@ MOVER_BYTES = 1000  # of each moving body between two pictures
 REFERENCE_POINTS = 64
 TOLD = 0.005  # share of psi from which a class bears its name on the map
 WAYS, HEAVY = 6, 0.01  # classes whose average way is drawn: at most, and from this share on
+BY = 4  # points of a line before and after its label
 LONG = 36  # letters that a label may have for the way
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 
@@ -43,6 +44,9 @@ class Pictures:
         self._fans: set[str] = set()
         self._ways: dict[str, str] = {}  # classes in words
         self._now = (0, 0.0)
+        self._map = views.map_labels(subject.space.scene)
+        self._trees = [views.tree_labels(subject, k, levels_of(subject)) for k, _, _ in subject.lifted]
+        self._driven: list[Array] = []
         self.in_time = spacetime.SpaceTime(stream, subject, colors) if subject.moves else None
 
     def said(self, name: str) -> str:
@@ -56,8 +60,9 @@ class Pictures:
         self._ways |= words_of(plan, subject.path_integral, subject.names)
         fine = [strokes.fine(r) for r in plan.references]
         lines = [strokes.rounded(line, REFERENCE_POINTS) for line in fine]
+        soon = foreseen(plan.movers, plan.time) if subject.moves else []
         self._references(plan, fine, lines)
-        self._average(plan)
+        ways = self._average(plan)
         found: dict[str, strokes.Fan] = {}
         if estimate is not None and subject.look.samples != "none":
             found = strokes.fans(
@@ -79,19 +84,64 @@ class Pictures:
             look = {"colors": packed(fade(color, FLOOR, opacity)), "radii": 0.006}
             self._log(_fan_path(name), rr.LineStrips3D(fan.strips, **look))
         self._fans = set(found)
+        labels = self._labels(plan)
+        self._label_map(plan, labels, lines, ways, found, soon)
         if self.in_time is not None:
-            self._foreseen(self.in_time, plan, found)
+            self._foreseen(self.in_time, plan, soon, found, labels)
 
-    def _foreseen(self, in_time: spacetime.SpaceTime, plan: Plan, fans: dict[str, strokes.Fan]) -> None:
+    def _labels(self, plan: Plan) -> dict[str, str]:
+        """Labels of the classes that weigh something, or where nothing is weighed of the cheapest, heaviest first."""
+        weights = plan.estimate.class_weights if plan.estimate else {}
+        told = [n for i, n in enumerate(plan.ids) if (weights.get(n, 0.0) >= TOLD if weights else i < LIFTED)]
+        told.sort(key=lambda name: -weights.get(name, 0.0))
+        return {name: self._label(plan, plan.ids.index(name), weights.get(name, 0.0)) for name in told}
+
+    def _label_map(
+        self,
+        plan: Plan,
+        labels: Mapping[str, str],
+        lines: Sequence[Array],
+        ways: Sequence[Array],
+        fans: Mapping[str, strokes.Fan],
+        soon: Sequence[Outline],
+    ) -> None:
+        """Log the labels of the map: those of classes and moving obstacles, and once those that stay."""
+        subject, scene = self._subject, self._subject.space.scene
+        self._driven.append(plan.state[:2])
+        here = plan.state[:2] + 1.5 * scene.robot_radius * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+        now = [one.ring for one in soon if one.after == 0.0]
+        drawn = [lift(line, 0.0) for line in (*lines, *ways, *now, here, np.array(self._driven))]
+        if len(self._driven) == 1:
+            about = lift(np.vstack([scene.goal.center, *(mark.place for mark in subject.marks)]), 0.02)
+            texts = ["goal", *subject.labels]
+            at = np.array(self._map.fixed(texts, about, drawn), np.float32)
+            names = rr.Points3D(at, radii=0.0, labels=texts, colors=[CONTROL], show_labels=True)
+            self._stream.static("/world/scene/names", names)
+        samples = np.vstack([np.zeros((0, 3)), *(fan.strips.reshape(-1, 3) for fan in fans.values())])
+        even = [strokes.even(line, LIFTED_POINTS) for line in lines]
+        named = strokes.apart(even)
+        near = {n: _around(lift(line, 0.1), i) for n, line, i in zip(plan.ids, even, named, strict=True)}
+        shown, colors = dict(labels), {name: self._colors[name] for name in labels}
+        for mover in plan.movers if all_named(subject) else ():
+            name = mover.name.replace("_", " ")
+            shown[name], colors[name] = name, MOVER
+            near[name] = lift(mover.motion.pose(np.array([plan.time]))[:, :2], 0.1)
+        places = self._map.placed(shown, near, drawn, samples)
+        self._names("/world/names", places, list(shown.values()), list(colors.values()))
+
+    def _foreseen(
+        self,
+        in_time: spacetime.SpaceTime,
+        plan: Plan,
+        soon: Sequence[Outline],
+        fans: dict[str, strokes.Fan],
+        labels: Mapping[str, str],
+    ) -> None:
         """Where the plan takes bodies to be, on the map and in space and time."""
-        soon = foreseen(plan.movers, plan.time)
         later = [one for one in soon if one.after > 0.0]
         shades = packed(fade(MOVER, FLOOR, np.array([one.strength for one in later]))) if later else None
         rings = [lift(one.ring, 0.03) for one in later]
         self._log("/world/foreseen", rr.LineStrips3D(rings, colors=shades, radii=0.008))
-        weights = plan.estimate.class_weights if plan.estimate else {}
-        told = [n for i, n in enumerate(plan.ids) if (weights.get(n, 0.0) >= TOLD if weights else i < LIFTED)]
-        labels = {name: self._label(plan, plan.ids.index(name), weights.get(name, 0.0)) for name in told}
         in_time.draw(plan, soon, fans, labels, self._now)
 
     def _truth(self, grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
@@ -110,8 +160,11 @@ class Pictures:
         left = PICTURE_BYTES - CHUNK_BYTES * chunks - MOVER_BYTES * len(self._subject.space.scene.movers)
         return max(0, left // POINT_BYTES - others)
 
-    def _average(self, plan: Plan) -> None:
-        """How the samples of the heavy classes went on average; in a fallback what is followed instead."""
+    def _average(self, plan: Plan) -> Sequence[Array]:
+        """Log and return how the samples of the heavy classes went on average, (k, 2) [m] each.
+
+        In a fallback that is what is followed instead.
+        """
         estimate = plan.estimate
         if estimate is None:
             ahead = at_most(strokes.ahead(plan, self._subject.path_integral.problem), REFERENCE_POINTS)
@@ -127,25 +180,19 @@ class Pictures:
             radii = [0.014 if name == plan.favourite else 0.008 for name in names]
         strips = [lift(line, 0.065 + 0.001 * k) for k, line in enumerate(found)]
         self._strips("/world/ways", strips, colors, np.array(radii, np.float32))
+        return found
 
     def _references(self, plan: Plan, fine: Sequence[Array], flat: Sequence[Array]) -> None:
         weights = plan.estimate.class_weights if plan.estimate else {}
         weight = np.array([weights.get(name, 0.0) for name in plan.ids])
         colors = [self._colors[name] for name in plan.ids]
         lines = [strokes.even(line, LIFTED_POINTS) for line in fine]
-        named = strokes.apart(lines)
         radii = (0.008 + 0.024 * np.sqrt(weight)).astype(np.float32)
         self._strips("/world/references", [lift(line, 0.05) for line in flat], colors, radii)
-        told = [i for i, w in enumerate(weight) if (w >= TOLD if weights else i < LIFTED)]  # more would hide the scene
-        self._names(
-            "/world/names",
-            [lift(lines[i][named[i]], 0.1) for i in told],
-            [self._label(plan, i, weight[i]) for i in told],
-            [colors[i] for i in told],
-        )
-        short = [f"class {title(n)}: cost {r.cost:.2f}" for n, r in zip(plan.ids, plan.references, strict=True)]
+        pairs = list(zip(plan.ids, plan.references, strict=True))[:LIFTED]
+        short = {name: f"class {title(name)}: cost {r.cost:.2f}" for name, r in pairs}
         homology, turn = self._subject.space.homology, self._subject.turn
-        for obstacle, path, _ in self._subject.lifted:
+        for (obstacle, path, _), labels in zip(self._subject.lifted, self._trees, strict=True):
             chosen = list(zip(plan.references, lines, strict=True))[:LIFTED]
             raised = [lift(line, turn * strokes.remaining(homology, r, line, obstacle)) for r, line in chosen]
             named = strokes.apart(raised)
@@ -158,7 +205,9 @@ class Pictures:
                 ],
             )
             self._log(f"{path}/dots", dots)
-            self._names(f"{path}/names", [line[i] for line, i in zip(raised, named, strict=True)], short, colors)
+            near = {name: _around(line, i) for name, line, i in zip(short, raised, named, strict=True)}
+            places = labels.placed(short, near, raised)
+            self._names(f"{path}/names", places, list(short.values()), colors)
 
     def _label(self, plan: Plan, i: int, weight: float) -> str:
         """Id and share, and of the favourite also in words where they are few."""
@@ -172,16 +221,19 @@ class Pictures:
     ) -> None:
         self._log(path, rr.LineStrips3D(strips, colors=packed(colors[: len(strips)]), radii=radii))
 
-    def _names(
-        self, path: str, places: Sequence[strokes.Floats], texts: Sequence[str], colors: Sequence[Color]
-    ) -> None:
+    def _names(self, path: str, places: Sequence[Array], texts: Sequence[str], colors: Sequence[Color]) -> None:
         pale = packed([mix(color, (255, 255, 255), 0.4) for color in colors[: len(places)]])
         points = np.array(places, np.float32).reshape(-1, 3)
         labels = list(texts[: len(places)])
-        self._log(path, rr.Points3D(points, radii=0.001, colors=pale, labels=labels, show_labels=True))
+        self._log(path, rr.Points3D(points, radii=0.0, colors=pale, labels=labels, show_labels=True))
 
     def _log(self, path: str, archetype: rr.AsComponents) -> None:
         self._stream.log(path, *self._now, archetype)
+
+
+def _around(line: strokes.Floats, i: int) -> strokes.Floats:
+    """The part of a line about its point i, where its label is to be."""
+    return line[max(0, i - BY) : i + BY + 1]
 
 
 def _fan_path(name: str) -> str:

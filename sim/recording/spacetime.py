@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from math import ceil
 
 import numpy as np
@@ -25,12 +26,14 @@ from pirrht.estimation.estimate import OTHER
 from pirrht.geometry.scene import Scene
 from pirrht.plotting.ground import outline
 from sim.drawing import strokes
-from sim.drawing.colors import DRIVEN, MOVER, OTHER_COLOR, ClassColors, Color, fade, mix
+from sim.drawing.colors import DRIVEN, MOVER, OTHER_COLOR, ClassColors, fade, mix
+from sim.drawing.labels import Labels
 from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
 from sim.drawing.tubes import CORNERS, MOST, ROUGH, Outline, Tube, tubes
-from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, Log, all_named
+from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
+from sim.recording.views import in_time
 
 Colors = NDArray[np.uint8]
 
@@ -72,7 +75,7 @@ def stage(subject: Subject, log: Log) -> None:
         name = mover.name.replace("_", " ")
         log(
             f"{body_path(mover.name)}/name",
-            rr.Points3D(where, radii=0.001, labels=[name], colors=[MOVER], show_labels=all_named(subject)),
+            rr.Points3D(where, radii=0.0, labels=[name], colors=[MOVER], show_labels=all_named(subject)),
         )
     log(PATH, rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.02]))
     (x0, y0), (x1, y1) = scene.lower, scene.upper
@@ -82,6 +85,7 @@ def stage(subject: Subject, log: Log) -> None:
     log(f"{NOW}/sheet", rr.Mesh3D(**sheet, albedo_factor=SHEET))
     ball = rr.Ellipsoids3D(half_sizes=[[scene.robot_radius] * 2 + [0.02]], colors=[DRIVEN], fill_mode="solid")
     log(f"{NOW}/robot", ball)
+    log(f"{NOW}/robot/mark", rr.Points3D([(0.0, 0.0, 0.0)], radii=rr.Radius.ui_points(RADIUS), colors=[DRIVEN]))
 
 
 class SpaceTime:
@@ -91,6 +95,7 @@ class SpaceTime:
         self._stream, self._subject, self._colors = stream, subject, colors
         self._drawn = 0.0  # until when there are tubes [s]
         scene = subject.space.scene
+        self._labels = Labels(in_time(scene))
         off = float(np.hypot(*(scene.goal.center - scene.start[:2])))
         self._first = ROOMY * off / subject.rise
 
@@ -116,8 +121,8 @@ class SpaceTime:
         weights = plan.estimate.class_weights if plan.estimate else {}
         radii = np.array([0.018 + 0.03 * weights.get(name, 0.0) ** 0.5 for name in plan.ids], np.float32)
         self._stream.log(f"{FOLDER}/braids", *now, rr.LineStrips3D(braids, colors=packed(colors), radii=radii))
-        self._names(plan, braids, colors, labels, now)
-        self._samples(plan, fans, now)
+        threads = self._samples(plan, fans, now)
+        self._names(plan, braids, threads, labels, now)
         rings = [self._raised(_at(one.ring, plan.time + one.after)) for one in soon]
         shades = fade(MOVER, FLOOR, np.array([one.strength for one in soon]))
         self._stream.log(f"{FOLDER}/foreseen", *now, rr.LineStrips3D(rings, colors=packed(shades), radii=0.012))
@@ -136,20 +141,20 @@ class SpaceTime:
         self._stream.columns(PATH, steps, times, rr.LineStrips3D.columns(strips=strips))
 
     def _names(
-        self, plan: Plan, braids: Sequence[strokes.Floats], colors: Sequence[Color], labels: Mapping[str, str],
-        now: tuple[int, float],
+        self, plan: Plan, braids: Sequence[strokes.Floats], threads: Sequence[strokes.Floats],
+        labels: Mapping[str, str], now: tuple[int, float],
     ) -> None:  # fmt: skip
-        told = [i for i, name in enumerate(plan.ids) if name in labels]
         even = [_even(braid) for braid in braids]
-        places = strokes.apart(even)
-        at = np.array([even[i][places[i]] for i in told], np.float32).reshape(-1, 3)
-        pale = packed([mix(colors[i], (255, 255, 255), 0.4) for i in told])
-        texts = [labels[plan.ids[i]] for i in told]
-        names = rr.Points3D(at, radii=0.001, colors=pale, labels=texts, show_labels=True)
+        near = {n: line[max(0, i - 2) : i + 3] for n, line, i in zip(plan.ids, even, strokes.apart(even), strict=True)}
+        samples = np.vstack([np.zeros((0, 3)), *threads])
+        at = np.array(self._labels.placed(labels, near, braids, samples), np.float32).reshape(-1, 3)
+        pale = packed([mix(self._colors[name], (255, 255, 255), 0.4) for name in labels])
+        texts = list(labels.values())
+        names = rr.Points3D(at, radii=0.0, colors=pale, labels=texts, show_labels=True)
         self._stream.log(f"{FOLDER}/names", *now, names)
 
-    def _samples(self, plan: Plan, fans: Mapping[str, Fan], now: tuple[int, float]) -> None:
-        """The heaviest of each class that arrived."""
+    def _samples(self, plan: Plan, fans: Mapping[str, Fan], now: tuple[int, float]) -> Sequence[strokes.Floats]:
+        """Log and return the heaviest of each class that arrived."""
         known = {name: fan for name, fan in fans.items() if name != DEAD}
         each = THREADS // max(1, len(known))
         strips: list[strokes.Floats] = []
@@ -163,6 +168,7 @@ class SpaceTime:
             shades.append(fade(color, FLOOR, 0.15 + 0.5 * fan.opacity[heavy]))
         drawn = rr.LineStrips3D(strips, colors=packed(np.vstack(shades)), radii=0.006)
         self._stream.log(f"{FOLDER}/samples", *now, drawn)
+        return strips
 
     def _reach(self, time: float, now: tuple[int, float]) -> None:
         """Let tubes, walls and axis go on to a time [s]."""
@@ -172,15 +178,28 @@ class SpaceTime:
         scene = self._subject.space.scene
         corners = CORNERS if len(scene.movers) < CROWD else CORNERS // 2
         for mover in scene.movers:
-            swept = self._mesh(tubes(mover, begin, self._drawn, corners))
+            parts = tubes(mover, begin, self._drawn, corners)
+            swept = self._mesh(parts)
+            for part in parts:
+                self._cover(part)
+            if not begin and all_named(self._subject):
+                self._labels.cover(mover.name, lift(mover.motion.pose(np.zeros(1))[:, :2], 0.05)[0])
             self._stream.log(body_path(mover.name), *now, rr.Mesh3D(**swept, albedo_factor=BODY))
         if scene.obstacles:
             standing = [self._prism(outline(solid), begin) for solid in scene.obstacles]
+            for part in standing:
+                self._cover(part)
             self._stream.log(WALLS, *now, rr.Mesh3D(**self._mesh(standing), albedo_factor=WALL))
         around = scene.goal.center + scene.goal.radius * _circle(CORNERS)
         goal = self._mesh([self._prism(around, begin)])
         self._stream.log(ARRIVALS, *now, rr.Mesh3D(**goal, albedo_factor=ARRIVAL))
         self._axis(scene, begin, now)
+
+    def _cover(self, part: Tube) -> None:
+        """Keep labels off a tube."""
+        rings = [self._raised(_at(ring, time)) for ring, time in zip(part.rings, part.times, strict=True)]
+        for low, high in pairwise(rings):
+            self._labels.fill(np.vstack([low, high]))
 
     def _prism(self, ring: Array, begin: float) -> Tube:
         return Tube(times=np.array([begin, self._drawn]), rings=np.stack([ring, ring]))
@@ -202,6 +221,8 @@ class SpaceTime:
         corner = np.broadcast_to(scene.upper, (len(seconds), 2))
         marks = self._raised(np.column_stack([corner, seconds]))
         self._stream.log(AXIS, *now, rr.LineStrips3D(marks[None], radii=0.01, colors=[BORDER]))
+        for mark in marks:
+            self._labels.cover("10 s", mark)
         told = rr.Points3D(marks, radii=0.04, labels=[f"{s:g} s" for s in seconds], colors=[BORDER], show_labels=True)
         self._stream.log(SECONDS, *now, told)
 

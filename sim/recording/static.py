@@ -15,16 +15,18 @@ from sim.drawing.sides import NAMED
 from sim.drawing.strokes import lift, packed
 from sim.recording import geoms
 from sim.recording.bodies import ROOT
-from sim.recording.camera import ABOVE, FOLLOWING, above, opening
-from sim.recording.legend import legend
+from sim.recording.camera import ABOVE, FOLLOWING, above, opening, pixels_per_metre
+from sim.recording.legend import key, legend
 from sim.recording.subject import Subject
 from sim.recording.truth_view import OPTIMUM, on_floor
 
 TREE_EDGES = 8000
 BODY = "/world/robot/body"
 MOVERS = "/world/scene/movers"
+MARK = "/world/robot/mark"  # on the map only
+SOLID, MOVING = 0.6, 0.8  # opacity of what stands and of what moves: neither hides the robot
+RADIUS = 9.0  # of the disc that marks a small robot on the map [px]
 TILES = 24  # along the longer side of the floor at most
-FEW = 8  # obstacles that bear their names on the map, not only their numbers
 LEVELS, DASHES = (0.5, 1.0, 1.5), 16  # of H that are marked; dashes over the obstacle that a tree is lifted by
 
 FLOOR = (38, 42, 48)
@@ -42,8 +44,12 @@ def stage(subject: Subject, log: Log) -> None:
     log("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     log("/about", rr.TextDocument(legend(subject), media_type=rr.MediaType.MARKDOWN))
     _ground(subject, log)
-    model, obstacles = subject.loaded.model, subject.loaded.obstacle_geoms
-    shown, robot, moving = geoms.shown(model), subject.loaded.robot_geoms, subject.loaded.moving_geoms
+    log("/key", rr.TextDocument(key(subject), media_type=rr.MediaType.MARKDOWN))
+    robot, moving, obstacles = (getattr(subject.loaded, f"{kind}_geoms") for kind in ("robot", "moving", "obstacle"))
+    model = geoms.see_through(
+        subject.loaded.model, np.where(moving, MOVING, np.where(robot, 1.0, SOLID)), moving, MOVER
+    )
+    shown = geoms.shown(model)
     for folder, mask in (
         ("/world/scene/obstacles", obstacles & ~moving),
         ("/world/scene/others", shown & ~obstacles & ~robot & ~moving),
@@ -55,7 +61,7 @@ def stage(subject: Subject, log: Log) -> None:
         for name, solid in geoms.solids(model, mask, body=mover.name).items():
             log(f"{mover_path(mover.name)}/{name}", solid)
         label = {"labels": [mover.name.replace("_", " ")], "colors": [MOVER], "show_labels": all_named(subject)}
-        log(label_path(mover.name), rr.Points3D([(0, 0, 0)], radii=0.001, **label))
+        log(label_path(mover.name), rr.Points3D([(0, 0, 0)], radii=0.0, **label))
     if subject.grid is not None and not subject.grid.moves:
         for path, picture in on_floor(subject.grid, subject.space, 0.0):
             log(path, picture)
@@ -75,6 +81,11 @@ def _robot(subject: Subject, drawn: NDArray[np.bool_], log: Log) -> None:
     """The geoms of each of the robot's bodies in its own frame; of what is fixed to the root also where."""
     model = subject.loaded.model
     log("/world/robot", _arrows(truth=subject.look.truth))
+    top = geoms.top(model)
+    radius = RADIUS / pixels_per_metre(subject.space.scene)
+    if radius > subject.space.scene.robot_radius:
+        rim = {"radii": [1.15 * radius, radius], "centers": [(0.0, 0.0, top + 0.1), (0.0, 0.0, top + 0.2)]}
+        log(MARK, rr.Cylinders3D(lengths=[0.01] * 2, **rim, colors=[FLOOR, DRIVEN], fill_mode="solid"))
     bodies = subject.bodies
     for name, path in ((ROOT, BODY), *((part.name, part_path(part.name)) for part in bodies.parts)):
         own = drawn & (model.geom_bodyid == model.body(name).id)
@@ -114,7 +125,7 @@ def _arrows(*, truth: bool) -> rr.Arrows3D:
 
 
 def _ground(subject: Subject, log: Log) -> None:
-    """Floor, border of the domain, goal, and the numbers of the obstacles that classes count turns around."""
+    """Floor, border of the domain, and goal."""
     scene = subject.space.scene
     center, half = 0.5 * (scene.lower + scene.upper), 0.5 * (scene.upper - scene.lower)
     log("/world/scene/floor", _tiles(scene.lower, scene.upper))
@@ -122,12 +133,6 @@ def _ground(subject: Subject, log: Log) -> None:
     log("/world/scene/border", rr.LineStrips3D(lift(corners, 0.0)[None], radii=0.01, colors=[BORDER]))
     disc = {"lengths": [0.004], "radii": [scene.goal.radius], "centers": [(*scene.goal.center, 0.002)]}
     log("/world/scene/goal", rr.Cylinders3D(**disc, colors=[GOAL], fill_mode="solid"))
-    markers = subject.space.homology.markers
-    few = len(markers) <= FEW
-    names = [f"{k} {name}" if few and not name.endswith(f" {k}") else f"{k}" for k, name in enumerate(subject.names, 1)]
-    places = np.vstack([scene.goal.center, markers])
-    labels = rr.Points3D(lift(places, 0.02), radii=0.001, labels=["goal", *names], colors=[CONTROL], show_labels=True)
-    log("/world/scene/names", labels)
 
 
 def _tiles(lower: Array, upper: Array) -> rr.Boxes3D:
@@ -154,19 +159,23 @@ def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
 
 def _axes(subject: Subject, obstacle: int, path: str, log: Log) -> None:
     """Levels of H along the far sides, its axis with numbers, and a dashed line over the obstacle that is counted."""
-    scene, turn = subject.space.scene, subject.turn
-    (x0, y0), (x1, y1) = scene.lower, scene.upper
-    far = np.array([(x0, y0), (x0, y1), (x1, y1)])
-    levels = np.stack([lift(far, level * turn) for level in LEVELS])
+    levels = levels_of(subject)
     log(f"{path}/levels", rr.LineStrips3D(levels, radii=0.004, colors=[mix(BORDER, FLOOR, 0.6)]))
-    axis = np.stack([lift(far[2], level * turn) for level in LEVELS])
+    axis = levels[:, 2]
     log(f"{path}/axis", rr.LineStrips3D(axis[None], radii=0.008, colors=[BORDER]))
     told = [f"H = {level:g}" for level in LEVELS]
     log(f"{path}/axis/names", rr.Points3D(axis, radii=0.03, labels=told, colors=[BORDER], show_labels=True))
     marker = subject.space.homology.markers[obstacle]
-    heights = np.linspace(0.0, LEVELS[-1] * turn, 2 * DASHES)
+    heights = np.linspace(0.0, LEVELS[-1] * subject.turn, 2 * DASHES)
     dashes = np.stack([lift(np.array([marker, marker]), pair) for pair in heights.reshape(-1, 2)])
     log(f"{path}/marker", rr.LineStrips3D(dashes, radii=0.01, colors=[CONTROL]))
+
+
+def levels_of(subject: Subject) -> strokes.Floats:
+    """Return the levels of H along the far sides, (levels, 3, 3) [m]; their last points bear their names."""
+    (x0, y0), (x1, y1) = subject.space.scene.lower, subject.space.scene.upper
+    far = np.array([(x0, y0), (x0, y1), (x1, y1)])
+    return np.stack([lift(far, level * subject.turn) for level in LEVELS])
 
 
 def branches(subject: Subject, ends: Array) -> rr.LineStrips3D:

@@ -8,6 +8,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from string import ascii_lowercase
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,6 +26,17 @@ from sim.recording.look import Look
 
 SERIES = 6  # solids whose names differ by a number only, and that keep them
 TREES = 2  # lifted trees shown, one per obstacle
+FEW = 8  # obstacles that bear their names on the map, not only their numbers
+MEMBERS = 3  # solids of one obstacle that are named
+SPARE = "a wall"  # name of a solid of the border that has none of its own
+
+
+class Mark(NamedTuple):
+    """A number or letter on the map."""
+
+    sign: str
+    name: str  # of the solids that it stands for
+    place: Array  # (2,) that it belongs to [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,6 +124,26 @@ class Subject:
             found.append(self.solids[component.members[int(np.argmin(off))]])
         return tuple(found)
 
+    @cached_property
+    def marks(self) -> tuple[Mark, ...]:
+        """Return a number for each obstacle that classes count turns around, a letter for named border solids."""
+        solids, places = self.solids, [solid.position[:2] for solid in self.space.scene.obstacles]
+        found, inner = [], set()
+        for k, (part, marker) in enumerate(zip(self.space.obstacles, self.space.homology.markers, strict=True), 1):
+            inner |= set(part.members)
+            names = list(dict.fromkeys(solids[i] for i in part.members))
+            more = f" and {len(names) - MEMBERS} more" if len(names) > MEMBERS else ""
+            found.append(Mark(str(k), ", ".join(names[:MEMBERS]) + more, marker))
+        outer = [i for i, name in enumerate(solids) if i not in inner and name != SPARE]
+        found += [Mark(letter, solids[i], places[i]) for letter, i in zip(ascii_lowercase, outer, strict=False)]
+        return tuple(found)
+
+    @property
+    def labels(self) -> list[str]:
+        """Return what marks are called on the map: where there are few also by name."""
+        few = len(self.marks) <= FEW
+        return [f"{sign} {name}" if few and not name.endswith(f" {sign}") else sign for sign, name, _ in self.marks]
+
     @property
     def turn(self) -> float:
         """Height of one whole turn in the lifted tree [m]."""
@@ -138,7 +171,7 @@ def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:
     found = []
     for i, name in enumerate(given):
         plain = name and given.count(name) == 1 and stems[_stem(name)] <= SERIES
-        spare = f"obstacle {number[i]}" if i in number else "a wall"
+        spare = f"obstacle {number[i]}" if i in number else SPARE
         found.append(name.replace("_", " ") if plain else spare)
     return found
 

@@ -80,9 +80,9 @@ def _table(reasons: Sequence[Reason]) -> str:
     rows = sorted(reasons, key=lambda r: (-round(r.weight, 3), r.cost))
     known = any(r.exact is not None for r in rows)
     exact = (" exact |", "--:|") if known else ("", "")
-    lines = [
-        f"| class | cost | value | weight |{exact[0]} die | where | way |",
-        f"|---|--:|--:|--:|{exact[1]}--:|---|---|",
+    lines = [  # what a narrow view cuts off at the right is also in its plots
+        f"| class | weight |{exact[0]} path | cost | collide | with | value |",
+        f"|---|--:|{exact[1]}---|--:|--:|---|--:|",
     ]
     for r in rows[:ROWS]:
         value = _valued(r)
@@ -90,13 +90,13 @@ def _table(reasons: Sequence[Reason]) -> str:
         told = [share(r.exact or 0.0)] if known else []
         cells = (
             title(r.name),
-            f"{r.cost:.2f}",
-            value,
             share(r.weight),
             *told,
+            r.way,
+            f"{r.cost:.2f}",
             dying,
             _where(r) if r.where else "",
-            r.way,
+            value,
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

@@ -30,6 +30,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Sequence
 from math import inf
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -55,6 +56,7 @@ from sim.recording.subject import Subject
 BATCH_STEPS = 36  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
 WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
 BATCH_LEAST, BATCH_TIME = 8, 0.36  # fewer will do once they span so much simulated time [s]
+LINE = 56  # letters of a line of the log, which the viewer does not wrap
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
 
 
@@ -143,13 +145,18 @@ class Writer:
         self._columns("/timing/plan", rows, rr.Scalars.columns(scalars=[1e3 * r.plan_seconds for r in rows]))
         for row in rows:
             if row.news is not None:
-                self.stream.log("/log", row.step, row.time, rr.TextLog(row.news, level="INFO"))
+                self._tell("/log", row, row.news)
             if row.plan is not None:
                 self._pictures.draw(row.plan, row.step, row.time)
             for about, text in self._happenings.add(row):
-                self.stream.log("/log/happenings", about.step, about.time, rr.TextLog(text, level="INFO"))
+                self._tell("/log/happenings", about, text)
             for (_, path, _), edges in zip(self._subject.lifted, row.growth, strict=False):
                 self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, edges[0]))
+
+    def _tell(self, path: str, row: Row, text: str) -> None:
+        """Log a text of a step in lines that the viewer shows whole."""
+        for line in wrap(text, LINE):
+            self.stream.log(path, row.step, row.time, rr.TextLog(line, level="INFO"))
 
     def _robot(self, rows: Sequence[Row]) -> None:
         states = np.array([r.state for r in rows])

@@ -32,6 +32,9 @@ def prepare(
     margin: float | None = None,
     start: Sequence[float] | None = None,
     goal: Sequence[float] | None = None,
+    workspace: Sequence[float] | None = None,
+    freeze: bool | None = None,
+    without: Sequence[str] | None = None,
     preset: str | None = None,
     given: Mapping[str, Any] | None = None,
     known: Callable[[System, Problem], object] | None = None,
@@ -42,6 +45,8 @@ def prepare(
 
     Args:
         system: what moves, in place of what the robot's file names: MODULE:NAME, or one that is registered.
+        workspace: x0, x1, y0, y1 [m], in place of the scene's.
+        freeze, without: what becomes of the scene's own bodies that move (`sim.mjcf.load`).
         given: settings by name, None where not said.
         known: told of system and problem as soon as they are known, before anything is compiled for them.
         loose: whether what stands can be moved (`sim.mjcf.load`).
@@ -51,7 +56,10 @@ def prepare(
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
     moves = None if system is None else chosen(system)
-    read = partial(load, scene, robot=robot, radius=radius, start=start, goal=goal, system=moves, loose=loose)
+    read = partial(
+        load, scene, robot=robot, radius=radius, start=start, goal=goal, workspace=workspace, system=moves,
+        freeze=bool(freeze), without=without, loose=loose,
+    )  # fmt: skip
     loaded = read(margin=margin)
     kind = named(loaded.dynamics_name)
     said = given or {}
@@ -71,7 +79,7 @@ def prepare(
     if known is not None:
         known(kind, problem)
     space = FreeSpace.of(loaded.scene)
-    room = loaded.scene.defaults.get("margin", 0.0) if margin is None else margin
+    room = loaded.margin
     if margin is None and "margin" not in loaded.scene.defaults:
         room = default_margin(problem, space, settings.period if settings.between == "hold" else REACTION)
         if room > 0.0:

@@ -24,6 +24,8 @@ def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float
     """
     scene = space.scene
     ends = space.collision.clearance(np.array([scene.start[:2], scene.goal.center[:2]]))
+    if scene.goal is not problem.scene.goal:  # its centre is covered, and plans lead to what is free with the margin
+        ends = ends[:1]
     if scene.movers:
         ends = np.append(ends, space.crowd.clearance(scene.start[:2], 0.0))
     widths = find_passages(space.field, space.collision).width

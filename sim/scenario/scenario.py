@@ -29,7 +29,7 @@ Driver = Controller | Mppi | Optimal
 class Scenario(Task):
     """A scene with a robot, a problem and settings; everything random comes from `settings.seed`.
 
-    Example:
+    Examples:
         >>> from sim.scenario import prepare
         >>> scenario = prepare("slit", given={"vertices": 50, "samples": 50, "max_time": 0.05})
         >>> scenario

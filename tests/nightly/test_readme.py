@@ -107,6 +107,7 @@ def test_the_site_is_built_without_a_warning(tmp_path):
     pytest.importorskip("mkdocs")
     pytest.importorskip("mkdocstrings_handlers.python")
     pytest.importorskip("material")
+    pytest.importorskip("latex2mathml")
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")],
         cwd=ROOT,
@@ -119,3 +120,9 @@ def test_the_site_is_built_without_a_warning(tmp_path):
     for name in ("Problem", "HomologyTree", "Controller", "Desirability", "prepare"):
         assert f">{name}<" in text
     assert (tmp_path / "site" / "changelog.html").is_file()
+    assert text.count("<math") > 15
+    assert text.count('<span class="doc-section-title">Examples:</span>') > 5
+    assert ">Example<" not in text  # a box whose prompts are quotations
+    assert "<math" in (tmp_path / "site" / "method.html").read_text()
+    assert (tmp_path / "site" / "search" / "search_index.js").is_file()
+    assert not re.findall(r'<script src="https?:', text)

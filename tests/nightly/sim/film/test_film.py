@@ -53,6 +53,22 @@ def test_a_film_shows_the_drive_and_a_still_its_end(graphics, tmp_path, capsys, 
     assert sorted(tmp_path.iterdir()) == [video, still]
 
 
+def test_a_film_shows_samples_in_the_colours_of_their_classes(graphics):
+    scenario = prepare("slit", given={"noise": 0.3, "vertices": 200, "samples": 40, "max_time": 0.05})
+    driver, pictures = scenario.driver(scenario.grown_tree()), []
+    frames = list(scenario.drive(scenario.plant(), driver))
+    for integral in (driver.path_integral, None):
+        one = film.Film(scenario.loaded, size=(1280, 720))
+        for frame in frames:
+            one.add(frame, integral)
+        pictures += one.shots([0.0])
+        one.close()
+    changed = np.abs(pictures[0].astype(int) - pictures[1]).max(axis=2) > 20
+    assert changed.sum() > 1000
+    magenta = (pictures[0][..., 0].astype(int) - pictures[0][..., 1] > 80) & changed
+    assert magenta.sum() > 100
+
+
 BARE = """<mujoco model="bare">
   <worldbody>
     <geom name="floor" type="plane" pos="2 1 0" size="2 1 0.1"/>
@@ -75,7 +91,7 @@ def test_what_a_scene_says_nothing_of_has_light_colours_and_a_sky(graphics, tmp_
     one.close()
     red, green, blue = (picture[..., k].astype(int) for k in range(3))
     assert np.sum((green > red + 40) & (green > blue + 30)) > 200
-    assert tuple(picture[0, 0]) == offscreen.SKY
+    assert tuple(picture[0, -1]) == offscreen.SKY
     floor, post = picture[150, 160].astype(int), picture[85, 160].astype(int)
     assert floor.min() > 140
     assert post.max() < floor.min() - 30
@@ -121,10 +137,13 @@ def test_every_robot_is_drawn_where_it_is(graphics, robot):
     assert columns.min() < 130 < 190 < columns.max()
 
 
-def test_among_bodies_that_move_pictures_tell_the_time_and_elsewhere_they_do_not(graphics, monkeypatch):
+def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphics, monkeypatch):
     told: list[str] = []
     monkeypatch.setattr(offscreen.Offscreen, "label", lambda self, place, text: told.append(text))
-    for scene, expected in (("crossing", ["0.1 s", "crosser"]), ("slit", [])):
+    noted: list[str] = []
+    monkeypatch.setattr(offscreen.Offscreen, "note", lambda self, rows: noted.extend(text for text, _ in rows))
+    for scene, expected in (("crossing", ["crosser"]), ("slit", [])):
+        noted.clear()
         told.clear()
         given = {"vertices": 60, "samples": 20, "period": 0.1, "max_time": 0.2}
         scenario = prepare(scene, given=given)
@@ -134,6 +153,8 @@ def test_among_bodies_that_move_pictures_tell_the_time_and_elsewhere_they_do_not
         shown.shots([0.1])
         shown.close()
         assert told == expected
+        assert noted[0] == "0.1 s"
+        assert all(row.endswith(" %") for row in noted[1:])
 
 
 def test_where_one_way_of_drawing_fails_the_next_is_tried(graphics, monkeypatch):

@@ -8,6 +8,7 @@ import pytest
 from plants import QUIET, scene_file
 
 from pirrht.errors import SceneError
+from pirrht.geometry.collision import Collision
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -79,10 +80,48 @@ def test_references_keep_the_margin():
         assert plain.space.collision.clearance(ways).min() > 0.039
 
 
-def test_a_scene_says_its_margin_and_who_starts_within_it_is_refused(tmp_path):
+def test_a_scene_says_its_margin(tmp_path):
     said = '<custom><numeric name="pirrht_margin" data="0.15"/></custom>'
     assert load(scene_file(tmp_path, option=said)).scene.robot_radius == pytest.approx(0.25)
     with pytest.raises(SceneError, match="margin"):
         load("slit", margin=-0.1)
-    with pytest.raises(SceneError, match="--margin"):
-        prepare("slit", margin=0.2, start=(3.4, 1.95))
+
+
+ROOM = """<mujoco><worldbody>{}
+<geom name="wall" type="box" size="1.5 0.05 0.3" pos="2 0.95 0.3"/>
+<site name="workspace" type="box" size="2.5 2 0.5" pos="2.5 2 0.5"/>
+<site name="start" pos="1.5 1.2 0"/><site name="goal" type="cylinder" size="0.3 0.01" pos="4.5 2.5 0"/>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("robot", ["puck", "unicycle"])
+def test_a_robot_that_starts_inside_the_margin_drives_out_of_it_and_arrives(tmp_path, robot):
+    file = tmp_path / "room.xml"
+    file.write_text(ROOM.format(""))
+    given = {"vertices": 400, "noise": 0.03, "max_time": 8.0}
+    scenario = prepare(file, robot=robot, margin=0.2, given=given)
+    frames = list(scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())))
+    assert frames[-1].outcome is Outcome.GOAL
+    states = np.vstack([frame.advance.states for frame in frames])
+    full = Collision(scenario.loaded.scene.world, scenario.loaded.scene.footprint).clearance(states[:, :2])
+    assert full[0] < 0.0
+    assert full[np.hypot(*(states[:, :2] - scenario.start[:2]).T) > scenario.space.scene.waivers[0].reach].min() > 0.0
+
+
+def test_only_who_touches_a_wall_at_the_start_is_refused_and_rounding_does_not_count(tmp_path):
+    file = tmp_path / "room.xml"
+    file.write_text(ROOM.format(""))
+    for y in (1.1, 1.1 - 1e-12, 1.1 + 1e-6):
+        assert prepare(file, start=(1.5, y)).references(prepare(file, start=(1.5, y)).grown_tree())
+    with pytest.raises(SceneError, match='touches geom "wall"'):
+        prepare(file, margin=0.2, start=(1.5, 1.09))
+
+
+def test_next_to_a_moving_obstacle_the_margin_is_half_of_what_it_leaves(tmp_path):
+    file = tmp_path / "room.xml"
+    walker = '<body name="walker" mocap="true" pos="1.5 1.6 0.3"><geom type="cylinder" size="0.2 0.3"/></body>'
+    custom = '<mujoco><custom><numeric name="pirrht_motion_walker" data="0 1.5 1.6 0  4 4 3.5 0"/></custom>'
+    file.write_text(ROOM.format(walker).replace("<mujoco>", custom))
+    loaded = load(file, margin=0.3)
+    assert loaded.margin == pytest.approx(0.05)
+    assert loaded.scene.robot_radius == pytest.approx(0.15)

@@ -78,7 +78,7 @@ BAD_SCENES = {
     "attribute": (mjcf(SITES + '<geom blob="1" size="1"/>'), "blob"),
     "negative size": (mjcf(SITES + '<geom name="hole" size="-1"/>'), "hole"),
     "missing mesh": (mjcf(SITES, head='<asset><mesh name="m" file="nowhere.stl"/></asset>'), "nowhere.stl"),
-    "not closed": ("<mujoco><worldbody>", "MISMATCHED"),
+    "not closed": ("<mujoco><worldbody>", "not MJCF: no element found: line 1"),
     "words": ("once upon a time", "not MJCF"),
     "bytes": (bytes(range(256)), "not MJCF"),
     "nothing": (b"", "empty"),

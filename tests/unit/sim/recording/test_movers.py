@@ -8,6 +8,7 @@ from drives import Moving, columns, rerun, timed
 from moving_scenes import body, moving_scene, rows
 
 from pirrht.arrays import Array
+from sim.drawing.colors import MOVER
 from sim.film.film import Film
 
 MAX_TIME = 0.4
@@ -93,6 +94,34 @@ def test_the_geoms_of_a_body_hang_below_its_pose_in_its_own_frame_and_not_among_
             np.testing.assert_allclose(batch.column(name).to_pylist()[0], [[0, 0, 0], [0, 0.4, 0]], atol=1e-6)
             return
     raise AssertionError("no boxes")
+
+
+def colors_at(file, path):
+    """The colours of an entity, (k, 4) from 0 to 255."""
+    from rerun.chunk import RrdReader
+
+    for chunk in RrdReader(str(file)).stream():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == path and any(name.endswith(":colors") for name in batch.schema.names):
+            name = next(name for name in batch.schema.names if name.endswith(":colors"))
+            packed = np.array(batch.column(name).to_pylist()[0], np.uint32)
+            return np.column_stack([packed >> shift & 255 for shift in (24, 16, 8, 0)])
+    raise AssertionError(path)
+
+
+def test_moving_obstacles_have_a_colour_of_their_own_and_nothing_hides_the_robot(tmp_path):
+    """The file gives the wall and the moving box the same colour."""
+    brown = 'rgba=".6 .4 .2 1"'
+    wall = f'<geom name="wall" type="box" size=".1 .5 .2" pos="3 3 0.2" {brown}/>'
+    world = wall + body("box", f'type="box" size=".3 .1 .2" {brown}', "2 2 0.1")
+    drive, file = Moving(moving_scene(tmp_path, world, rows("box", "0 2 2 0  1 3 2 0"))), tmp_path / "a.rrd"
+    with drive.recorder(file) as recorder:
+        for frame in drive.frames(0.04):
+            recorder.log(frame)
+    (standing,), (moving,) = (colors_at(file, f"/world/scene/{name}/boxes") for name in ("obstacles", "movers/box"))
+    assert tuple(moving[:3]) == MOVER
+    assert tuple(standing[:3]) == (153, 102, 51)
+    assert max(standing[3], moving[3]) < 220
 
 
 def test_a_film_shows_a_body_where_it_is(tmp_path):

@@ -1,0 +1,124 @@
+"""Fit a scene's start and goal to its walls: less safety margin, or a smaller goal disc, where they have no clearance.
+
+The planning radius is kept wherever the start allows it. Around a start inside the safety margin a disc is laid
+(`Waiver`), in which a smaller planning radius counts, large enough that a path leads out of the margin. Clearance is
+then the maximum of two 1-Lipschitz functions, so every certificate that rests on it still holds: of the usual one, and
+of the minimum of the clearance with the smaller radius and the distance to the rim of that disc.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+from pirrht.geometry.collision import SHORTEST, Collision
+from pirrht.geometry.scene import ROUNDING, Goal, Scene, Waiver
+
+KEPT_SHARES = (0.5, 0.25, 0.0)  # of the clearance at the start, kept around it; the first one with a path out is taken
+TURNING_REACH = 4.0  # added to a disc's radius, for robots that cannot turn on the spot [body radii]
+EXIT_SHARE = 0.75  # of a disc's radius, within which a path must have left the margin
+MAX_REACH = 64.0  # radius of the largest disc that is searched for a path out [body radii]
+LATTICE = 32  # points in a goal's radius
+SIMILAR = 0.5  # share of the greatest clearance or radius from which on a place in a goal disc is as good
+
+
+def fitted(scene: Scene, collision: Collision) -> Scene:
+    """Return the scene with a start and a goal point that are free, unchanged if they already are.
+
+    Args:
+        collision: of the scene's world and footprint, without waivers.
+
+    Raises:
+        SceneError: the robot without its margin touches an obstacle at the start, or everywhere in the goal disc.
+    """
+    start, goal, body = scene.start[:2], scene.goal, _body_radius(scene)
+    waivers = []
+    if (distance := float(collision.distance(start[None])[0])) < scene.robot_radius + SHORTEST:
+        if distance < body - ROUNDING:
+            raise SceneError(_in_collision(scene, "start", start, f" (it lacks {body - distance:.3g} m)"))
+        waivers.append(_waiver(scene, collision, start))
+    if float(collision.clearance(goal.center[None])[0]) <= 0.0:
+        wide, part = (_free_part(scene, collision, radius) for radius in (scene.robot_radius, body))
+        if part is None:
+            raise SceneError(_in_collision(scene, "goal", goal.center, ", as everywhere in its disc"))
+        goal = part if wide is None or wide.radius < SIMILAR * part.radius else wide
+        if collision.distance(goal.center[None])[0] < scene.robot_radius:
+            waivers.append(_waiver(scene, collision, goal.center))
+    return replace(scene, goal=goal, waivers=tuple(waivers)) if waivers or goal is not scene.goal else scene
+
+
+def _body_radius(scene: Scene) -> float:
+    return scene.robot_radius - scene.margin
+
+
+def _in_collision(scene: Scene, what: str, point: Array, more: str) -> str:
+    where = f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g}) is in collision for a robot of radius"
+    return f"{where} {_body_radius(scene):g}{more}; move it or choose a smaller --radius"
+
+
+def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
+    """Return the disc around a point (2,) [m] in which less margin counts; the largest one if no path leads out."""
+    body = _body_radius(scene)
+    clearance = float(collision.distance(point[None])[0]) - body
+    for share in KEPT_SHARES:
+        radius = body + min(share * clearance, clearance - SHORTEST)
+        reach, leads_out = 2.0 * (scene.margin - clearance) + TURNING_REACH * body, False
+        while not leads_out and reach < MAX_REACH * body:
+            leads_out = _leads_out(collision, point, radius, reach)
+            reach *= 1.0 if leads_out else 2.0
+        if leads_out:
+            break
+    return Waiver(float(point[0]), float(point[1]), reach, scene.robot_radius - radius)
+
+
+def _leads_out(collision: Collision, point: Array, radius: float, reach: float) -> bool:
+    """Whether a disc of `reach` [m] holds a path on a lattice from a point (2,) [m] out of the margin.
+
+    It is free for a smaller radius [m], and ends where the planning radius is.
+    """
+    from scipy.ndimage import label  # SciPy takes a tenth of a second to import, and few scenes need it
+
+    cell, full = min(reach / 8.0, radius / 3.0), collision.footprint.radius
+    count = int(np.ceil(reach / cell))
+    places = point + cell * _lattice(count)
+    away = np.hypot(*np.moveaxis(places - point, -1, 0))
+    members = range(len(collision.world.obstacles))
+    distance = collision.nearest_walls(places.reshape(-1, 2), members, full + 2.0 * cell).first.reshape(away.shape)
+    free = (away < reach) & (distance > radius)
+    free &= np.all((places > collision.world.lower) & (places < collision.world.upper), axis=-1)
+    free[count, count] = True
+    pieces, _ = label(free)
+    return bool(np.any((pieces == pieces[count, count]) & (distance > full + cell) & (away < EXIT_SHARE * reach)))
+
+
+def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None:
+    """Return the largest disc inside the goal's whose centre is free, None if there is none for a robot radius [m].
+
+    Places with much less clearance than others in the goal do not count; of equals the nearest to the start is taken.
+    """
+    from scipy.ndimage import label, maximum
+
+    goal = scene.goal
+    cell = goal.radius / LATTICE
+    places = goal.center + cell * _lattice(LATTICE)
+    to_rim = goal.radius - np.hypot(*np.moveaxis(places - goal.center, -1, 0))
+    to_border = np.minimum(places - scene.lower, scene.upper - places).min(axis=-1)
+    to_obstacles = collision.distance(places.reshape(-1, 2)).reshape(to_rim.shape) - radius
+    clearance = np.minimum(np.minimum(to_rim, to_border), to_obstacles)
+    pieces, count = label(clearance > SHORTEST)
+    if not count:
+        return None
+    greatest = np.append(-np.inf, maximum(clearance, pieces, np.arange(1, count + 1)))[pieces]
+    inside = (clearance >= SIMILAR * greatest) & (greatest >= SIMILAR * greatest.max())
+    centers, away = places[inside], np.rint((goal.radius - to_rim[inside]) / cell)
+    center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
+    return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
+
+
+def _lattice(count: int) -> Array:
+    """Return the points of whole numbers (2 count + 1, 2 count + 1, 2) around the origin."""
+    steps = np.arange(-count, count + 1)
+    return np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).astype(float)

@@ -1,0 +1,210 @@
+"""MJCF files that somebody with bad intentions, or a broken program, might hand over; the same for the same seed."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+
+from mjcf_samples import SITES
+
+HUGE = ("3", "200", "5000", "1000000", "1000000000", "99999999999", "2147483647", "40000", "-5", "1e9")
+NO_NUMBERS = ("nan", "inf", "-inf", "1e308", "1e-320", "NaN", "+nan", "infinity", "nan(1)", "0", "1e200", "0.5", "1e5")
+TURNS = {"euler": 3, "quat": 4, "axisangle": 4, "xyaxes": 6, "zaxis": 3}
+BOX = 'type="box" size="0.1 2 1" pos="5 5 0"'
+POINTS = "0 0 0 1 0 0 0 1 0 0 0 1"
+
+
+class Files:
+    """Files with bad properties in one folder, by name."""
+
+    def __init__(self, folder: Path, rng: Random) -> None:
+        self.folder, self.rng = folder, rng
+
+    def one(self, suffix: str) -> str:
+        """The name of a new file, pipe, link or folder, or of none."""
+        kinds: tuple[Callable[[Path], object], ...] = (
+            os.mkfifo,
+            lambda path: path.symlink_to("/dev/zero"),
+            lambda path: path.symlink_to("/dev/stdin"),
+            lambda path: path.symlink_to(path),
+            self._link_to_pipe,
+            Path.mkdir,
+            self._sparse,
+            lambda path: path.write_bytes(self.rng.randbytes(self.rng.randrange(2000))),
+            lambda path: path.write_bytes(b""),
+            lambda path: path.write_bytes(png(40_000, 40_000)),
+            lambda path: path.write_bytes(png(3, 3)),
+            lambda path: path.write_bytes(stl(float("nan"))),
+            lambda path: path.write_bytes(stl(1e300)),
+            lambda path: path.write_bytes(b"\0" * 80 + struct.pack("<I", 2**32 - 1)),
+            lambda path: path.write_text("v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"),
+            lambda path: path.write_text('<mujoco><worldbody><geom size="nan"/></worldbody></mujoco>'),
+            lambda path: path.write_text(f'<mujoco><include file="{path.name}"/></mujoco>'),
+            lambda path: None,
+        )
+        path = self.folder / f"part{len(os.listdir(self.folder))}{suffix}"
+        self.rng.choice(kinds)(path)
+        return self.rng.choice(
+            (path.name, path.name, str(path), f"./{path.name}", f"../{self.folder.name}/{path.name}")
+        )
+
+    def _link_to_pipe(self, path: Path) -> None:
+        pipe = path.with_name(f"{path.name}.pipe")
+        os.mkfifo(pipe)
+        path.symlink_to(pipe)
+
+    def _sparse(self, path: Path) -> None:
+        with path.open("wb") as stream:
+            stream.truncate(2**40)
+
+
+def png(width: int, height: int) -> bytes:
+    return b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + struct.pack(">II", width, height) + b"\x08\x02\0\0\0\0\0\0\0"
+
+
+def stl(value: float) -> bytes:
+    corners = [(0.0, 0.0, 0.0), (min(value, 3e38), 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    body = b"".join(struct.pack("<12fH", 0, 0, 0, *(v for i in face for v in corners[i]), 0) for face in faces)
+    return b"\0" * 80 + struct.pack("<I", len(faces)) + body
+
+
+def names_files(files: Files, rng: Random) -> tuple[str, str]:
+    """Head and world of a scene that names a file."""
+    role = rng.randrange(9)
+    if role == 0:
+        return f'<include file="{files.one(".xml")}"/>', ""
+    if role == 1:
+        return f'<asset><model name="m" file="{files.one(".xml")}"/></asset>', '<attach model="m" prefix="m"/>'
+    if role in (2, 3):
+        name = files.one(rng.choice((".stl", ".obj", ".msh", ".STL", "")))
+        return f'<asset><mesh name="m" file="{name}"/></asset>', '<geom type="mesh" mesh="m" pos="5 5 0"/>'
+    if role == 4:
+        kind = rng.choice(("2d", "cube", "skybox"))
+        key = rng.choice(("file", "fileright", "fileup")) if kind != "2d" else "file"
+        return (
+            f'<asset><texture name="t" type="{kind}" {key}="{files.one(rng.choice((".png", ".ktx", "")))}"/></asset>',
+            "",
+        )
+    if role == 5:
+        name = files.one(rng.choice((".png", ".bin")))
+        return f'<asset><hfield name="h" file="{name}" size="1 1 1 1"/></asset>', '<geom type="hfield" hfield="h"/>'
+    if role == 6:
+        return f'<asset><skin name="s" file="{files.one(".skn")}"/></asset>', ""
+    if role == 7:
+        name = files.one(".obj")
+        return "", f'<body><flexcomp name="f" type="mesh" file="{name}" dim="2" mass="1"/></body>'
+    folder = files.one("")
+    name = files.one(".stl")
+    return (
+        f'<compiler meshdir="{folder}" strippath="{rng.choice(("true", "false"))}"/><asset><mesh name="m" '
+        f'file="a/b/{name}"/></asset>',
+        '<geom type="mesh" mesh="m"/>',
+    )
+
+
+def asks_for_much(files: Files, rng: Random) -> tuple[str, str]:
+    """Head and world of a scene with large counts."""
+    n, k = rng.choice(HUGE), rng.choice(HUGE)
+    size = rng.choice(("nuserdata", "nkey", "njmax", "nconmax", "nstack", "nuser_body", "nuser_geom", "memory"))
+    deep = "".join(f'<replicate count="{rng.choice((10, 100, 1000))}" offset="1 0 0">' for _ in range(4))
+    chain = "".join(f'<body name="c{i}">' for i in range(20)) + "".join("</body>" for _ in range(20))
+    cable = f'<composite type="cable" prefix="a" count="{n} 1 1" size="1"><geom type="capsule" size="0.1"/></composite>'
+    return rng.choice(
+        (
+            (f'<asset><texture name="t" type="2d" builtin="flat" width="{n}" height="{k}"/></asset>', ""),
+            (f'<asset><texture name="t" type="cube" builtin="gradient" width="{n}" height="{n}"/></asset>', ""),
+            (f'<asset><hfield name="h" nrow="{n}" ncol="{k}" size="1 1 1 1"/></asset>', ""),
+            ("", f'<replicate count="{n}" offset="0.1 0 0"><geom size="0.1" pos="5 5 0"/></replicate>'),
+            ("", f'{deep}<geom size="0.1" pos="5 5 0"/>{"</replicate>" * 4}'),
+            (f'<size {size}="{n}"/>', ""),
+            (f'<size {size}="{n}G" {rng.choice(("nkey", "nuser_jnt"))}="{k}"/>', ""),
+            (f'<custom><numeric name="a" size="{n}" data="1"/></custom>', ""),
+            (f'<sensor><user name="u" dim="{n}"/></sensor>', ""),
+            ("", f'<camera name="c" resolution="{n} {k}"/>'),
+            ("", f'<body><flexcomp name="f" type="grid" count="{n} {k} 2" spacing="1 1 1" dim="3"/></body>'),
+            ("", f"<body>{cable}</body>"),
+            (f'<statistic extent="{n}"/><visual><global offwidth="{n}" offheight="{k}"/></visual>', ""),
+            (f'<visual><quality shadowsize="{n}" offsamples="{k}" numslices="{n}"/></visual>', ""),
+            (f'<asset><mesh name="m" builtin="sphere" params="{rng.randrange(20)}"/></asset>', chain),
+            ("<keyframe>" + f'<key qpos="{"1 " * rng.randrange(100_000)}"/></keyframe>', ""),
+            (f'<option timestep="{n}" iterations="{k}"/>', ""),
+        )
+    )
+
+
+def has_no_numbers(files: Files, rng: Random) -> tuple[str, str]:
+    """Head and world of a scene in which a number is none, or far too large."""
+    bad = rng.choice(NO_NUMBERS)
+    turn = rng.choice(tuple(TURNS))
+    numbers = [rng.choice(("0", "1", bad)) for _ in range(TURNS[turn])]
+    numbers[rng.randrange(len(numbers))] = bad
+    turned = f'{turn}="{" ".join(numbers)}"'
+    mesh = rng.choice(("scale", "refpos", "refquat"))
+    values = " ".join([bad, *"1" * (3 if mesh == "refquat" else 2)])
+    return rng.choice(
+        (
+            ("", f'<geom name="wall" {BOX} {turned}/>'),
+            ("", f'<body name="holder" {turned}><geom name="wall" {BOX}/></body>'),
+            ("", f"<body><body {turned}><body><geom {BOX}/></body></body></body>"),
+            ("", f'<frame {turned}><geom name="wall" {BOX}/></frame>'),
+            ("", f'<replicate count="3" offset="{bad} 0 0" euler="0 0 {bad}"><geom {BOX}/></replicate>'),
+            ("", f'<body mocap="true" {turned}><geom name="wall" {BOX}/></body>'),
+            (f"<default><geom {turned}/></default>", f'<geom name="wall" {BOX}/>'),
+            ("", f'<site name="start2" {turned}/>'),
+            ("", f'<geom type="box" size="{bad} 1 1" pos="5 5 0"/>'),
+            ("", f'<geom type="box" size="1 1 1" pos="5 {bad} 0"/>'),
+            ("", f'<geom type="capsule" size="0.1" fromto="4 4 0 {bad} 5 0"/>'),
+            ("", f'<body pos="{bad} 0 0"><body pos="{bad} 0 0"><geom {BOX}/></body></body>'),
+            (
+                f'<asset><mesh name="m" vertex="{POINTS}" {mesh}="{values}"/></asset>',
+                '<geom type="mesh" mesh="m" pos="5 5 0"/>',
+            ),
+            (f'<asset><mesh name="m" vertex="{POINTS} {bad} 2 2"/></asset>', '<geom type="mesh" mesh="m"/>'),
+            (f'<option gravity="0 0 {bad}" timestep="{rng.choice((bad, "0.002"))}"/>', ""),
+            (f'<custom><numeric name="pirrht_noise" data="{bad}"/></custom>', ""),
+            (f'<compiler angle="{rng.choice(("radian", "degree"))}" eulerseq="zzz"/>', f"<geom {BOX} {turned}/>"),
+        )
+    )
+
+
+PARTS = (names_files, asks_for_much, has_no_numbers)
+
+
+def hostile(folder: Path, rng: Random) -> Path:
+    """A new file in a folder, which may hold more files that it names."""
+    files = Files(folder, rng)
+    parts = [rng.choice(PARTS)(files, rng) for _ in range(rng.choice((1, 1, 1, 2, 3)))]
+    head, world = ("".join(column) for column in zip(*parts, strict=True))
+    text = f"<mujoco>{head}<worldbody>{SITES}{world}</worldbody></mujoco>"
+    declared = rng.choice(("", "", "", "latin-1", "utf-16", "ebcdic-cp-us", "nonsense", "us-ascii"))
+    if declared:
+        text = f'<?xml version="1.0" encoding="{declared}"?>{text}'
+    spoilt = rng.randrange(36)
+    if spoilt == 0:
+        text = text.replace("<worldbody>", "<!-- <worldbody> -- --><worldbody>")
+    elif spoilt == 1:
+        text = f'<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "{"&a;" * 10}">]>{text.replace("5 5", "&b;")}'
+    elif spoilt == 2:
+        text = text.replace("<worldbody>", f"{'<worldbody>' * 3000}")
+    elif spoilt == 3:
+        text = text.replace("<worldbody>", "<worldbody>" + "<body>" * 30_000) + "</body>" * 30_000
+    elif spoilt == 4:
+        text = text[: rng.randrange(len(text))]
+    elif spoilt == 5:
+        text = text.replace('"', "'").replace("<geom", '<geom name="<!--"').replace("</worldbody>", "--></worldbody>")
+    elif spoilt == 6:
+        text = text.replace("<worldbody>", '<worldbody><body name="T\udcfcr"/>')
+    elif spoilt == 7:
+        text = text.replace("<worldbody>", "<worldbody>" + "<site/>" * 150_000)
+    elif spoilt == 8:
+        text = "<!--" * 200_000 + text
+    elif spoilt == 9:
+        text = text.replace("<worldbody>", f"<worldbody><![CDATA[<geom {BOX} euler='0 0 nan'/>]]>")
+    code = "utf-16" if spoilt == 10 else "utf-8"
+    path = folder / "scene.xml"
+    path.write_bytes((b"\xef\xbb\xbf" if spoilt == 11 else b"") + text.encode(code, "surrogateescape"))
+    return path

@@ -1,0 +1,162 @@
+"""Scenes that were made for another robot: what moves is welded or left out, and all that is in the way is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from mjcf_samples import GOAL, SITES, START, mjcf, refusal
+
+from sim.mjcf import load
+
+TASK = """<mujoco model="task"><compiler angle="degree" fusestatic="true"/>
+  <worldbody>
+    {sites}
+    <body name="agent" pos="2 2 0.1"><joint name="slide x" type="slide" axis="1 0 0"/>
+      <joint name="slide y" type="slide" axis="0 1 0"/><geom name="ball" size="0.1"/><site name="nose"/></body>
+    <frame pos="1 1 0" euler="0 0 90"><frame euler="0 0 -30">
+      <body name="door" pos="3 0 0" euler="0 0 10"><joint name="hinge" axis="0 0 1"/>
+        <geom name="leaf" type="box" size="0.5 0.05 0.5" pos="0.5 0 0"/>
+        <body name="knob" pos="1 0 0.2"><joint name="turn" type="ball"/><geom name="knob" size="0.05 0.1 0.05"
+          type="box"/></body></body></frame></frame>
+    <body name="cube"><freejoint/><geom name="cube" type="box" size="0.2 0.2 0.2"/></body>
+    <body name="cart" mocap="true" pos="1 8 0"><geom name="cart" size="0.3"/></body>
+    <camera name="behind" mode="targetbody" target="agent" pos="0 0 1"/>
+    <light mode="targetbodycom" target="agent"/>
+  </worldbody>
+  <tendon><fixed name="rope"><joint joint="slide x" coef="1"/></fixed></tendon>
+  <actuator><motor name="push" joint="slide x"/><motor tendon="rope"/><motor name="open" joint="hinge"/></actuator>
+  <equality><joint joint1="slide x" joint2="hinge"/></equality>
+  <sensor><jointpos joint="hinge"/><framepos objtype="site" objname="nose"/></sensor>
+  <contact><exclude body1="agent" body2="cube"/><pair geom1="ball" geom2="leaf"/></contact>
+  <custom><tuple name="parts"><element objtype="joint" objname="hinge"/></tuple></custom>
+  <keyframe><key name="home" qpos="0.5 0  40  1 0 0 0  6 2 0.2 1 0 0 0.3" mpos="1 7 0"/></keyframe>
+</mujoco>"""
+
+
+@pytest.fixture
+def task(tmp_path: Path) -> Path:
+    path = tmp_path / "task.xml"
+    path.write_text(TASK.format(sites=SITES))
+    return path
+
+
+def places(model: mujoco.MjModel, data: mujoco.MjData, names) -> np.ndarray:
+    mujoco.mj_kinematics(model, data)
+    return np.array([[*data.geom(name).xpos, *data.geom(name).xmat] for name in names])
+
+
+def test_what_moves_is_welded_where_the_keyframe_has_it(task):
+    names = ("ball", "leaf", "knob", "cube", "cart")
+    alone = mujoco.MjModel.from_xml_path(str(task))
+    data = mujoco.MjData(alone)
+    mujoco.mj_resetDataKeyframe(alone, data, 0)
+    loaded = load(task, freeze=True)
+    frozen = mujoco.MjData(loaded.model)
+    np.testing.assert_allclose(places(loaded.model, frozen, names), places(alone, data, names), atol=1e-12)
+    assert loaded.model.njnt == 2  # the robot's own
+    assert loaded.model.nu == 2
+    assert set(names) <= {solid.name for solid in loaded.scene.obstacles}
+    assert loaded.notes == ('frozen as keyframe "home" has them: agent, door, cube; 3 actuators dropped',)
+
+
+def test_without_a_keyframe_bodies_stay_where_their_joints_are_at_rest(tmp_path):
+    world = '<body name="swing" pos="5 5 0"><joint axis="0 0 1" ref="30"/><geom type="box" size="1 0.1 1"/></body>'
+    path = tmp_path / "swing.xml"
+    path.write_text(mjcf(SITES + world))
+    loaded = load(path, freeze=True)
+    np.testing.assert_allclose(loaded.scene.obstacles[0].rotation, np.eye(3), atol=1e-12)
+    assert loaded.notes == ("frozen as the default pose has them: swing",)
+
+
+def test_a_body_is_left_out_with_all_that_refers_to_it(task):
+    loaded = load(task, freeze=True, without=["agent"])
+    assert "ball" not in {solid.name for solid in loaded.scene.obstacles}
+    assert loaded.notes == (
+        "left out: agent and 2 actuators",
+        'frozen as keyframe "home" has them: door, cube; 1 actuator dropped',
+    )
+
+
+def test_a_body_that_is_not_there_cannot_be_left_out(task):
+    assert '"agent", "door", "cube", "cart"' in refusal(task, without=["agnet"])
+
+
+def test_the_start_in_a_frozen_robot_names_the_body_to_leave_out(task):
+    assert 'leave out body "agent"' in refusal(task, freeze=True, start=(2.4, 2.0))
+
+
+def test_all_that_is_in_the_way_is_named_at_once(tmp_path):
+    path = tmp_path / "task.xml"
+    tilted = '<geom name="ramp" type="plane" size="1 1 1" euler="20 0 0"/>'
+    path.write_text(TASK.format(sites=tilted))
+    message = refusal(path)
+    for part in (
+        '3 actuators ("push", "open")', 'body "agent" moves by joint "slide x", joint "slide y"',
+        'body "door" moves by joint "hinge", joint "turn"', 'body "cube" moves by a free joint', 'geom "ramp"',
+        'no site "workspace"', 'no site "goal"', 'no site "start"', "--freeze", "--without agent",
+    ):  # fmt: skip
+        assert part in message
+
+
+def test_a_workspace_is_given_to_a_scene_with_an_endless_floor(tmp_path):
+    path = tmp_path / "endless.xml"
+    path.write_text(mjcf(GOAL + START + '<geom type="plane" size="0 0 0.1"/>'))
+    scene = load(path, workspace=(0, 10, -1, 12)).scene
+    np.testing.assert_allclose([*scene.lower, *scene.upper], [0, -1, 10, 12])
+    assert "--workspace X0 X1 Y0 Y1" in refusal(path)
+    assert "x0 < x1" in refusal(path, workspace=(0, 0, -1, 12))
+
+
+CORNER = "0 0 0  3 0 0  3 1 0  1 1 0  1 3 0  0 3 0"  # of an angle with two arms
+
+
+def angle() -> str:
+    corners = np.array(CORNER.split(), dtype=float).reshape(-1, 3)
+    vertices = np.vstack([corners, corners + np.array([0, 0, 1])])
+    faces = [(0, 2, 1), (0, 3, 2), (0, 4, 3), (0, 5, 4), *(tuple(6 + np.array(f)) for f in ((0, 1, 2), (0, 2, 3)))]
+    faces += [tuple(6 + np.array(f)) for f in ((0, 3, 4), (0, 4, 5))]
+    for i in range(6):
+        j = (i + 1) % 6
+        faces += [(i, j, 6 + j), (i, 6 + j, 6 + i)]
+    numbers = " ".join(f"{v:g}" for v in vertices.ravel())
+    return f'<mesh name="angle" vertex="{numbers}" face="{" ".join(str(v) for face in faces for v in face)}"/>'
+
+
+@pytest.fixture
+def angled(tmp_path: Path) -> Path:
+    path = tmp_path / "angled.xml"
+    world = '<geom name="arms" type="mesh" mesh="angle" pos="4 4 0" euler="0 0 30"/>'
+    path.write_text(mjcf(SITES + world, head=f"<asset>{angle()}</asset>"))
+    return path
+
+
+def test_a_concave_mesh_is_reported_with_both_volumes_and_shown_as_its_hull(angled):
+    loaded = load(angled)
+    (note,) = loaded.notes
+    assert 'geom "arms" (7 m3, of which the mesh fills 5)' in note
+    assert "pirrht import MESH --decompose" in note
+    model, data = loaded.model, mujoco.MjData(loaded.model)
+    mujoco.mj_kinematics(model, data)
+    geom, (solid,) = model.geom("arms").id, loaded.scene.obstacles
+    mesh = int(model.geom_dataid[geom])
+    drawn = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
+    drawn = drawn @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+    planned = solid.vertices @ solid.rotation.T + solid.position
+    np.testing.assert_allclose(sorted(drawn.round(4).tolist()), sorted(planned.round(4).tolist()), atol=2e-4)
+    assert len(drawn) == 10  # the inner edge is gone
+
+
+def test_a_convex_mesh_is_nothing_to_report(tmp_path):
+    path = tmp_path / "wedge.xml"
+    wedge = '<asset><mesh name="wedge" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
+    path.write_text(mjcf(SITES + '<geom type="mesh" mesh="wedge" pos="5 5 0"/>', head=wedge))
+    assert load(path).notes == ()
+
+
+def test_a_start_inside_the_hull_of_a_mesh_says_so(angled):
+    message = refusal(angled, start=(4.6, 6.2))
+    assert 'touches the convex hull of geom "arms" (7 m3' in message
+    assert "--decompose" in message
