@@ -98,8 +98,8 @@ def _compare(setting: Setting, samples: int, repeats: int) -> Result:
         ess = float(np.median([work[name](seed).ess for seed in range(repeats)]))
         values[name] = {"seconds": spent, "over_ours": spent / seconds[OURS], "ess": ess, **figures}
         rate = f"{figures['steps_per_second'] / 1e6:.1f} M steps/s" if "steps_per_second" in figures else "-"
-        told = {"rate": rate, "effective": f"{ess / spent:.3g}", "note": f"ESS {ess:.0f}, {_note(figures)}"}
-        table.append(row(f"{samples} rollouts: {name}", spent, spent / seconds[OURS], **told))
+        columns = {"rate": rate, "effective": f"{ess / spent:.3g}", "note": f"ESS {ess:.0f}, {_note(figures)}"}
+        table.append(row(f"{samples} rollouts: {name}", spent, spent / seconds[OURS], **columns))
     table += [[f"{samples} rollouts: {name}", *5 * "-", peers.HINT] for name in absent]
     return table, values
 

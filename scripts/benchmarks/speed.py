@@ -21,6 +21,7 @@ from sim.rehearsal import rehearse
 from sim.scenario import Scenario, prepare
 
 REPEATS = 5
+HEADER = ["figure", "median", "unit", "over ours", "rate", "effective/s", "note"]
 PARTS = {"rollouts": rollouts.rows, "planners": planners.rows}
 ALONE = {"systems": systems.rows, "moving": moving.rows}  # of no table but their own
 
@@ -35,7 +36,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     for name in [options.part] if options.part else parts:
         found, values[name] = parts[name](options)
         table += found
-    return ["figure", "median", "unit", "over ours", "rate", "effective/s", "note"], table, values
+    return HEADER, table, values
 
 
 def drive(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:

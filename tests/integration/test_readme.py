@@ -191,16 +191,16 @@ def test_versions_that_a_page_names_are_this_one_or_the_minor_one_before(page):
     assert named_here <= {(major, minor), (major, minor - 1)}, "measure these figures anew, or leave them out"
 
 
-def test_every_table_of_results_tells_its_command_and_its_version():
+def test_every_table_of_results_names_its_command_and_its_version():
     sections = [text for text in re.split(r"^## ", named("results.md").read_text(), flags=re.M) if "|---|" in text]
     assert len(sections) > 3
     for text in sections:
-        for told in (BENCHMARK, "version " + VERSION):
-            assert re.search(told, text), text.splitlines()[0]
+        for pattern in (BENCHMARK, "version " + VERSION):
+            assert re.search(pattern, text), text.splitlines()[0]
 
 
 def test_benchmarks_that_pages_name_are_there():
-    found = {known for page in PAGES for known in re.findall(BENCHMARK, page.read_text())}
-    assert len(found) > 3
-    assert {what for what, _ in found} <= set(benchmark.TABLES)
-    assert not [(what, part) for what, part in found if part and part not in benchmark.PARTS.get(what, ())]
+    parts = {part for page in PAGES for part in re.findall(BENCHMARK, page.read_text())}
+    assert len(parts) > 3
+    assert {what for what, _ in parts} <= set(benchmark.TABLES)
+    assert not [(what, part) for what, part in parts if part and part not in benchmark.PARTS.get(what, ())]
