@@ -104,7 +104,7 @@ def many(scenario: Scenario, tree: HomologyTree, x: Array) -> list[dict[str, flo
         H = max(1, len(controller.plan(x).references))
     except NoReference:
         return []
-    plenty = scenario.with_settings(samples=MANY // H).controller(tree)
+    plenty = scenario.with_settings(samples=MANY // H, classes=H).controller(tree)
     plenty.begin(x)
     estimates = [plenty.plan(x).estimate for _ in range(2)]
     return [estimate.class_weights for estimate in estimates if estimate is not None]

@@ -60,7 +60,9 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
     late = {predict: late_plans(scenarios, options.drive, predict) for predict in ("known", "velocity")}
     for predict, (missed, plans, elsewhere) in late.items():
         note = f"{missed} of {plans}; other machines took {100.0 * elsewhere:.1f} % of the processors"
-        table.append([f"late plans, 10 Hz, recording, {predict}", f"{100.0 * missed / plans:.2g}", "%", "-", "-", note])
+        table.append(
+            [f"late plans, 10 Hz, recording, {predict}", f"{100.0 * missed / plans:.2g}", "%", "-", "-", "-", note]
+        )
     return table, {
         "rollouts": {steps: {k: v[1] for k, v in known.items()} for steps, known in rates.items()},
         "planning": seconds,

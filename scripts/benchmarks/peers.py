@@ -39,6 +39,7 @@ class Answer:
     """What a peer found, to compare with ours."""
 
     goal_share: float  # of the samples that reach the goal
+    ess: float  # effective samples
     log_psi: float | None = None
 
 
@@ -98,19 +99,20 @@ def jax_rollouts(task: Task, samples: int) -> Peer:
         log_weight = jnp.where(outcome == 1, -work / task.temperature - mixture, -jnp.inf)
         top = log_weight.max()
         weight = jnp.exp(log_weight - top)
-        return jnp.mean(outcome == 1), top + jnp.log(weight.mean()), weight @ control / weight.sum()
+        ess = weight.sum() ** 2 / jnp.sum(weight**2)
+        return jnp.mean(outcome == 1), ess, top + jnp.log(weight.mean()), weight @ control / weight.sum()
 
     compiled = jax.jit(estimate)
 
     def run(seed: int) -> Answer:
-        share, log_psi, _ = jax.block_until_ready(compiled(jax.random.key(seed)))
-        return Answer(goal_share=float(share), log_psi=float(log_psi))
+        share, ess, log_psi, _ = jax.block_until_ready(compiled(jax.random.key(seed)))
+        return Answer(goal_share=float(share), ess=float(ess), log_psi=float(log_psi))
 
     return run
 
 
 def torch_rollouts(task: Task, samples: int) -> Peer:
-    """One `pytorch_mppi.MPPI` per tape, each with its share of the samples; its state is (x, y, outcome)."""
+    """One `pytorch_mppi.MPPI` per tape, with its share of the samples and weights of its own; state (x, y, outcome)."""
     import torch
     from pytorch_mppi import MPPI
 
@@ -148,11 +150,12 @@ def torch_rollouts(task: Task, samples: int) -> Peer:
 
     def run(seed: int) -> Answer:
         torch.manual_seed(seed)
-        arrived = 0.0
+        arrived = ess = 0.0
         for planner, tape in zip(planners, tapes, strict=True):
             planner.U = tape
             planner.command(start, shift_nominal_trajectory=False)
             arrived += float((last["state"][:, 2] == 1.0).float().mean()) / H
-        return Answer(goal_share=arrived)
+            ess += 1.0 / float((planner.omega**2).sum())
+        return Answer(goal_share=arrived, ess=ess)
 
     return run

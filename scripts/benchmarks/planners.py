@@ -43,10 +43,10 @@ def rows(options: argparse.Namespace) -> Result:
         values[str(number)] = medians
         table += _rows(number, medians)
     if missing("ompl"):
-        table += [[f"OMPL's {planner}", "-", "-", "-", "-", HINT] for planner in PLANNERS]
+        table += [[f"OMPL's {planner}", "-", "-", "-", "-", "-", HINT] for planner in PLANNERS]
     growth = _per_vertex(values[str(NUMBERS[-1])]["ours"]) / _per_vertex(values[str(NUMBERS[0])]["ours"])
     values["per_vertex_growth"] = growth
-    table.append([f"cost per vertex, {NUMBERS[-1]} over {NUMBERS[0]}", "-", "-", f"{growth:.2f}", "-", "ours"])
+    table.append([f"cost per vertex, {NUMBERS[-1]} over {NUMBERS[0]}", "-", "-", f"{growth:.2f}", "-", "-", "ours"])
     return table, values
 
 

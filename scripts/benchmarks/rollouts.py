@@ -80,7 +80,7 @@ def rows(options: argparse.Namespace) -> Result:
     found, values["limit"] = _limit(setting)
     same = _same_on_threads(setting)
     values["same_on_1_and_2_threads"] = same
-    return [*table, *found, ["1 and 2 threads", "-", "-", "-", "-", "identical" if same else "DIFFERENT"]], values
+    return [*table, *found, ["1 and 2 threads", *5 * "-", "identical" if same else "DIFFERENT"]], values
 
 
 def _compare(setting: Setting, samples: int, repeats: int) -> Result:
@@ -95,10 +95,12 @@ def _compare(setting: Setting, samples: int, repeats: int) -> Result:
     for name, spent in seconds.items():
         own = name in setting.kernels
         figures = _ours(setting, name, samples, spent) if own else _peer(setting, work[name], samples)
-        values[name] = {"seconds": spent, "over_ours": spent / seconds[OURS], **figures}
+        ess = float(np.median([work[name](seed).ess for seed in range(repeats)]))
+        values[name] = {"seconds": spent, "over_ours": spent / seconds[OURS], "ess": ess, **figures}
         rate = f"{figures['steps_per_second'] / 1e6:.1f} M steps/s" if "steps_per_second" in figures else "-"
-        table.append(row(f"{samples} rollouts: {name}", spent, spent / seconds[OURS], rate=rate, note=_note(figures)))
-    table += [[f"{samples} rollouts: {name}", "-", "-", "-", "-", peers.HINT] for name in absent]
+        columns = {"rate": rate, "effective": f"{ess / spent:.3g}", "note": f"ESS {ess:.0f}, {_note(figures)}"}
+        table.append(row(f"{samples} rollouts: {name}", spent, spent / seconds[OURS], **columns))
+    table += [[f"{samples} rollouts: {name}", *5 * "-", peers.HINT] for name in absent]
     return table, values
 
 

@@ -1,7 +1,7 @@
 """Speed of rollouts, of planning and of a drive's control steps, beside other libraries where there are any.
 
 Everything is timed in one process, compiled before, and takes turns; figures are medians. Columns: the figure, how
-many times ours it takes, the rate, and what is needed to judge it.
+many times ours it takes, the rate, effective samples per second, and what is needed to judge it.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from sim.rehearsal import rehearse
 from sim.scenario import Scenario, prepare
 
 REPEATS = 5
+HEADER = ["figure", "median", "unit", "over ours", "rate", "effective/s", "note"]
 PARTS = {"rollouts": rollouts.rows, "planners": planners.rows}
 ALONE = {"systems": systems.rows, "moving": moving.rows}  # of no table but their own
 
@@ -35,7 +36,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     for name in [options.part] if options.part else parts:
         found, values[name] = parts[name](options)
         table += found
-    return ["figure", "median", "unit", "over ours", "rate", "note"], table, values
+    return HEADER, table, values
 
 
 def drive(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:

@@ -37,7 +37,15 @@ def ticks() -> tuple[int, int]:
         return 0, 0
 
 
-def row(figure: str, seconds: float, over: float | None = None, *, rate: str = "-", note: str = "") -> list[str]:
+def row(
+    figure: str,
+    seconds: float,
+    over: float | None = None,
+    *,
+    rate: str = "-",
+    effective: str = "-",
+    note: str = "",
+) -> list[str]:
     """One row of the table of speeds; `over` is how many times our own figure it takes."""
     value, unit = (seconds, "s") if seconds >= 1.0 else (1e3 * seconds, "ms")
-    return [figure, f"{value:.3g}", unit, "-" if over is None else f"{over:.3g}", rate, note]
+    return [figure, f"{value:.3g}", unit, "-" if over is None else f"{over:.3g}", rate, effective, note]

@@ -10,12 +10,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import benchmark
 import documents
 import numpy as np
 import pytest
 from documents import NAMES, PAGES, blocks, commands, links, models, named
 from repository import ROOT, environment
 
+import pirrht
 from sim import cli
 from sim.cli import parser
 from sim.cli.demo import LEVELS, sentences
@@ -174,3 +176,31 @@ def test_the_gallery_shows_every_scene_with_its_own_sentence():
     for name in scene_names():
         assert load(name).about.endswith((".", "?", ")."))
         assert 20 < len(load(name).about) <= 120
+
+
+# -- figures -----------------------------------------------------------------------------------------------------
+
+VERSION = r"(?<![\d.])(\d+)\.(\d+)\.\d+(?![\d.])"
+BENCHMARK = r"benchmark\.py (\w+)(?: --part (\w+))?"
+
+
+@pytest.mark.parametrize("page", NAMES)
+def test_versions_that_a_page_names_are_this_one_or_the_minor_one_before(page):
+    major, minor = map(int, pirrht.__version__.split(".")[:2])
+    named_here = {(int(a), int(b)) for a, b in re.findall(VERSION, named(page).read_text())}
+    assert named_here <= {(major, minor), (major, minor - 1)}, "measure these figures anew, or leave them out"
+
+
+def test_every_table_of_results_names_its_command_and_its_version():
+    sections = [text for text in re.split(r"^## ", named("results.md").read_text(), flags=re.M) if "|---|" in text]
+    assert len(sections) > 3
+    for text in sections:
+        for pattern in (BENCHMARK, "version " + VERSION):
+            assert re.search(pattern, text), text.splitlines()[0]
+
+
+def test_benchmarks_that_pages_name_are_there():
+    parts = {part for page in PAGES for part in re.findall(BENCHMARK, page.read_text())}
+    assert len(parts) > 3
+    assert {what for what, _ in parts} <= set(benchmark.TABLES)
+    assert not [(what, part) for what, part in parts if part and part not in benchmark.PARTS.get(what, ())]

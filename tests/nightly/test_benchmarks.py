@@ -6,7 +6,7 @@ import argparse
 
 import numpy as np
 import pytest
-from benchmarks import peers, planners, rollouts, timing
+from benchmarks import peers, planners, rollouts, speed, timing
 
 OPTIONS = argparse.Namespace(scene=None, drive=0.1, part=None)
 
@@ -30,6 +30,8 @@ def test_missing_peers_are_told_and_ours_is_timed_all_the_same(monkeypatch):
     table, values = rollouts.rows(OPTIONS)
     assert [row[-1] for row in table].count(peers.HINT) == len(rollouts.PEERS)
     assert values["600"][rollouts.OURS]["steps_per_second"] > 0
+    assert values["600"][rollouts.DEFAULT]["ess"] > 3.0 * values["600"][rollouts.OURS]["ess"]
+    assert {len(row) for row in table} == {len(speed.HEADER)}
     assert values["same_on_1_and_2_threads"]
 
 
@@ -47,8 +49,10 @@ def test_ours_grows_as_many_vertices_as_are_asked_for_without_ompl(monkeypatch):
 def test_a_peer_finds_the_answer_that_we_find(name, setting):
     module, build = rollouts.PEERS[name]
     pytest.importorskip(module)
-    found = rollouts._peer(setting, build(setting.task(), 6000), 6000)
+    work = build(setting.task(), 6000)
+    found = rollouts._peer(setting, work, 6000)
     assert found["off"] < 4.0
+    assert 1.0 <= work(0).ess < 0.05 * 6000
     assert found.get("log_psi_off", 0.0) < 4.0
 
 
