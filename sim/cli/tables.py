@@ -13,7 +13,7 @@ from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.reference import Reference
 from sim.drawing.colors import title
 from sim.drawing.sides import passing
-from sim.drive import realtime_timing
+from sim.drive import clock
 from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
 from sim.scenario import Scenario
@@ -207,7 +207,7 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
             f"weakest on {drive.least_ess:.1f} at {drive.least_ess_time:.2f} s: a guess; try more --samples"
         )
     if drive.real_time is not None:
-        say(realtime_timing.summary(drive.real_time))
+        say(clock.summary(drive.real_time))
     say(
         f"{counted(drive.steps, 'control step')}: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, "
         f"max {ms['max']:.1f}, {drive.deadline_misses} {late}"

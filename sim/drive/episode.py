@@ -17,9 +17,9 @@ from pirrht.outcome import Outcome
 from pirrht.topology.homology import class_id
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drawing.colors import title
+from sim.drive.clock import Timing, figures
 from sim.drive.executor import Plant
 from sim.drive.odometer import Frame, Odometer
-from sim.drive.realtime_timing import Timing, figures
 from sim.drive.result import DriveResult
 
 __all__ = ["Frame", "Tally", "run", "size_of"]

@@ -13,9 +13,8 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.geometry.field import clearance
-from sim.drive.clock import Clock
+from sim.drive.clock import URGENT, Clock
 from sim.drive.episode import size_of
-from sim.drive.urgent import URGENT
 
 SHARE = 0.7  # of a period, at most, is for references and samples; then they are weighed, and the tree grows
 LEAST = 0.3  # of it is, however long weighing takes

@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 
-from sim.drive.urgent import URGENT
+from sim.drive.clock import URGENT
 from sim.recording.outlet import Outlet
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream, forget_lost_viewers

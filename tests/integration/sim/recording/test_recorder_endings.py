@@ -10,7 +10,7 @@ import pytest
 from drives import Drive, columns
 
 from pirrht.errors import OptionError
-from sim.drive.urgent import URGENT
+from sim.drive.clock import URGENT
 from sim.recording import viewer
 from sim.recording.sink import NAP, ROOM
 from sim.recording.stream import Stream
