@@ -6,9 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from sim.columns import Column
-
 _KINDS = {"str": "string", "float": "float64", "int": "int64"}  # annotation -> Arrow
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A column of a table, or a figure of a record."""
+
+    name: str
+    kind: str  # of Arrow: string, float64 or int64
+    unit: str
+    text: str
 
 
 def _told(unit: str, text: str) -> Any:

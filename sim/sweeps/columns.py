@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from sim.columns import Column
-from sim.drive.result import FIGURES
+from sim.drive.result import FIGURES, Column
 
 TIMING = "timing_"  # begins the names of columns that differ when a run is repeated
 
