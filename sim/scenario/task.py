@@ -15,7 +15,7 @@ from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from sim import memory
+from sim import settings
 from sim.mjcf import Loaded
 from sim.settings import Settings
 from sim.systems import System, refuse
@@ -40,7 +40,7 @@ class Task:
     widens: bool = True  # whether the limit H_limit may give way; not one that was asked for
 
     def __post_init__(self) -> None:
-        memory.check(self.settings, self._size())
+        settings.check(self.settings, self._size())
 
     @property
     def start(self) -> Array:
@@ -126,9 +126,9 @@ class Task:
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, most))
 
-    def _size(self) -> memory.Size:
+    def _size(self) -> settings.Size:
         d, scene = self.problem.dynamics, self.loaded.scene
-        return memory.Size(
+        return settings.Size(
             states=d.n,
             controls=d.m,
             obstacles=len(self.space.obstacles),
