@@ -14,8 +14,8 @@ from sim.drawing.colors import DRIVEN, MOVER, mix
 from sim.drawing.sides import NAMED
 from sim.drawing.strokes import lift, packed
 from sim.recording import geoms
-from sim.recording.bodies import ROOT
 from sim.recording.camera import ABOVE, FOLLOWING, above, opening, pixels_per_metre
+from sim.recording.geoms import ROOT
 from sim.recording.legend import key, legend
 from sim.recording.subject import Subject
 from sim.recording.truth_view import OPTIMUM, on_floor

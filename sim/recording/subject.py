@@ -20,8 +20,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.tree.homology_tree import HomologyTree
 from sim.mjcf import Loaded
 from sim.recording import geoms
-from sim.recording.bodies import Bodies
 from sim.recording.bystanders import Bystanders
+from sim.recording.geoms import Bodies
 from sim.recording.look import Look
 
 SERIES = 6  # solids whose names differ by a number only, and that keep them
