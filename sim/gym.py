@@ -247,7 +247,7 @@ def score(
             refused before anything is driven.
 
     Returns:
-        records that `sim.sweeps.columns` makes rows of a dataset of.
+        records that `sim.sweeps.parts` makes rows of a dataset of.
 
     Raises:
         OptionError: a negative seed, a policy whose control has another shape or is not finite, or a folder that the

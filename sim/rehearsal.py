@@ -15,7 +15,7 @@ from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drive import episode
-from sim.drive.executor import Analytic
+from sim.drive.plant import Analytic
 from sim.scenario import Scenario
 
 VERTICES, SAMPLES, PERIODS = 30, 20, 2

@@ -1,4 +1,4 @@
-"""Settings of a run: its system, its scene, a preset and the user set them, in that order; what fits no memory is refused."""
+"""Settings of a run from its system, scene, preset and user, in that order; what fits no memory is refused."""
 
 from __future__ import annotations
 

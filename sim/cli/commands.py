@@ -91,12 +91,12 @@ def import_world(arguments: argparse.Namespace) -> int:
 
 def export(arguments: argparse.Namespace) -> int:
     """Turn a recording into a table."""
+    from sim.recording import export
     from sim.recording import export as engine
-    from sim.recording import read
 
     check_outputs(arguments, "output")
     engine.check_format(arguments.output)
-    known = read.read(arguments.recording)
+    known = export.read(arguments.recording)
     columns = engine.table(known)
     engine.write(arguments.output, columns, known)
     print(f"{shown(arguments.output)}: {len(known.steps)} control steps, {len(columns)} columns")

@@ -19,8 +19,8 @@ from sim.drive import episode
 from sim.drive.episode import Frame
 from sim.files import check_writable, write_json
 from sim.play import events, window
-from sim.play.builder import Built
 from sim.play.drive import Play, first
+from sim.play.driver import Built
 from sim.result import run_json, settings_json
 from sim.scenario import Scenario
 
@@ -153,8 +153,8 @@ class Live:
             recorder.log(frame, news)
 
     def _begin(self, space: FreeSpace) -> None:
+        from sim.recording.options import Sinks
         from sim.recording.recorder import Recorder
-        from sim.recording.sinks import Sinks
 
         self._end()
         built, self._space = self._game.live.built, space
@@ -177,7 +177,7 @@ class Live:
 
 
 def _sinks(arguments: argparse.Namespace) -> Any:
-    from sim.recording.sinks import Sinks
+    from sim.recording.options import Sinks
 
     sinks = Sinks(connect=arguments.connect, view=arguments.view, serve=arguments.serve)
     sinks.check()

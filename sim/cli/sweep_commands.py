@@ -110,8 +110,8 @@ def report(arguments: argparse.Namespace) -> int:
     from pirrht.files import replaced
     from sim.report import summary as engine
     from sim.report import wording
-    from sim.report.html import page
     from sim.report.plots import pictures
+    from sim.report.wording import page
     from sim.sweeps.dataset import Dataset
 
     folder: Path = arguments.output or arguments.folder

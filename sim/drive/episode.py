@@ -18,8 +18,8 @@ from pirrht.topology.homology import class_id
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drawing.colors import title
 from sim.drive.clock import Timing, figures
-from sim.drive.executor import Plant
 from sim.drive.odometer import Frame, Odometer
+from sim.drive.plant import Plant
 from sim.drive.result import DriveResult
 
 __all__ = ["Frame", "Tally", "run", "size_of"]

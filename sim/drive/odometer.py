@@ -27,7 +27,7 @@ from pirrht.topology.driven import Driven, driven
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 from sim.drive.clock import Timing
-from sim.drive.executor import Advance
+from sim.drive.plant import Advance
 
 CHORD = 2.5  # times lambda / q: 0.05 s at the point's b = 0.1, 0.45 s at 0.3
 GRACE = 1e-9  # by which sums of periods may miss the time [s]

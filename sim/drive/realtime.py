@@ -26,8 +26,8 @@ from pirrht.arrays import Array
 from pirrht.control.policy import Policy
 from pirrht.geometry.collision import Collision
 from sim.drive.clock import URGENT, Clock, Timing, WallClock
-from sim.drive.executor import Advance, Plant
 from sim.drive.odometer import Frame, Odometer, ending
+from sim.drive.plant import Advance, Plant
 from sim.drive.realtime_planner import Handover, Planner, Ready, Stopped
 
 SWITCH = 2e-5  # a thread gives the interpreter to one that waits for it after this time [s]

@@ -12,8 +12,7 @@ from pirrht.geometry.collision import Collision
 from sim.drive import episode, realtime
 from sim.drive.executor import Executor
 from sim.drive.odometer import Frame, Odometer
-from sim.play.builder import Builder, Built
-from sim.play.driver import Live
+from sim.play.driver import Builder, Built, Live
 from sim.play.events import Event
 from sim.play.plant import Disturbed
 from sim.play.world import World

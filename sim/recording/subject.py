@@ -20,9 +20,9 @@ from pirrht.freespace import FreeSpace
 from pirrht.tree.homology_tree import HomologyTree
 from sim.mjcf import Loaded
 from sim.recording import geoms
-from sim.recording.bystanders import Bystanders
 from sim.recording.geoms import Bodies
-from sim.recording.look import Look
+from sim.recording.options import Look
+from sim.recording.reasons import Bystanders
 
 SERIES = 6  # solids whose names differ by a number only, and that keep them
 TREES = 2  # lifted trees shown, one per obstacle

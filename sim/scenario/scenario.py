@@ -17,8 +17,9 @@ from pirrht.exact.progress import Progress, untold
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drive import episode, realtime
-from sim.drive.executor import Analytic, Executor, Plant
+from sim.drive.executor import Executor
 from sim.drive.odometer import Frame
+from sim.drive.plant import Analytic, Plant
 from sim.scenario import controllers, exact, trees
 from sim.scenario.task import Task
 

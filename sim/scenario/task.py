@@ -15,9 +15,8 @@ from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from sim import settings
 from sim.mjcf import Loaded
-from sim.settings import Settings
+from sim.settings import Settings, Size, check
 from sim.systems import System, refuse
 
 ENOUGH = 30.0  # effective samples that the first plan of a drive rests on, if it can be had
@@ -40,7 +39,7 @@ class Task:
     widens: bool = True  # whether the limit H_limit may give way; not one that was asked for
 
     def __post_init__(self) -> None:
-        settings.check(self.settings, self._size())
+        check(self.settings, self._size())
 
     @property
     def start(self) -> Array:
@@ -126,9 +125,9 @@ class Task:
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, most))
 
-    def _size(self) -> settings.Size:
+    def _size(self) -> Size:
         d, scene = self.problem.dynamics, self.loaded.scene
-        return settings.Size(
+        return Size(
             states=d.n,
             controls=d.m,
             obstacles=len(self.space.obstacles),

@@ -21,8 +21,8 @@ from pirrht.errors import OptionError
 from pirrht.files import MISSING, shown, why_unreadable
 from sim.files import refused
 from sim.sweeps import manifests, parts
-from sim.sweeps.columns import key_of, record_of, row_of
 from sim.sweeps.manifests import wished
+from sim.sweeps.parts import key_of, record_of, row_of
 
 __all__ = ["TREES", "Dataset", "Unwritable", "plain", "wished"]
 

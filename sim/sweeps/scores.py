@@ -14,9 +14,9 @@ from pirrht.errors import OptionError
 from sim.options.table import TASKS
 from sim.scenario import Scenario
 from sim.sweeps import runs
-from sim.sweeps.columns import key_of
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.manifests import wishes
+from sim.sweeps.parts import key_of
 from sim.sweeps.runs import Job
 from sim.text import counted
 

@@ -1,8 +1,9 @@
-"""Systems by name: those of the package, one row each, and whatever is registered. What they are made of is imported late."""
+"""Systems by name: those of the package, one row each, and whatever is registered."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,21 @@ from sim.options.table import SPECIAL
 from sim.settings import Settings
 from sim.systems.record import POSE, System
 
-_known: dict[str, System] = {system.name: system for system in SYSTEMS}
-BUILT_IN = tuple(_known)
+
+def _class(path: str) -> Any:
+    """Import the class MODULE:CLASS of `pirrht`."""
+    module, _, name = path.partition(":")
+    return getattr(import_module(f"pirrht.{module}"), name)
 
 
-def _point(settings: Settings) -> Any:
-    from pirrht.systems.single_integrator import SingleIntegrator
+def _dynamics(path: str) -> Callable[[Settings], Any]:
+    """Return what makes dynamics of a class with the noise of the settings; the class is imported only then."""
+    return lambda settings: _class(path)(b=settings.noise)
 
-    return SingleIntegrator(b=settings.noise)
+
+def _steering(path: str) -> Callable[[Any], Any]:
+    """Return what makes the steering of a problem, of a class that is imported only then."""
+    return lambda problem: _class(path).of(problem)
 
 
 def _car(settings: Settings) -> Any:
@@ -28,58 +36,16 @@ def _car(settings: Settings) -> Any:
     return Unicycle(V=settings.speed, rho=settings.rho, b=settings.noise)
 
 
-def _mass(settings: Settings) -> Any:
-    from pirrht.systems.double_integrator import DoubleIntegrator
-
-    return DoubleIntegrator(b=settings.noise)
-
-
-def _rover(settings: Settings) -> Any:
-    from pirrht.systems.rover import Rover
-
-    return Rover(b=settings.noise)
-
-
-def _second_order_car(settings: Settings) -> Any:
-    from pirrht.systems.second_order_car import SecondOrderCar
-
-    return SecondOrderCar(b=settings.noise)
-
-
 def _at_speed(settings: Settings) -> float:
-    """The state cost rate at which a control cost v'v, of R = 2, asks for the speed of the settings."""
+    """Return the state cost rate at which a control cost v'v, of R = 2, asks for the speed of the settings."""
     return settings.speed**2
-
-
-def _straight(problem: Any) -> Any:
-    from pirrht.steering.straight_line import StraightLine
-
-    return StraightLine.of(problem)
-
-
-def _dubins(problem: Any) -> Any:
-    from pirrht.steering.dubins import Dubins
-
-    return Dubins.of(problem)
-
-
-def _pushed(problem: Any) -> Any:
-    from pirrht.steering.double_integrator import MassSteering
-
-    return MassSteering.of(problem)
-
-
-def _driven(problem: Any) -> Any:
-    from pirrht.steering.rover import RoverSteering
-
-    return RoverSteering.of(problem)
 
 
 SYSTEMS = (
     System(
         name="single_integrator",
-        dynamics=_point,
-        steering=_straight,
+        dynamics=_dynamics("systems.single_integrator:SingleIntegrator"),
+        steering=_steering("steering.straight_line:StraightLine"),
         R=2.0 * np.eye(2),
         urge=_at_speed,
         heeds=("noise", "speed"),
@@ -90,7 +56,7 @@ SYSTEMS = (
     System(
         name="unicycle",
         dynamics=_car,
-        steering=_dubins,
+        steering=_steering("steering.dubins:Dubins"),
         R=np.eye(1),
         states=POSE,
         defaults={
@@ -110,8 +76,8 @@ SYSTEMS = (
     ),
     System(
         name="double_integrator",
-        dynamics=_mass,
-        steering=_pushed,
+        dynamics=_dynamics("systems.double_integrator:DoubleIntegrator"),
+        steering=_steering("steering.double_integrator:MassSteering"),
         R=2.0 * np.eye(2),
         states=("x", "y", "vx", "vy"),
         defaults={"vertices": 2000, "samples": 300, "period": 0.05},
@@ -122,8 +88,8 @@ SYSTEMS = (
     ),
     System(
         name="rover",
-        dynamics=_rover,
-        steering=_driven,
+        dynamics=_dynamics("systems.rover:Rover"),
+        steering=_steering("steering.rover:RoverSteering"),
         R=np.diag([2.0, 0.5]),
         urge=_at_speed,
         heeds=("noise", "speed"),
@@ -136,7 +102,7 @@ SYSTEMS = (
     ),
     System(
         name="second_order_car",
-        dynamics=_second_order_car,
+        dynamics=_dynamics("systems.second_order_car:SecondOrderCar"),
         R=np.eye(2),
         q="pirrht.systems.second_order_car:cruising",
         q_min=1.0,
@@ -149,6 +115,8 @@ SYSTEMS = (
         noise_in="in both rad/sqrt(s) and m/s/sqrt(s)",
     ),
 )
+_known: dict[str, System] = {system.name: system for system in SYSTEMS}
+BUILT_IN = tuple(_known)
 
 
 def register(system: System) -> System:

@@ -7,6 +7,7 @@ from contextlib import suppress
 
 import rerun as rr
 
+from sim.drive import clock
 from sim.drive.clock import URGENT, Urgent
 from sim.recording.stream import Stream
 
