@@ -19,11 +19,11 @@ from pirrht.problem import Problem
 from sim.mjcf import load
 from sim.options.table import BY_SETTING
 from sim.scenario.scenario import Scenario
-from sim.scenario.trees import AMONG
 from sim.settings import settle
 from sim.system_import import chosen
 from sim.systems import System, named, refuse
 
+AMONG = 0.8  # H_limit where bodies move and nobody says another: who waits for one is turned about by it meanwhile
 REACTION = 0.01  # how long feedback takes to answer noise [s]
 DEVIATIONS = 3.0  # of the robot's place after that time without control
 LEAST = 0.01  # margin [m]: contacts and servos are not exact either
