@@ -7,12 +7,12 @@ import sys
 
 import numpy as np
 import pytest
+from figures import gallery, lengths, lifted, shares, snapshots, style
+from figures.effort import Effort
 from repository import ROOT
 from thoroughly import first
 
 from sim.drawing.colors import ClassColors, title
-from sim.figures import gallery, lengths, lifted, shares, snapshots, style
-from sim.figures.effort import Effort
 
 SCRIPT = ROOT / "scripts" / "reproduce_figures.py"
 SMALL = Effort(vertices=250, samples=30, max_time=0.15, noises=(0.05, 0.3), draws=100, estimates=2, paths=20)

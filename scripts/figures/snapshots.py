@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from figures import ground, style
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import OTHER
 from pirrht.estimation.sampler import PathIntegral
 from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, Color, title
 from sim.drive.odometer import Frame
-from sim.figures import ground, style
 from sim.scenario import Scenario
 
 POINTS = 9000  # of samples in a panel
