@@ -98,7 +98,9 @@ class Drive(gymnasium.Env[Array, Array]):
         settings = {"noise": noise, "period": period, "max_time": max_time, "plant": plant, "phi": phi}
         given = {name: value for name, value in settings.items() if value is not None}
         self.scenario = prepare(scene, **task, given=given)  # type: ignore[arg-type]
-        self.job = Job(scene=str(scene), method="", noise=noise, seed=0, task=_frozen(task), given=_frozen(given))
+        self.job = Job(
+            scene=str(scene), method="", noise=noise, seed=0, task=runs.frozen(task), given=runs.frozen(given)
+        )
         phi_or = self.scenario.problem.phi
         self._fall = phi_or if np.isfinite(phi_or) else penalty
         self._plant = self.scenario.plant()
@@ -315,10 +317,6 @@ def _seed(seed: int) -> int:
 def name_of(scene: str) -> str:
     """Gymnasium's name of a built-in scene's environment."""
     return "pirrht/" + "".join(word.capitalize() for word in scene.replace("-", "_").split("_")) + "-v0"
-
-
-def _frozen(values: dict[str, Any]) -> runs.Frozen:
-    return tuple((name, tuple(v) if isinstance(v, list | np.ndarray) else v) for name, v in values.items())
 
 
 for _scene in scene_names():

@@ -8,8 +8,8 @@ from typing import Any
 from pirrht.errors import OptionError
 from pirrht.files import replaced
 from sim.drawing.colors import DEAD_COLOR, mix
+from sim.drawing.colors import rgb as rgb
 from sim.figures.draw import INK as INK
-from sim.figures.draw import rgb as rgb
 from sim.files import check_writable
 
 COLUMN, PAGE = 3.5, 7.16  # widths of a column and of a page [in]

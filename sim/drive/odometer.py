@@ -19,6 +19,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.collision import Collision
 from pirrht.geometry.crowd import Crowd
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -132,9 +133,9 @@ class Odometer:
 
     Args:
         max_time: of the drive [s].
-        clearance: free distance among what stands at a state (n,) [m]; None: that of the space.
         homology: tells classes of drives apart; None: that of the problem.
         time: when it starts, on the clock of bodies that move [s].
+        busy: the space's FCL objects, which move when they are asked, are another thread's; it makes its own.
     """
 
     def __init__(
@@ -143,24 +144,25 @@ class Odometer:
         space: FreeSpace,
         x: Array,
         max_time: float,
-        clearance: Callable[[Array], float] | None = None,
         *,
         homology: Homology | TimedHomology | None = None,
         time: float = 0.0,
+        busy: bool = False,
     ) -> None:
         self.step, self.time, self.cost = 0, time, 0.0
         homology = homology_of(problem, space) if homology is None else homology
         self.length = Length(problem, x)
         self._driven, self._max_time = driven(homology, x, time), max_time
-        self._clearance = clearance or space.clearance
         scene = space.scene
+        collision = Collision(scene.world, scene.footprint) if busy else space.collision
+        self._clearance: Callable[[Array], Array] = collision.clearance
         self._crowd = Crowd(scene.movers, scene.footprint) if scene.movers else None
 
     def enter(self, space: FreeSpace) -> None:
         """Continue among other static obstacles, to the same goal (`Controller.update`)."""
         if isinstance(self._driven, Driven):
             self._driven.enter(space.homology)
-        self._clearance = space.clearance
+        self._clearance = space.collision.clearance
 
     def frame(
         self, plan: Plan, advance: Advance, *, seconds: float, vertices: int = 0, timing: Timing | None = None
@@ -191,7 +193,7 @@ class Odometer:
 
     def _free(self, x: Array) -> float:
         """Free distance at x (n,) now [m]."""
-        standing = self._clearance(x)
+        standing = float(self._clearance(x[None, :2])[0])
         return standing if self._crowd is None else min(standing, self._crowd.clearance(x[:2], self.time))
 
 

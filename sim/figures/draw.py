@@ -25,7 +25,7 @@ from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
-from sim.drawing.colors import ClassColors, Color, title
+from sim.drawing.colors import ClassColors, rgb, title
 from sim.drawing.sides import NAMED, by_side, called, passed, places_of
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import outlines
@@ -187,11 +187,6 @@ def _save(plt: Any, figure: Any, path: Path, option: str) -> None:
             figure.savefig(stream, format=path.suffix[1:].lower(), dpi=150, bbox_inches="tight")
     finally:
         plt.close(figure)
-
-
-def rgb(color: Color) -> tuple[float, ...]:
-    """Return a colour of recordings as matplotlib takes it."""
-    return tuple(channel / 255.0 for channel in color)
 
 
 def check(path: Path, option: str) -> None:

@@ -22,8 +22,8 @@ from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 from sim.mjcf.dressed import dress
 from sim.mjcf.loose import PREFIX
+from sim.play.drive import ROBOT, Disturbed, Snapshot
 from sim.play.events import GOAL, Event, Move, Noise, Push
-from sim.play.plant import ROBOT, Disturbed, Snapshot
 from sim.play.world import loose_bodies
 
 REFRESH = 1.0 / 60.0  # [s]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, inf, isfinite, log, sin, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,14 +80,19 @@ class Reason:
 
 
 def arriving(estimate: Estimate, ids: Names) -> dict[str, float]:
-    """Share of the samples drawn around each reference that arrive; where walls only weigh, by that chance."""
-    alive, number = np.zeros(len(ids)), np.zeros(len(ids))
+    """Return the share of the samples around each reference that arrive; where walls only weigh, by that chance."""
+    return _shares(estimate, ids, lambda paths: np.where(paths.outcome == Outcome.GOAL, np.exp(paths.lasting), 0.0))
+
+
+def _shares(estimate: Estimate, ids: Names, of: Callable[[Any], Any]) -> dict[str, float]:
+    """Average something of paths over the samples drawn around each reference."""
+    total, number = np.zeros(len(ids)), np.zeros(len(ids))
     for part in estimate.parts:
-        chance = np.where(part.paths.outcome == Outcome.GOAL, np.exp(part.paths.lasting), 0.0)
+        values = of(part.paths)
         for h, (a, b) in enumerate(_slices(part.leads.first, len(ids))):
-            alive[h] += chance[a:b].sum()
+            total[h] += values[a:b].sum()
             number[h] += b - a
-    return {name: float(alive[h] / number[h]) for h, name in enumerate(ids) if number[h]}
+    return {name: float(total[h] / number[h]) for h, name in enumerate(ids) if number[h]}
 
 
 def reasons(
@@ -108,7 +114,8 @@ def reasons(
     estimate = plan.estimate
     if estimate is None or not plan.ids:
         return []
-    alive, late = arriving(estimate, plan.ids), _late(estimate, plan.ids)
+    alive = arriving(estimate, plan.ids)
+    late = _shares(estimate, plan.ids, lambda paths: paths.outcome == Outcome.TIMEOUT)
     places = _places(plan, estimate, path_integral, names, bystanders)
     drawn = sum(part.size for part in estimate.parts)
     found = []
@@ -151,15 +158,6 @@ def words_of(plan: Plan, path_integral: PathIntegral, names: Names) -> dict[str,
 
 def _slices(first: NDArray[np.int64], count: int) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(first[:count], first[1 : count + 1], strict=True)]
-
-
-def _late(estimate: Estimate, ids: Names) -> dict[str, float]:
-    late, number = np.zeros(len(ids)), np.zeros(len(ids))
-    for part in estimate.parts:
-        for h, (a, b) in enumerate(_slices(part.leads.first, len(ids))):
-            late[h] += np.sum(part.paths.outcome[a:b] == Outcome.TIMEOUT)
-            number[h] += b - a
-    return {name: float(late[h] / number[h]) for h, name in enumerate(ids) if number[h]}
 
 
 def _places(

@@ -12,6 +12,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pirrht.control.methods import TREELESS
 from pirrht.errors import PirrhtError
 from pirrht.tree import file as tree_file
@@ -111,6 +113,11 @@ class Survey:
     def carrying(self, _: None) -> Survey:
         """The same wish."""
         return self
+
+
+def frozen(values: Mapping[str, Any]) -> Frozen:
+    """Return arguments as they can be hashed."""
+    return tuple((name, tuple(v) if isinstance(v, list | np.ndarray) else v) for name, v in values.items())
 
 
 def settled(job: Job) -> Scenario:
