@@ -52,11 +52,7 @@ def passages_json(tree: HomologyTree, references: Sequence[Reference]) -> dict[s
     for reference in references:
         used |= passages.crossed(reference.trajectory.points)
     unused = [
-        {
-            "at": passages.place[k].tolist(),
-            "width": float(passages.width[k]),
-            "between": passages.between(k, collision),
-        }
+        {"at": passages.place[k].tolist(), "width": float(passages.width[k]), "between": passages.between(k, collision)}
         for k in np.flatnonzero(~used).tolist()
     ]
     return {"open": passages.count, "unused": unused}

@@ -19,7 +19,7 @@ __all__ = ["BETWEEN", "PLANTS", "PRESETS", "Settings", "refuse_idle", "settle"]
 
 # The paper plans every dt and holds an open-loop control, averages over the classes and reads exit at step ends.
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {option.dest: option.paper for option in SETTINGS if option.paper is not None},
+    "paper": {option.dest: option.paper for option in SETTINGS if option.paper is not None}
 }
 DRIVES_AT_MOST = 10_000_000  # control steps of a drive
 GIB = 2.0**30

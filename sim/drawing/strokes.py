@@ -143,12 +143,7 @@ class Fan:
 
 
 def fans(
-    path_integral: PathIntegral,
-    estimate: Estimate,
-    names: Mapping[int, str],
-    *,
-    points: int,
-    everything: bool,
+    path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str], *, points: int, everything: bool
 ) -> dict[str, Fan]:
     """Chosen samples by the class of their own path.
 

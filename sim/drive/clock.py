@@ -61,11 +61,7 @@ def figures(timings: Sequence[Timing], period: float) -> dict[str, Any]:
         "deadline_misses": sum(t.missed for t in timings),
         "samples_per_period": {"median": _of(np.median, samples), "min": _of(np.min, samples)},
         "slack_ms": {"median": _of(np.median, slack), "min": _of(np.min, slack)},
-        "late_ms": {
-            "median": float(np.median(late)),
-            "p99": float(np.percentile(late, 99)),
-            "max": float(late.max()),
-        },
+        "late_ms": {"median": float(np.median(late)), "p99": float(np.percentile(late, 99)), "max": float(late.max())},
     }
 
 

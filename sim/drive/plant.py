@@ -255,12 +255,7 @@ class Analytic:
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        clearance: Callable[[Array], Array],
-        *,
-        period: float,
-        physics_step: float = 0.002,
+        self, problem: Problem, clearance: Callable[[Array], Array], *, period: float, physics_step: float = 0.002
     ) -> None:
         self._loop = Loop(problem, period, physics_step)
         self._room = self._loop.room(clearance)

@@ -91,19 +91,13 @@ COLUMNS = (
         "cost", "cost", "integral of q + u'Ru/2 from the start of the drive to the end of the step", lambda r: [r.cost]
     ),
     Column(
-        "length",
-        "m",
-        "driven up to the end of the step, without the path's noise (path_length)",
-        lambda r: [r.length],
+        "length", "m", "driven up to the end of the step, without the path's noise (path_length)", lambda r: [r.length]
     ),
     Column("clearance", "m", "room around the footprint at the start of the step", lambda r: [r.clearance]),
     Column("value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", lambda r: [r.value]),
     Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", lambda r: [r.value_error]),
     Column(
-        "control_error_K",
-        CONTROL,
-        "standard error of u; 0 if exact, infinite if unknown",
-        lambda r: r.control_error,
+        "control_error_K", CONTROL, "standard error of u; 0 if exact, infinite if unknown", lambda r: r.control_error
     ),
     Column(
         "doubtful", "1", "1 where v and u rest on fewer than 10 effective samples", lambda r: [r.doubtful], kind=int

@@ -22,10 +22,7 @@ from sim.recording.subject import Subject
 from sim.recording.truth_view import on_floor, shares_of
 
 PICTURE_BYTES = 50_000  # most that a picture may take
-CHUNK_BYTES, POINT_BYTES = (
-    1300,
-    9,
-)  # cost of an entity and of a point in the file; compression takes 3 of 12 off
+CHUNK_BYTES, POINT_BYTES = (1300, 9)  # cost of an entity and of a point in the file; compression takes 3 of 12 off
 MOVER_BYTES = 1000  # of each moving body between two pictures
 REFERENCE_POINTS = 64
 TOLD = 0.005  # share of psi from which a class bears its name on the map

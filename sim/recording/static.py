@@ -141,10 +141,7 @@ def stage(subject: Subject, log: Log) -> None:
     log(ABOVE, above(subject.space.scene))
     log(FOLLOWING, [opening()])
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
-    log(
-        "/why/weight/switch",
-        rr.SeriesPoints(names="class switch", colors=DRIVEN, markers="down", marker_sizes=7),
-    )
+    log("/why/weight/switch", rr.SeriesPoints(names="class switch", colors=DRIVEN, markers="down", marker_sizes=7))
     for obstacle, path, _ in subject.lifted:
         _tree(subject, obstacle, path, log)
 

@@ -68,12 +68,7 @@ class Row:
 
     @classmethod
     def of(
-        cls,
-        frame: Frame,
-        drawn: bool,
-        news: str | None,
-        truth: Truth | None = None,
-        growth: tuple[Edges, ...] = (),
+        cls, frame: Frame, drawn: bool, news: str | None, truth: Truth | None = None, growth: tuple[Edges, ...] = ()
     ) -> Row:
         """The row of a frame."""
         plan, advance, estimate = frame.plan, frame.advance, frame.plan.estimate

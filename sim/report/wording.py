@@ -208,18 +208,7 @@ def _against(comparisons: Sequence[Comparison]) -> Table:
         )
         for c in comparisons
     ]
-    header = (
-        "scene",
-        "b",
-        "method",
-        "pairs",
-        "goals",
-        "points",
-        "p goals",
-        "both arrive",
-        "cost",
-        "p cost",
-    )
+    header = ("scene", "b", "method", "pairs", "goals", "points", "p goals", "both arrive", "cost", "p cost")
     text = (
         f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost difference; "
         "p with the adjusted one in brackets."
