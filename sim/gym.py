@@ -159,11 +159,11 @@ class Drive(gymnasium.Env[Array, Array]):
         return self._plant.state, float(reward), over, outcome is Outcome.TIMEOUT, self._info()
 
     def result(self) -> dict[str, Any]:
-        """What `pirrht run --json` tells of a drive, of this one so far."""
+        """Return the figures of this run so far, as `pirrht run --json` has them."""
         return self.figures().json()
 
     def figures(self) -> DriveResult:
-        """The same as a record.
+        """Return the figures of this run so far as a record.
 
         Raises:
             OptionError: nothing has been driven yet.
@@ -272,7 +272,7 @@ def score(
 
 
 def _identity(job: Job) -> dict[str, Any]:
-    """What tells a drive from all others."""
+    """Return the key of a run, scene and trees included."""
     return {**runs.key(job, job.noise), "scene": Path(job.scene).stem, "scene_digest": runs.digest(job), "plan_seed": 0}
 
 

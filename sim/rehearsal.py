@@ -47,7 +47,7 @@ BUSY_ROOM = replace(ROOM, movers=(_WALKER,))
 
 
 def small_of(scenario: Scenario) -> Scenario:
-    """The same robot and settings in a small room, where a body moves if some do in the scene."""
+    """Put the robot into a small room under its settings; an obstacle moves there if some do in the scene."""
     room = BUSY_ROOM if scenario.moving else ROOM
     s = scenario.settings
     few = replace(s, vertices=VERTICES, samples=min(s.samples, SAMPLES), tree=None, target_error=None, budget=None)

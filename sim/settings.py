@@ -132,7 +132,7 @@ def settle(base: Settings, scene: Mapping[str, float], preset: Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Size:
-    """What a plan depends on besides its settings."""
+    """Size of a plan, besides its settings."""
 
     states: int  # n
     controls: int  # m
@@ -150,16 +150,16 @@ class Size:
         return (2.0 * self.distance / self.speed + TAIL * self.temperature) / self.rate
 
     def steps(self, settings: Settings) -> float:
-        """How many rollout steps that is."""
+        """Count the rollout steps of a path."""
         return max(1.0, self.seconds(settings) / settings.dt)
 
     def samples(self, settings: Settings) -> float:
-        """How many samples a plan draws at most."""
+        """Count the samples that a plan draws at most."""
         most = settings.samples * DOUBLINGS if settings.budget is None else settings.budget
         return self.classes * float(settings.samples if settings.target_error is None else most)
 
     def sampling(self, settings: Settings) -> float:
-        """What samples and what they follow take, and their weights under each other's proposals [bytes]."""
+        """Estimate the memory of samples, their proposals, and their weights under all of these [bytes]."""
         n, m, steps = self.states, self.controls, self.steps(settings)
         proposals = self.classes if settings.method in ("pi-rrht", "best-class") else 1
         each = 8.0 * (6 + 2 * m + 3 * proposals)
@@ -168,7 +168,7 @@ class Size:
         return self.samples(settings) * each + proposals * steps * 8.0 * (2 * m + 9)
 
     def tree(self, settings: Settings) -> float:
-        """What vertices, their nodes and the edges between them take [bytes]."""
+        """Estimate the memory of vertices, their nodes and the edges between them [bytes]."""
         near = 2.0 * math.e * math.log(settings.vertices + 1.0)
         nodes = min(4, settings.classes or 4)
         return settings.vertices * (8.0 * self.obstacles + 120.0 * nodes + 92.0 * near)

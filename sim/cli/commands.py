@@ -1,4 +1,4 @@
-"""What each command of the CLI does."""
+"""Commands of the CLI by name."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def _add(group: Any, option: Option) -> None:
 
 
 def helped(option: Option) -> str:
-    """What the help says of an option: what it means, then its default."""
+    """Return the help of an option: its meaning, then its default."""
     known = default_of(option)
     return f"{meaning(option)}; default: {known}" if known else meaning(option)
 

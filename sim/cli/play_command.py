@@ -94,7 +94,7 @@ def _drive(game: Play, start: Any, seen: window.Window | None, live: Live) -> ep
 
 
 def _again(game: Play, seen: window.Window, outcome: Outcome) -> Any:
-    """Where the next drive starts, (n,), once somebody wants one; None once the window is closed.
+    """Wait for the start (n,) of the next run; None once the window is closed.
 
     A goal that is moved is driven to from where the robot is, unless it has collided: then, and by the key Home, the
     robot starts over.

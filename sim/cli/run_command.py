@@ -108,7 +108,7 @@ def _wait(recorder: Any) -> None:
 
 
 def _sinks(arguments: argparse.Namespace) -> Any:
-    """Where a recording goes; refused before any work is done if that cannot be."""
+    """Check and return where a recording goes, before any work is done."""
     from sim.recording.options import Sinks
 
     sinks = Sinks(file=arguments.record, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
@@ -117,7 +117,7 @@ def _sinks(arguments: argparse.Namespace) -> Any:
 
 
 def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
-    """What a recording shows; refused before the plan if the scene has no such obstacle."""
+    """Check and return what a recording shows, before the plan."""
     from sim.recording.options import Look
 
     samples, lift = arguments.record_samples, arguments.record_lift

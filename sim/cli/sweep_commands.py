@@ -1,4 +1,4 @@
-"""What `pirrht sweep` and `pirrht report` do."""
+"""Commands `pirrht sweep` and `pirrht report`."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def estimate_table(
 def doubts(
     estimates: Sequence[Estimate | None], references: Sequence[Reference], temperature: float, target: float | None
 ) -> list[str]:
-    """What standard errors do not tell: few samples that weigh, heavy tails, classes not sampled, targets missed."""
+    """List doubts that standard errors hide: few samples, heavy tails, classes not sampled, targets missed."""
     known = [e for e in estimates if e is not None]
     of = f"of {len(known)} repeats"
     lines = []
@@ -130,7 +130,7 @@ def doubts(
 
 
 def _matters(reference: Reference, known: Sequence[Estimate], thin: int, temperature: float) -> bool:
-    """Whether a class that few samples are of has weight in some repeat, or is too cheap to have none in most."""
+    """Return whether a class of few samples has weight in some repeat, or is too cheap to have none in most."""
     cheap = reference.cost < min(e.value for e in known) + NEAR * temperature
     weight = max(e.class_weights.get(reference.id, 0.0) for e in known)
     return weight >= WORTH or (cheap and 2 * thin > len(known))
@@ -179,7 +179,7 @@ def fitting_lines(scenario: Scenario) -> str:
 
 
 def odds(scenario: Scenario) -> str:
-    """What is uncertain, in a line: noise, where the system asks for it, and lambda."""
+    """State in a line what is uncertain: noise, where the system uses it, and lambda."""
     unit = scenario.system.noise_in.removeprefix("in ")
     heeds = "noise" in scenario.system.heeds
     noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if heeds else "noise of its own"
@@ -241,7 +241,7 @@ def sweep_table(rows: Sequence[Record], room: int | None = None) -> str:
 
 
 def _over(point: Key, points: Mapping[Key, Sequence[Record]]) -> str:
-    """What a method's drives cost more than those of `BASE` with the same noise; empty without such pairs."""
+    """Return the mean extra cost of a method over `BASE` with equal noise; empty without pairs."""
     scene, noise, method = point
     if method == BASE:
         return ""

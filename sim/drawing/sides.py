@@ -63,18 +63,18 @@ def passed(reference: Reference, homology: TimedHomology) -> list[tuple[str, str
 
 
 def passing(reference: Reference, homology: TimedHomology) -> list[str]:
-    """The same in words, as "walker: behind" or "door: left of it"."""
+    """List `passed` in words, as "walker: behind" or "door: left of it"."""
     return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in passed(reference, homology)]
 
 
 def by_side(rows: Sequence[tuple[str, str]]) -> list[str]:
-    """What `passed` tells side by side, as "behind walker, cart", for where there is little room."""
+    """Group `passed` by side, as "behind walker, cart", for where there is little room."""
     told = [(side, [name for name, own in rows if own == side]) for side in SIDES]
     return [f"{side} {', '.join(names)}" for side, names in told if names]
 
 
 def places_of(moving: MovingHomology, times: Array) -> Array:
-    """Where all markers are at times (T,) [s], (J, T, 2) [m]."""
+    """Return the places of all markers at times (T,) [s], (J, T, 2) [m]."""
     places = np.empty((moving.J, len(times), 2))
     places_at(moving.tracks, times, places)
     return places
@@ -88,7 +88,7 @@ def worded(
     among: Collection[str] | None = None,
     sides: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, str]:
-    """What to call each of several classes.
+    """Name each of several classes.
 
     Args:
         windings: by id, of M obstacles and then of bodies that move [turns].

@@ -88,7 +88,7 @@ def even(points: Array, count: int) -> Array:
 
 
 def ahead(plan: Plan, problem: Problem) -> Array:
-    """Where a plan's tape alone would lead, (k, 2), as far as a tenth of the weight is still under way."""
+    """Follow a plan's control sequence alone, (k, 2), as far as a tenth of the weight is still under way."""
     x, still, path = plan.state, np.zeros(problem.dynamics.m), [plan.state[:2]]
     tape, alive = _tape_of(plan)
     for u, dt, share in zip(tape, np.diff(plan.times), alive, strict=True):
@@ -293,7 +293,7 @@ def _lines(path_integral: PathIntegral, estimate: Estimate, chosen: Indices) -> 
 
 
 def _belongs(space: FreeSpace, line: Array, key: int) -> bool:
-    """Whether a line (k, 2) [m] is free and of the class with that key, as far as that is about what stands."""
+    """Return whether a line (k, 2) [m] is free and of the class with that key, as far as that is about what stands."""
     if not space.collision.segments_free(line[:-1], line[1:]).all():
         return False
     homology = space.homology

@@ -66,7 +66,7 @@ def figures(timings: Sequence[Timing], period: float) -> dict[str, Any]:
 
 
 def summary(figures: Mapping[str, Any]) -> str:
-    """The same in a line for a person."""
+    """Sum up `figures` in a line for a person."""
     samples, slack, late = figures["samples_per_period"], figures["slack_ms"], figures["late_ms"]
     return (
         f"real time: {figures['deadline_misses']} of {figures['periods']} plans late; samples per period "
@@ -85,7 +85,7 @@ def _text(value: float | None) -> str:
 
 
 class Urgent:
-    """Whether something is made right now that a clock waits for.
+    """Priority of what a clock waits for.
 
     Attributes:
         clocked: whether a drive runs against the clock, after which there will be more time.

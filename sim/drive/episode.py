@@ -164,7 +164,7 @@ class Tally:
 
     @property
     def outcome(self) -> Outcome:
-        """How the drive ended; TIMEOUT if it has not."""
+        """Outcome of the run; TIMEOUT if it has not ended."""
         return Outcome.TIMEOUT if self.last is None or self.last.outcome is None else self.last.outcome
 
     def drive(self) -> DriveResult:

@@ -88,7 +88,7 @@ class Executor:
 
     @property
     def state(self) -> Array:
-        """x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities likewise [m/s]; (n,)."""
+        """State (n,): x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities [m/s]."""
         return self._state.copy()
 
     @property

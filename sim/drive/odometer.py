@@ -198,6 +198,6 @@ class Odometer:
 
 
 def ending(advance: Advance, begun: float, max_time: float) -> Outcome | None:
-    """How a drive ends in a period that began at `begun` [s], TIMEOUT once it has lasted `max_time` [s]; None: not."""
+    """Judge a period that began at `begun` [s]: TIMEOUT from `max_time` [s] on; None while the run goes on."""
     late = advance.outcome is None and begun + advance.time >= max_time - GRACE
     return Outcome.TIMEOUT if late else advance.outcome

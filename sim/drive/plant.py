@@ -114,7 +114,7 @@ class Room:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Advance:
-    """What happened in one control period: k physics steps, fewer than a period holds if the drive ended.
+    """Result of one control period: k physics steps, fewer than a period holds if the run ended.
 
     Step i goes from the state before it under `controls[i]` and `noise[i]` to `states[i]`.
     """
@@ -142,11 +142,11 @@ class Plant(Protocol):
 
     @property
     def state(self) -> Array:
-        """x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities likewise [m/s]; (n,)."""
+        """State (n,): x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities [m/s]."""
 
     @property
     def time(self) -> float:
-        """What the drive's clock says now, also while a control is asked for: moving bodies go by it [s]."""
+        """Time of the run, also while a control is queried: moving obstacles go by it [s]."""
 
     def reset(self, state: Array, time: float = 0.0) -> None:
         """Stand at the first n entries of `state`, at a time [s] of the drive."""
@@ -189,7 +189,7 @@ class Loop:
 
     @property
     def time(self) -> float:
-        """What the clock says [s]."""
+        """Time on the clock [s]."""
         return self._begun + self.steps * self.step
 
     def room(self, clearance: Callable[[Array], Array]) -> Room:

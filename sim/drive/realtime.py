@@ -34,7 +34,7 @@ SWITCH = 2e-5  # a thread gives the interpreter to one that waits for it after t
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Moved:
-    """What the plant did in one period."""
+    """Result of the plant in one period."""
 
     step: int
     start: Array  # (n,) where it began

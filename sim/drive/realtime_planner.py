@@ -44,7 +44,7 @@ class Ready:
 
 @dataclass(slots=True)
 class Handover:
-    """What the plant's thread and the planner's leave for each other; every field has one writer."""
+    """Shared fields of the plant's thread and the planner's; each has one writer."""
 
     first: Ready  # the plan that the drive begins with
     start: Array  # (n,) and where
@@ -165,5 +165,5 @@ def foreseen(controller: Policy, ready: Ready, time: float, x: Array, until: flo
 
 
 def _learned(before: float, found: float) -> float:
-    """What something takes, rather more than on average [s]."""
+    """Update a duration, rather above its average [s]."""
     return before + (QUICKLY if found > before else SLOWLY) * (found - before)

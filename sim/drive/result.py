@@ -1,4 +1,4 @@
-"""What a finished drive came to: the one record that the JSON of `run`, rows of sweeps and scores are made of."""
+"""Result of a finished run: the one record that the JSON of `run`, rows of sweeps and scores are made of."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class DriveResult:
     step_ms: Mapping[str, float]  # median, p95 and max of the wall time of a plan [ms]
     deadline_misses: int  # plans that took longer than the period
     blocked: Sequence[tuple[float, float]] = ()  # from when to when the robot was [s]
-    real_time: Mapping[str, Any] | None = None  # how a real-time drive kept its times (`realtime_timing.figures`)
+    real_time: Mapping[str, Any] | None = None  # how a real-time drive kept its times (`clock.figures`)
 
     def __repr__(self) -> str:
         way = f"cost {self.cost:.4g}, {self.path_length:.3g} m, least clearance {self.min_clearance:.3g} m"

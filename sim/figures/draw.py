@@ -266,7 +266,7 @@ def _dots(axes: Any, way: Array, moments: Array, color: Any, told: list[Array], 
 
 
 def _room(place: Array, told: list[Array], apart: float) -> bool:
-    """Whether a number at a place (2,) can be read; if so, the place is noted."""
+    """Return whether a number at a place (2,) can be read; if so, the place is noted."""
     free = all(np.hypot(*(place - other)) >= apart for other in told)
     if free:
         told.append(place)

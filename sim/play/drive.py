@@ -33,7 +33,7 @@ LATENCY = 0.3  # simulated time after which a changed world is waited for, where
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Snapshot:
-    """Where everything is, for somebody who watches from another thread."""
+    """State of everything, for somebody who watches from another thread."""
 
     time: float  # of the drive [s]
     qpos: Array  # (nq,)
@@ -169,7 +169,7 @@ class Disturbed:
 
 
 def _servos(world: World) -> bool:
-    """Whether the robot's actuators hold velocities, against which a force of a moment does nothing."""
+    """Return whether the robot's actuators hold velocities, against which a force of a moment does nothing."""
     model = world.scenario.loaded.model
     return bool(np.all(model.actuator_gainprm[:, 0] == -model.actuator_biasprm[:, 2]))
 
@@ -217,7 +217,7 @@ class Play:
                 yield ledger.entered(frame)
 
     def again(self, *, home: bool) -> Array:
-        """Where the next drive starts, once what has been moved since the last one is planned for.
+        """Return the start of the next run, once what has been moved since the last one is planned for.
 
         Args:
             home: at the start; else where the robot is.
@@ -281,7 +281,7 @@ class _Ledger:
 
 
 def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> Built:
-    """Who decides in a scenario that was loaded loose, before anything is changed."""
+    """Plan a scenario that was loaded loose, before anything is changed."""
     from pirrht.control.methods import TREELESS
 
     tree = None if scenario.settings.method in TREELESS else scenario.grown_tree(progress)

@@ -26,7 +26,7 @@ FULLER = 2  # times as many vertices there is room for in a tree that grows on
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Built:
-    """Who decides in a world, and what was planned for it."""
+    """A world with its controller and tree."""
 
     world: World  # whose free space is that of its scene
     tree: HomologyTree | None
@@ -74,11 +74,11 @@ class Builder:
 
     @property
     def busy(self) -> bool:
-        """Whether something that was asked for has not been taken."""
+        """Return whether something that was asked for has not been taken."""
         return self._wanted is not None
 
     def ready(self, now: float) -> Built | PirrhtError | None:
-        """What was asked for, once, or why it cannot be had; None if there is nothing yet at this time [s].
+        """Return what was asked for, once, or why it cannot be had; None if there is nothing yet at this time [s].
 
         At infinity it is waited for.
         """
@@ -128,7 +128,7 @@ class Live(Policy):
 
     @property
     def drive(self) -> Drive:  # type: ignore[override]
-        """What they remember."""
+        """Memory of whoever decides."""
         return self.built.driver.drive
 
     @property

@@ -39,7 +39,7 @@ Table = dict[str, Array]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """What a recording holds of a drive in numbers."""
+    """Numbers of a run, as its recording holds them."""
 
     settings: dict[str, Any]  # what the drive was made with
     steps: list[tuple[int, float, Cells]]  # number, simulated time [s] and values of each control step, in order
@@ -52,7 +52,7 @@ class Recording:
 
     @property
     def whole(self) -> bool:
-        """Whether the drive was recorded to its end."""
+        """Return whether the drive was recorded to its end."""
         return bool(self.steps[-1][2].get("outcome"))
 
 
@@ -205,7 +205,7 @@ def _states(recording: Recording) -> list[str]:
 
 
 def _index(name: str, recording: Recording) -> Array:
-    """What a recording tells beside its components."""
+    """Return step, time or planning time, which are no components."""
     if name == "step":
         return np.array([step for step, _, _ in recording.steps])
     if name == "time":
@@ -214,7 +214,7 @@ def _index(name: str, recording: Recording) -> Array:
 
 
 def _cells(column: Column, recording: Recording) -> list[list[Any]]:
-    """What each step has of a column's component."""
+    """Return each step's values of a column's component."""
     cells: list[Cells] = [row for _, _, row in recording.steps]
     unknown = [nan] * len(cells[-1].get("state") or [])
     if column.component != "end":
@@ -223,7 +223,7 @@ def _cells(column: Column, recording: Recording) -> list[list[Any]]:
 
 
 def _always(column: Column) -> bool:
-    """Whether the column is there even if no step has a value."""
+    """Return whether the column is there even if no step has a value."""
     return (column.at == 0 or column.component in ("state", "end")) and not column.optional
 
 

@@ -83,7 +83,7 @@ def _into_frame(data: mujoco.MjData, body: int) -> None:
 
 
 def names(model: mujoco.MjModel, chosen: NDArray[np.bool_]) -> list[str]:
-    """What the file calls each of the chosen geoms (ngeom,): by the geom, else by its body; empty where by neither."""
+    """Name the chosen geoms (ngeom,) as the file does: by the geom, else by its body; empty where by neither."""
     bodies = model.geom_bodyid
     return [model.geom(g).name or (model.body(bodies[g]).name if bodies[g] else "") for g in np.flatnonzero(chosen)]
 
@@ -225,7 +225,7 @@ class Bodies:
 
 
 def _ahead(poses: Array, place: Array) -> float:
-    """How far a point of the robot moves along its heading over poses x, y, heading (k, 3) [m]."""
+    """Measure how far a point of the robot moves along its heading over poses x, y, heading (k, 3) [m]."""
     x, y, heading = poses.T
     c, s = np.cos(heading), np.sin(heading)
     points = np.column_stack([x + c * place[0] - s * place[1], y + s * place[0] + c * place[1]])

@@ -1,4 +1,4 @@
-"""How a recording is laid out: the drive, the argument behind it, and the tree."""
+"""Layout of a recording: the run, the argument behind it, and the tree."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _log() -> rrb.View:
 
 
 def _why(*, truth: bool) -> rrb.Container:
-    """What the classes are worth, what the robot does, and both in words; with a truth how far that is off."""
+    """Plot values of the classes and the robot's control, with both in words; with a truth the errors."""
     classes = rrb.Vertical(
         _series("/why/weight", "Class weights (shares of psi)", "RightTop", range=(-0.03, 1.08)),
         _series("/why/value", "Value: all paths with standard error, and by class [cost]", None),

@@ -20,7 +20,7 @@ SAMPLES = ("all", "some", "none")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """How much of a drive is drawn, and by what the tree is lifted.
+    """Amount of a run that is drawn, and obstacles by which the tree is lifted.
 
     Raises:
         OptionError: a rate that is not positive, or an unknown choice of samples.
@@ -60,7 +60,7 @@ class Sinks:
     serve: bool = False  # serve browsers of this machine
 
     def __bool__(self) -> bool:
-        """Whether there is any."""
+        """Return whether there is any."""
         return self.file is not None or self.connect is not None or self.view or self.serve
 
     def check(self) -> None:

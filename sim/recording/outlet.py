@@ -102,7 +102,7 @@ class Relay:
 
 
 def _ready(descriptor: int, timeout: float | None) -> bool:
-    """Whether there is something to read, or the end, within the time [s]."""
+    """Return whether there is something to read, or the end, within the time [s]."""
     poll = select.poll()
     poll.register(descriptor, select.POLLIN)
     return bool(poll.poll(None if timeout is None else 1e3 * timeout))
@@ -165,7 +165,7 @@ class RecordingFile:
 
     @property
     def left(self) -> str:
-        """What a recording that failed has left under its name."""
+        """Describe what a recording that failed has left under its name."""
         name = shown(self._path)
         if self._aside is not None or (not self._kept and self._path.exists()):
             return f"{name} is what it was before"
@@ -204,7 +204,7 @@ def _set_aside(file: Path) -> Path:
 
 
 class Outlet(ABC):
-    """Where one stream goes; used by one thread."""
+    """Destination of one stream; used by one thread."""
 
     lossless: ClassVar[bool]  # whether it takes everything, in order, however long that takes
 
@@ -275,7 +275,7 @@ class ToFile(Outlet):
 
 
 class ToViewer(Outlet):
-    """What it can take."""
+    """Outlet that passes on as much as a viewer can take."""
 
     lossless = False
 

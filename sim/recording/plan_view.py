@@ -46,7 +46,7 @@ class Pictures:
         self.in_time = spacetime.SpaceTime(stream, subject, colors) if subject.moves else None
 
     def said(self, name: str) -> str:
-        """What was last said of where a class leads; nothing if it was never drawn."""
+        """Return the last words for a class; empty if it was never drawn."""
         return self._ways.get(name, "")
 
     def draw(self, plan: Plan, step: int, time: float) -> None:
@@ -133,7 +133,7 @@ class Pictures:
         fans: dict[str, strokes.Fan],
         labels: Mapping[str, str],
     ) -> None:
-        """Where the plan takes bodies to be, on the map and in space and time."""
+        """Draw predicted outlines of moving obstacles, on the map and in space and time."""
         later = [one for one in soon if one.after > 0.0]
         shades = packed(fade(MOVER, FLOOR, np.array([one.strength for one in later]))) if later else None
         rings = [lift(one.ring, 0.03) for one in later]
@@ -141,7 +141,7 @@ class Pictures:
         in_time.draw(plan, soon, fans, labels, self._now)
 
     def _truth(self, grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
-        """What the grid gives to each class; where bodies move also what it says of the floor now."""
+        """Return each class's share by the grid; where obstacles move, also draw the floor now."""
         if grid.moves:
             for path, picture in on_floor(grid, self._subject.space, time):
                 self._log(path, picture)

@@ -65,7 +65,7 @@ class Bystanders:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reason:
-    """What speaks for a class and against it."""
+    """Figures that speak for a class and against it."""
 
     name: str  # its id
     way: str  # in words
@@ -163,7 +163,7 @@ def _slices(first: NDArray[np.int64], count: int) -> list[tuple[int, int]]:
 def _places(
     plan: Plan, estimate: Estimate, path_integral: PathIntegral, names: Names, bystanders: Bystanders | None
 ) -> dict[str, Counter[str]]:
-    """What the samples drawn around each reference hit, of as many as are worth a look."""
+    """Count what the samples drawn around each reference hit, of as many as are worth it."""
     rollouts, ids = estimate.rollouts, plan.ids
     chosen: list[NDArray[np.int64]] = []
     slices = _slices(rollouts.leads.first, len(ids))
@@ -190,7 +190,7 @@ def _places(
 
 
 def met(collision: Collision, points: Array, names: Names) -> list[str]:
-    """What robots at points (k, 2) [m] touch: the nearest of the solids, or the border."""
+    """Name the solid nearest to robots at points (k, 2) [m], or the border."""
     lower, upper = collision.extents()
     world = collision.world
     border = np.minimum(points - world.lower, world.upper - points).min(axis=1) - collision.footprint.radius
@@ -208,7 +208,7 @@ def met(collision: Collision, points: Array, names: Names) -> list[str]:
 
 
 def page(plan: Plan, reasons: Sequence[Reason], time: float) -> str:
-    """What a plan made at a time [s] rests on."""
+    """Explain a plan made at a time [s]."""
     estimate = plan.estimate
     if estimate is None:
         why = "the exact solution is followed" if plan.exact is not None else "no samples"
@@ -243,7 +243,7 @@ def sentence(reasons: Sequence[Reason], favourite: str | None) -> str:
 
 
 def fate(reason: Reason) -> str:
-    """What becomes of a class' samples."""
+    """Put the end of a class' samples into words."""
     dying, late = round(100 * reason.dying), round(100 * reason.late)
     if not dying and not late:
         return "all arrive"

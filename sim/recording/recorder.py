@@ -81,7 +81,7 @@ class Sink:
         return 0 if self._done.is_set() else len(self._rows)
 
     def _later(self) -> bool:
-        """Whether rows are kept for when the drive is over."""
+        """Return whether rows are kept for when the drive is over."""
         return self._outlet.lossless and URGENT.clocked and self._come - self._gone < KEPT
 
     def _full(self) -> bool:
@@ -207,7 +207,7 @@ class Recorder:
 
     @property
     def live(self) -> bool:
-        """Whether a viewer is shown the drive."""
+        """Return whether a viewer is shown the drive."""
         return bool(self._live)
 
     @property

@@ -58,7 +58,7 @@ Log = Callable[[str, rr.AsComponents | Sequence[rr.AsComponents]], None]
 
 
 def legend(subject: Subject) -> str:
-    """What the colours and lines of the drive mean, and the settings, in Markdown."""
+    """Explain in Markdown the colours and lines of the run, and list the settings."""
     optimum = OPTIMAL if subject.look.truth else ""
     moving = MOTIONS if subject.moves else ""
     rows = "\n".join(f"| {name} | {_text(value)} |" for name, value in properties(subject.settings).items())
@@ -177,7 +177,7 @@ def mover_path(name: str) -> str:
 
 
 def all_named(subject: Subject) -> bool:
-    """Whether so few bodies move that all bear their names; more would hide the scene, and tell theirs when hovered."""
+    """Return whether so few obstacles move that all bear their names; others bear theirs when hovered."""
     return len(subject.space.scene.movers) <= NAMED
 
 

@@ -1,4 +1,4 @@
-"""What a recording holds of a drive, batch by batch: numbers at every step, pictures where they are due.
+"""Contents of a recording, batch by batch: numbers at every step, pictures where they are due.
 
 /steps        a row per control step, described in `columns.py`
 /world/robot  pose of its root, and as an arrow where the control would take it, from the velocity that it has, as a
@@ -103,7 +103,7 @@ class Writer:
         self._plots.begin()
 
     def _place(self) -> None:
-        """Where robot, moving bodies and eyes are to begin with."""
+        """Place robot, moving obstacles and eyes at the start."""
         scene, dynamics = self._subject.space.scene, self._subject.path_integral.problem.dynamics
         start = np.asarray(dynamics.state_of(scene.start))[None]
         for path, pose in self._bodies_at(start):
@@ -207,7 +207,7 @@ class Writer:
         in_time.steps(steps, [place[2] for place in at], np.array(at))
 
     def _wheels(self, rows: Sequence[Row]) -> None:
-        """How the wheels stand at each step; they roll over all physics steps."""
+        """Turn the wheels at each step; they roll over all physics steps."""
         wheels = self._bodies.wheels
         if not wheels:
             return
@@ -243,7 +243,7 @@ class Writer:
         return met(space.collision, row.state[None, :2], self._subject.solids)[0]
 
     def _ahead(self, x: Array, u: Array) -> Array:
-        """Where the control would take the robot in a short while without noise, in the robot's frame, (3,)."""
+        """Predict without noise where the control takes the robot in a short while, in the robot's frame, (3,)."""
         dynamics = self._subject.path_integral.problem.dynamics
         start, still = x, np.zeros(dynamics.m)
         for _ in range(5):

@@ -30,7 +30,7 @@ class Interval:
 
     @property
     def excludes_zero(self) -> bool:
-        """Whether zero lies outside; False if unknown."""
+        """Return whether zero lies outside; False if unknown."""
         return self.low > 0.0 or self.high < 0.0
 
 

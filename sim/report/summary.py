@@ -1,4 +1,4 @@
-"""What a sweep's runs say: shares and means with intervals, and methods compared on equal seeds."""
+"""Shares and means of a sweep's runs with intervals, and methods compared on equal seeds."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def _known(values: Iterable[float | None]) -> list[float]:
 
 
 def _findings(comparisons: Sequence[Comparison]) -> list[str]:
-    """What is significant, in words; and if nothing is, that."""
+    """Put significant differences into words; empty if there are none."""
     told = []
     for c in comparisons:
         where = f"{c.scene}, b = {c.noise:g}: {c.method}"

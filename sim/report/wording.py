@@ -40,7 +40,7 @@ class Table:
 
 
 def lead(report: Report) -> list[str]:
-    """How complete the sweep is, and how it was made."""
+    """Say how complete the sweep is, and how it was made."""
     lines = [f"{report.found} of {counted(report.asked, 'run')} asked for {_be(report.asked)} there."]
     if report.found < report.asked:
         lines[0] += " The sweep is unfinished: its command, given again, goes on."
@@ -59,7 +59,7 @@ def lead(report: Report) -> list[str]:
 
 
 def findings(report: Report) -> list[str]:
-    """What is significant, plainly."""
+    """State plainly what is significant."""
     questions = report.questions
     if not questions:
         return [f"No comparison: {_why_none(report)}."]
@@ -105,7 +105,7 @@ def tables(report: Report) -> list[Table]:
 
 
 def method() -> str:
-    """How the figures were made."""
+    """Explain how the figures were made."""
     return (
         "Brackets hold 95 % intervals: Wilson's for shares, percentile bootstrap (10 000 draws) for means and ratios, "
         "Bonett and Price's for differences of paired shares. Equal seeds meet equal plant noise; comparisons are "
@@ -117,7 +117,7 @@ def method() -> str:
 
 
 def terminal(report: Report) -> str:
-    """What is printed: of many scenes only all of them together."""
+    """Format the report for a terminal: of many scenes only all of them together."""
 
     many = ALL in report.scenes and len(report.scenes) > 4
     parts = ["\n".join(lead(report))]

@@ -1,4 +1,4 @@
-"""What is to be solved and under which settings; trees, drivers and exact solutions are made for it."""
+"""A task: a scene, a problem and settings, for which trees, controllers and exact solutions are made."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ class Task:
 
     @property
     def moving(self) -> bool:
-        """Whether bodies move in the scene."""
+        """Return whether obstacles move in the scene."""
         return bool(self.loaded.scene.movers)
 
     @property
     def homology(self) -> Homology | TimedHomology:
-        """What tells classes of drives apart."""
+        """Homology by which classes of runs are told apart."""
         return self.in_time.homology(self.space) if self.moving else self.space.homology
 
     @property
@@ -85,7 +85,7 @@ class Task:
         return tree, sampler, plant
 
     def with_settings(self, **changes: Any) -> Self:
-        """The same scene under other settings; the free space is kept.
+        """Return the scene under other settings; the free space is kept.
 
         Raises:
             OptionError: the system has no such number, or a value cannot work.
@@ -97,7 +97,7 @@ class Task:
 
     @property
     def sampling(self) -> Sampling:
-        """How paths are drawn and weighed."""
+        """Sampling of the settings."""
         s = self.settings
         first = s.period if s.period < s.dt else None
         return Sampling(

@@ -58,7 +58,7 @@ class Dataset:
     # -- what was asked for ------------------------------------------------------------------------------------
 
     def manifest(self) -> dict[str, Any]:
-        """What the sweep was asked for.
+        """Read the manifest of the sweep.
 
         Raises:
             OptionError: the folder holds none, or it cannot be read.
@@ -288,7 +288,7 @@ class Dataset:
 
     @property
     def failing(self) -> bool:
-        """Whether the last try to write went wrong."""
+        """Return whether the last try to write went wrong."""
         return self._failing_since is not None
 
     def _other(self, difference: str) -> OptionError:

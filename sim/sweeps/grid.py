@@ -1,4 +1,4 @@
-"""What a sweep is asked for: scenes, methods, noise levels and seeds, of which every combination is a run."""
+"""Grid of a sweep: scenes, methods, noise levels and seeds, of which every combination is a run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_RUNS = 1_000_000  # jobs and records of so many fit into some gigabytes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """What a command line asks for."""
+    """Runs that a command line asks for."""
 
     scenes: tuple[str, ...]
     methods: tuple[str, ...]
@@ -56,7 +56,7 @@ class Grid:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What all runs share and results depend on, by option."""
+        """Settings that all runs share and results depend on, by option."""
         return options.identity(dict((*self.task, *self.given)))
 
 

@@ -81,7 +81,7 @@ def record_of(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def key_of(record: Mapping[str, Any]) -> tuple[Any, ...]:
-    """What tells a run from all others of its dataset."""
+    """Return the key of a run in its dataset."""
     return tuple(record[name] for name in KEY)
 
 
@@ -122,7 +122,7 @@ def _unreadable(file: Path, reason: str) -> OptionError:
 
 
 def parquet(table: Any) -> Callable[[Any], object]:
-    """What writes a table to a stream."""
+    """Return what writes a table to a stream."""
     import pyarrow.parquet as pq
 
     return lambda stream: pq.write_table(table, stream, compression="zstd")

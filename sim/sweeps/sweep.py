@@ -91,7 +91,7 @@ class Progress:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grown:
-    """What became of the wish for a tree."""
+    """Result of a request for a tree."""
 
     place: tuple[Any, ...]
     planned: Planned
@@ -121,7 +121,7 @@ class Pipeline:
 
     @property
     def trees(self) -> int:
-        """How many trees are there now."""
+        """Number of trees at present."""
         return len(self._planned)
 
     def run(self, crew: Crew) -> Iterator[Record | None]:
@@ -174,7 +174,7 @@ def given_up(item: Survey | Errand, why: str) -> Grown | Record:
 
 
 def crew_of(stack: ExitStack, stop: engine.Stop, workers: int, scheduler: str | None, *, alone: bool) -> Crew:
-    """Who does the work: a cluster, processes, or this thread if one is enough and nothing must be kept."""
+    """Choose who does the work: a cluster, processes, or this thread if one is enough and nothing must be kept."""
     if scheduler is not None:
         from sim.sweeps.cluster import Cluster
 

@@ -1,4 +1,4 @@
-"""What moves, as one record per system: dynamics, costs, steering and defaults; a registry that robots name them in.
+"""Systems, one record each: dynamics, costs, steering and defaults; a registry that robots name them in.
 
 A robot's MJCF names a system (`pirrht_dynamics`); `--system MODULE:NAME` takes one of somebody's own instead. Ten lines
 make one:
