@@ -34,12 +34,12 @@ from sim.recording.subject import Subject
 from sim.recording.writer import Writer
 from sim.systems import POSE
 
+__all__ = ["Look", "Recorder", "Sinks"]
+
 ROOM = 256  # rows a queue holds
 KEPT = 256 * 2**20  # what rows that are kept for later may hold on to [bytes]
 NAP = 0.02  # pause of a thread that has nothing to do [s]
 GRACE = 2.0  # what a viewer gets to take the last rows [s]
-__all__ = ["Look", "Recorder", "Sinks"]
-
 DEFAULT = Look()
 
 
