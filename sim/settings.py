@@ -12,10 +12,8 @@ import numpy as np
 
 from pirrht.control.methods import TREELESS
 from pirrht.errors import OptionError
-from sim.options.settings import BETWEEN, PLANTS, SETTINGS
+from sim.options.settings import SETTINGS
 from sim.options.table import BY_SETTING, refuse_idle
-
-__all__ = ["BETWEEN", "PLANTS", "PRESETS", "Settings", "refuse_idle", "settle"]
 
 # The paper plans every dt and holds an open-loop control, averages over the classes and reads exit at step ends.
 PRESETS: dict[str, dict[str, Any]] = {

@@ -35,10 +35,11 @@ def scenes(_: argparse.Namespace) -> int:
 def play(arguments: argparse.Namespace) -> int:
     """Drive while somebody interferes."""
     from sim.cli import play_command
+    from sim.play.drive import first
 
     scenario = play_command.checked(arguments, lambda: scenario_of(arguments, loose=True))
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
-        built = play_command.first(scenario, lambda size: bar.update(size - bar.n))
+        built = first(scenario, lambda size: bar.update(size - bar.n))
     rehearse(scenario, driving=True)
     warm.finish("plan", "sample")
     return play_command.play(arguments, scenario, built)

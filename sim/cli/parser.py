@@ -12,7 +12,7 @@ from pirrht.control.methods import METHODS
 from pirrht.errors import OptionError
 from sim.drive.result import explained as figures
 from sim.options.record import Option
-from sim.options.table import GONE, check, gone, options_of
+from sim.options.table import check, gone, options_of
 from sim.recording.columns import explained
 from sim.settings import Settings
 from sim.systems import named, names
@@ -171,6 +171,3 @@ def _worded(value: Any) -> str:
     if isinstance(value, float):
         return "infinite" if math.isinf(value) else f"{value:g}"
     return str(value)
-
-
-__all__ = ["GONE", "Parser", "parser", "read"]

@@ -19,12 +19,10 @@ from sim.drive import episode
 from sim.drive.episode import Frame
 from sim.files import check_writable, write_json
 from sim.play import events, window
-from sim.play.drive import Play, first
+from sim.play.drive import Play
 from sim.play.driver import Built
 from sim.result import run_json, settings_json
 from sim.scenario import Scenario
-
-__all__ = ["checked", "first", "play"]
 
 LOOK = 0.05  # how often one looks whether something has been moved once a drive has ended [s]
 

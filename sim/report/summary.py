@@ -26,7 +26,8 @@ from sim.report.comparisons import (
     questions,
 )
 from sim.report.statistics import Interval, mean, ratio, wilson
-from sim.sweeps.dataset import Dataset, wished
+from sim.sweeps.dataset import Dataset
+from sim.sweeps.manifests import wished
 from sim.text import counted
 
 BEST = "optimal"  # what costs are held against

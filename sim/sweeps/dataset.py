@@ -21,10 +21,7 @@ from pirrht.errors import OptionError
 from pirrht.files import MISSING, shown, why_unreadable
 from sim.files import refused
 from sim.sweeps import manifests, parts
-from sim.sweeps.manifests import wished
 from sim.sweeps.parts import key_of, record_of, row_of
-
-__all__ = ["TREES", "Dataset", "Unwritable", "plain", "wished"]
 
 TREES = ".trees-"  # begins the names of folders that trees lie in while they are driven through
 CHUNK_RUNS, CHUNK_SECONDS = 500, 2.0  # a file is written after so many runs, or so long after the first of them [s]

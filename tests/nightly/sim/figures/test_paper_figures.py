@@ -174,7 +174,8 @@ def test_bad_options_are_refused_in_one_line(arguments, told, tmp_path):
 
 def test_without_matplotlib_the_script_says_how_to_get_it(tmp_path):
     (tmp_path / "matplotlib.py").write_text("raise ImportError\n")
-    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.argv = ['x', '-o', {str(tmp_path / 'out')!r}]; "
+    code = f"import sys; sys.path[:0] = {[str(tmp_path), str(SCRIPT.parent)]}; "
+    code += f"sys.argv = ['x', '-o', {str(tmp_path / 'out')!r}];"
     code += f"import runpy; runpy.run_path({str(SCRIPT)!r}, run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
