@@ -81,7 +81,8 @@ def _scenario(name: str, given: dict[str, Any]) -> Scenario:
 
 def side_by_side(pair: Pair, file: Path, given: dict[str, Any], shots: int) -> None:
     """Two drives, with little and with much noise, as a loop."""
-    from sim.figures import opening, snapshots
+    from figures import opening, snapshots
+
     from sim.figures.draw import pyplot
 
     seeded = {**given, "seed": given["seed"] + pair.seed}
@@ -99,7 +100,8 @@ def side_by_side(pair: Pair, file: Path, given: dict[str, Any], shots: int) -> N
 
 def value_map(file: Path) -> None:
     """The exact value of `slit` at both noise levels."""
-    from sim.figures import value_map
+    from figures import value_map
+
     from sim.figures.draw import pyplot
 
     plt = pyplot("this script")

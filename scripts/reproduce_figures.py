@@ -16,13 +16,13 @@ import argparse
 import sys
 from pathlib import Path
 
+from figures import gallery, style
+from figures.effort import Effort
 from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
 from sim.cli.parser import Parser
-from sim.figures import gallery, style
 from sim.figures.draw import pyplot
-from sim.figures.effort import Effort
 
 
 def main() -> int:

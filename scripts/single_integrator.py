@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, SingleIntegrator, StraightLine
-from sim import episode
-from sim.executor import Executor
+from sim.drive import episode
+from sim.drive.executor import Executor
 from sim.mjcf import load
 from sim.recording.recorder import Recorder, Sinks
 

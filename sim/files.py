@@ -40,7 +40,7 @@ def check_writable(path: Path, option: str) -> None:
 
 
 def checked_name(path: Path, option: str) -> os.stat_result | None:
-    """What the system knows of a path, if anything.
+    """Query the system for a path; None if there is none.
 
     Raises:
         OptionError: the name is too long, not UTF-8 or leads nowhere.
@@ -57,7 +57,7 @@ def checked_name(path: Path, option: str) -> os.stat_result | None:
 
 
 def refused(option: str, path: Path, error: OSError | ValueError) -> OptionError:
-    """What to raise where the system takes a path that an option names for none, or refuses what is done with it."""
+    """Make the error where the system refuses a path that an option names, or what is done with it."""
     reason = getattr(error, "strerror", None) or error
     return OptionError(f"{option} {_short(path)}: {reason}; choose another place")
 

@@ -101,7 +101,9 @@ class Drive(gymnasium.Env[Array, Array]):
         settings = {"noise": noise, "period": period, "max_time": max_time, "plant": plant, "phi": phi}
         given = {name: value for name, value in settings.items() if value is not None}
         self.scenario = prepare(scene, **task, given=given)  # type: ignore[arg-type]
-        self.job = Job(scene=str(scene), method="", noise=noise, seed=0, task=_frozen(task), given=_frozen(given))
+        self.job = Job(
+            scene=str(scene), method="", noise=noise, seed=0, task=runs.frozen(task), given=runs.frozen(given)
+        )
         phi_or = self.scenario.problem.phi
         self._fall = phi_or if np.isfinite(phi_or) else penalty
         self._plant = self.scenario.plant()
@@ -160,11 +162,11 @@ class Drive(gymnasium.Env[Array, Array]):
         return self._plant.state, float(reward), over, outcome is Outcome.TIMEOUT, self._info()
 
     def result(self) -> dict[str, Any]:
-        """What `pirrht run --json` tells of a drive, of this one so far."""
+        """Return the figures of this run so far, as `pirrht run --json` has them."""
         return self.figures().json()
 
     def figures(self) -> DriveResult:
-        """The same as a record.
+        """Return the figures of this run so far as a record.
 
         Raises:
             OptionError: nothing has been driven yet.
@@ -250,7 +252,7 @@ def score(
             refused before anything is driven.
 
     Returns:
-        records that `sim.sweeps.columns` makes rows of a dataset of.
+        records that `sim.sweeps.parts` makes rows of a dataset of.
 
     Raises:
         OptionError: a negative seed, a policy whose control has another shape or is not finite, or a folder that the
@@ -273,7 +275,7 @@ def score(
 
 
 def _identity(job: Job) -> dict[str, Any]:
-    """What tells a drive from all others."""
+    """Return the key of a run, scene and trees included."""
     return {**runs.key(job, job.noise), "scene": Path(job.scene).stem, "scene_digest": runs.digest(job), "plan_seed": 0}
 
 
@@ -318,10 +320,6 @@ def _seed(seed: int) -> int:
 def name_of(scene: str) -> str:
     """Gymnasium's name of a built-in scene's environment."""
     return "pirrht/" + "".join(word.capitalize() for word in scene.replace("-", "_").split("_")) + "-v0"
-
-
-def _frozen(values: dict[str, Any]) -> runs.Frozen:
-    return tuple((name, tuple(v) if isinstance(v, list | np.ndarray) else v) for name, v in values.items())
 
 
 for _scene in scene_names():

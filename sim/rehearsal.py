@@ -15,7 +15,7 @@ from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drive import episode
-from sim.drive.executor import Analytic
+from sim.drive.plant import Analytic
 from sim.scenario import Scenario
 
 VERTICES, SAMPLES, PERIODS = 30, 20, 2
@@ -47,7 +47,7 @@ BUSY_ROOM = replace(ROOM, movers=(_WALKER,))
 
 
 def small_of(scenario: Scenario) -> Scenario:
-    """The same robot and settings in a small room, where a body moves if some do in the scene."""
+    """Put the robot into a small room under its settings; an obstacle moves there if some do in the scene."""
     room = BUSY_ROOM if scenario.moving else ROOM
     s = scenario.settings
     few = replace(s, vertices=VERTICES, samples=min(s.samples, SAMPLES), tree=None, target_error=None, budget=None)

@@ -1,4 +1,4 @@
-"""What a program reads: the public JSON of plans, drives and estimates."""
+"""Public JSON of plans, runs and estimates, which programs read."""
 
 from __future__ import annotations
 
@@ -46,17 +46,13 @@ def classes_json(
 
 
 def passages_json(tree: HomologyTree, references: Sequence[Reference]) -> dict[str, Any]:
-    """How many passages are open, and through which of them no reference leads, narrowest first, lengths [m]."""
+    """Count open passages, and list those on no reference, narrowest first, lengths [m]."""
     passages, collision = tree.passages, tree.space.collision
     used = np.zeros(passages.count, dtype=bool)
     for reference in references:
         used |= passages.crossed(reference.trajectory.points)
     unused = [
-        {
-            "at": passages.place[k].tolist(),
-            "width": float(passages.width[k]),
-            "between": passages.between(k, collision),
-        }
+        {"at": passages.place[k].tolist(), "width": float(passages.width[k]), "between": passages.between(k, collision)}
         for k in np.flatnonzero(~used).tolist()
     ]
     return {"open": passages.count, "unused": unused}
@@ -101,7 +97,7 @@ def convergence_json(convergence: Convergence) -> dict[str, Any]:
 
 
 def settings_json(scenario: Scenario) -> dict[str, Any]:
-    """What a run was asked for, by the names of the public JSON."""
+    """Return the settings of a run by the names of the public JSON."""
     s = scenario.settings
     return {
         "scene": scenario.loaded.scene.name,

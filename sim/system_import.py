@@ -63,7 +63,7 @@ def source(which: str | System | None) -> bytes:
 
 
 def blamed(error: BaseException) -> str | None:
-    """Where somebody's own code raised an error, and what: the last line of its traceback in a file of theirs.
+    """Locate and name an error of somebody's own code: the last line of its traceback in a file of theirs.
 
     That is a file in the folder of a module that a system came from.
     """
@@ -79,7 +79,7 @@ def blamed(error: BaseException) -> str | None:
 
 
 def _uncompiled(text: str) -> str | None:
-    """Where in somebody's own code numba found what it cannot compile, and why; None if it names no file of theirs."""
+    """Locate in somebody's own code what numba cannot compile, and why; None if it names no file of theirs."""
     found = [(Path(one or other).resolve(), line or at) for one, line, other, at in _PLACES.findall(text)]
     theirs = [(path, line) for path, line in found if path.parent in _folders]
     if not theirs:
@@ -93,7 +93,7 @@ def _uncompiled(text: str) -> str | None:
 
 
 def _path_told(typed: str, name: str) -> str:
-    """What would have worked in place of the path of a file."""
+    """Suggest what works in place of the path of a file."""
     path, folder = Path(typed).with_suffix(""), Path.cwd()
     with suppress(ValueError):
         path = path.relative_to(folder)
@@ -139,7 +139,7 @@ def _first_on_path(folder: str) -> Iterator[None]:
 
 
 def _line_of(error: BaseException, name: str) -> str:
-    """Which line of a module it was that raised an error, as far as it tells."""
+    """Name the line of a module that raised an error, as far as it is known."""
     trace, where = error.__traceback__, f"the module {name}"
     while trace is not None:
         if trace.tb_frame.f_globals.get("__name__") == name:

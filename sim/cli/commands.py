@@ -1,4 +1,4 @@
-"""What each command of the CLI does."""
+"""Commands of the CLI by name."""
 
 from __future__ import annotations
 
@@ -35,10 +35,11 @@ def scenes(_: argparse.Namespace) -> int:
 def play(arguments: argparse.Namespace) -> int:
     """Drive while somebody interferes."""
     from sim.cli import play_command
+    from sim.play.drive import first
 
     scenario = play_command.checked(arguments, lambda: scenario_of(arguments, loose=True))
     with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
-        built = play_command.first(scenario, lambda size: bar.update(size - bar.n))
+        built = first(scenario, lambda size: bar.update(size - bar.n))
     rehearse(scenario, driving=True)
     warm.finish("plan", "sample")
     return play_command.play(arguments, scenario, built)
@@ -92,12 +93,12 @@ def import_world(arguments: argparse.Namespace) -> int:
 
 def export(arguments: argparse.Namespace) -> int:
     """Turn a recording into a table."""
+    from sim.recording import export
     from sim.recording import export as engine
-    from sim.recording import read
 
     check_outputs(arguments, "output")
     engine.check_format(arguments.output)
-    known = read.read(arguments.recording)
+    known = export.read(arguments.recording)
     columns = engine.table(known)
     engine.write(arguments.output, columns, known)
     print(f"{shown(arguments.output)}: {len(known.steps)} control steps, {len(columns)} columns")

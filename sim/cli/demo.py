@@ -49,7 +49,7 @@ def sentences(found: list[dict[str, Any]]) -> list[str]:
 
 
 def went(one: dict[str, Any]) -> str:
-    """Which way a drive went, in words."""
+    """Put the path of a run into words."""
     if one["outcome"] != "goal":
         return {"collision": "into a wall", "timeout": "nowhere in time"}[one["outcome"]]
     return WAYS.get(one["executed_class"], f"by class {one['executed_class']}")

@@ -1,4 +1,4 @@
-"""How a command ends: with a status and at most one line, whatever stops it and wherever it is then.
+"""Ending of a command: with a status and at most one line, whatever stops it and wherever it is then.
 
 Signals are heeded from the first line of `main` on, so this module imports next to nothing.
 """
@@ -156,7 +156,7 @@ def _refused(error: OSError) -> int:
 
 
 def _reader_gone() -> bool:
-    """Whether standard output is a pipe that nobody reads."""
+    """Return whether standard output is a pipe that nobody reads."""
     if not hasattr(select, "poll"):
         return True
     watch = select.poll()
@@ -188,7 +188,7 @@ def _any_name_prints() -> None:
 
 
 def _waits(number: int) -> bool:
-    """Whether kernels are just being made or loaded, so that a signal comes again a little later."""
+    """Return whether kernels are just being made or loaded, so that a signal comes again a little later."""
     compiled = sys.modules.get("pirrht.compiled.unbroken")
     return compiled is not None and bool(compiled.waits(number))
 

@@ -25,7 +25,7 @@ TOUCHING = 1e-4  # free distance below which paths end at once [m]
 
 
 def estimate(arguments: argparse.Namespace) -> int:
-    """What the controller would do at one state, repeated with independent samples."""
+    """Estimate value and control at one state, repeated with independent samples."""
     check_outputs(arguments, "json")
     scenario = scenario_of(arguments)
     if scenario.settings.method == "optimal":
@@ -60,7 +60,7 @@ def estimate(arguments: argparse.Namespace) -> int:
 
 
 def touching(scenario: Scenario, x: Array) -> str | None:
-    """What to do at x (n,) where every path ends at once; None elsewhere."""
+    """Suggest what to do at x (n,) where every path ends at once; None elsewhere."""
     room = scenario.space.clearance(x[:2])
     return (
         f"the free distance there is {max(room, 0.0):.1g} m, so paths end at once: ask elsewhere"
@@ -105,7 +105,7 @@ def _state(at: list[float], scenario: Scenario) -> Array:
 
 
 def _too_fast(scenario: Scenario, controller: Any, x: Array) -> bool:
-    """Whether samples reach the goal from the same place at rest, but not from x (n,) with its speed."""
+    """Return whether samples reach the goal from the same place at rest, but not from x (n,) with its speed."""
     rest = x.copy()
     rest[[i for i, name in enumerate(scenario.system.states) if name in (*VELOCITIES, *SPEED)]] = 0.0
     if np.array_equal(rest, x):

@@ -12,7 +12,7 @@ from pirrht.control.methods import METHODS
 from pirrht.errors import OptionError
 from sim.drive.result import explained as figures
 from sim.options.record import Option
-from sim.options.table import GONE, check, gone, options_of
+from sim.options.table import check, gone, options_of
 from sim.recording.columns import explained
 from sim.settings import Settings
 from sim.systems import named, names
@@ -131,7 +131,7 @@ def _add(group: Any, option: Option) -> None:
 
 
 def helped(option: Option) -> str:
-    """What the help says of an option: what it means, then its default."""
+    """Return the help of an option: its meaning, then its default."""
     known = default_of(option)
     return f"{meaning(option)}; default: {known}" if known else meaning(option)
 
@@ -171,6 +171,3 @@ def _worded(value: Any) -> str:
     if isinstance(value, float):
         return "infinite" if math.isinf(value) else f"{value:g}"
     return str(value)
-
-
-__all__ = ["GONE", "Parser", "parser", "read"]

@@ -19,12 +19,10 @@ from sim.drive import episode
 from sim.drive.episode import Frame
 from sim.files import check_writable, write_json
 from sim.play import events, window
-from sim.play.builder import Built
-from sim.play.drive import Play, first
+from sim.play.drive import Play
+from sim.play.driver import Built
 from sim.result import run_json, settings_json
 from sim.scenario import Scenario
-
-__all__ = ["checked", "first", "play"]
 
 LOOK = 0.05  # how often one looks whether something has been moved once a drive has ended [s]
 
@@ -94,7 +92,7 @@ def _drive(game: Play, start: Any, seen: window.Window | None, live: Live) -> ep
 
 
 def _again(game: Play, seen: window.Window, outcome: Outcome) -> Any:
-    """Where the next drive starts, (n,), once somebody wants one; None once the window is closed.
+    """Wait for the start (n,) of the next run; None once the window is closed.
 
     A goal that is moved is driven to from where the robot is, unless it has collided: then, and by the key Home, the
     robot starts over.
@@ -153,8 +151,8 @@ class Live:
             recorder.log(frame, news)
 
     def _begin(self, space: FreeSpace) -> None:
+        from sim.recording.options import Sinks
         from sim.recording.recorder import Recorder
-        from sim.recording.sinks import Sinks
 
         self._end()
         built, self._space = self._game.live.built, space
@@ -177,7 +175,7 @@ class Live:
 
 
 def _sinks(arguments: argparse.Namespace) -> Any:
-    from sim.recording.sinks import Sinks
+    from sim.recording.options import Sinks
 
     sinks = Sinks(connect=arguments.connect, view=arguments.view, serve=arguments.serve)
     sinks.check()

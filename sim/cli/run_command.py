@@ -108,8 +108,8 @@ def _wait(recorder: Any) -> None:
 
 
 def _sinks(arguments: argparse.Namespace) -> Any:
-    """Where a recording goes; refused before any work is done if that cannot be."""
-    from sim.recording.sinks import Sinks
+    """Check and return where a recording goes, before any work is done."""
+    from sim.recording.options import Sinks
 
     sinks = Sinks(file=arguments.record, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
     sinks.check()
@@ -117,8 +117,8 @@ def _sinks(arguments: argparse.Namespace) -> Any:
 
 
 def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
-    """What a recording shows; refused before the plan if the scene has no such obstacle."""
-    from sim.recording.look import Look
+    """Check and return what a recording shows, before the plan."""
+    from sim.recording.options import Look
 
     samples, lift = arguments.record_samples, arguments.record_lift
     look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)

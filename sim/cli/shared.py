@@ -1,4 +1,4 @@
-"""What several commands do: read the scene, check where results go, grow the tree, show how far they are."""
+"""Shared parts of commands: read the scene, check where results go, grow the tree, show progress."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MEANINGLESS = ("predict", "speed_limit")  # where nothing moves
 
 
 def given(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What the user said, by setting."""
+    """Return what the user said, by setting."""
     return options.settings(arguments.command, vars(arguments))
 
 
@@ -121,7 +121,7 @@ def unforeseen(scenario: Scenario) -> None:
 
 
 def _foretells(scenario: Scenario) -> bool:
-    """Whether plans do not know how bodies move."""
+    """Return whether plans do not know how bodies move."""
     return scenario.moving and scenario.settings.predict != "known"
 
 
@@ -132,7 +132,7 @@ def progress_bar(what: str, total: float, unit: str) -> Any:
 
 
 def growing(bar: Any) -> Callable[[int], None]:
-    """What reports on a bar, some times a second, how many vertices a tree has while it grows."""
+    """Return a callback that shows the number of vertices on a bar, some times a second."""
     last = time.monotonic()
 
     def report(vertices: int) -> None:

@@ -1,4 +1,4 @@
-"""What `pirrht sweep` and `pirrht report` do."""
+"""Commands `pirrht sweep` and `pirrht report`."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from pirrht.errors import OptionError, printable
 from pirrht.files import shown
+from sim.cli import tables
 from sim.files import check_writable, refused, write_json
 from sim.options import table as options
 from sim.text import counted, width
@@ -22,7 +23,6 @@ SHOWN = 3  # errors that are told on the terminal
 
 def sweep(arguments: argparse.Namespace) -> int:
     """Many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
-    from sim.report import lines
     from sim.sweeps import sweep as engine
 
     if arguments.json is not None:
@@ -38,7 +38,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         raise OptionError("--again makes runs of a dataset anew; add its folder, -o DIR")
     else:
         records = engine.sweep(grid.jobs(), jobs_at_once=arguments.jobs, scheduler=arguments.scheduler)
-    print(lines.summary(records, width()))
+    print(tables.sweep_table(records, width()))
     if arguments.json:
         write_json(arguments.json, records)
     errors = [str(record["error"]) for record in records if record["outcome"] is None]
@@ -109,9 +109,8 @@ def report(arguments: argparse.Namespace) -> int:
     """Sum up a sweep: on the terminal, as Markdown and as a page."""
     from pirrht.files import replaced
     from sim.report import summary as engine
-    from sim.report import wording
-    from sim.report.html import page
     from sim.report.plots import pictures
+    from sim.report.wording import markdown, page, terminal
     from sim.sweeps.dataset import Dataset
 
     folder: Path = arguments.output or arguments.folder
@@ -131,8 +130,8 @@ def report(arguments: argparse.Namespace) -> int:
     except OptionError as error:
         drawn = []
         print(f"pirrht: {error}; report.html has no pictures", file=sys.stderr)
-    print(wording.terminal(known))
-    for file, content in ((text, wording.markdown(known)), (web, page(known, drawn))):
+    print(terminal(known))
+    for file, content in ((text, markdown(known)), (web, page(known, drawn))):
         with replaced(file, "--output") as stream:
             stream.write(content.encode())
         print(f"written: {shown(file)}")

@@ -1,10 +1,12 @@
-"""What a person reads on the terminal of plans and estimates."""
+"""Tables and lines that a person reads on the terminal of plans, estimates, runs and sweeps."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import FEW, Estimate
@@ -13,9 +15,10 @@ from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.reference import Reference
 from sim.drawing.colors import title
 from sim.drawing.sides import passing
-from sim.drive import realtime_timing
+from sim.drive import clock
 from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
+from sim.report.comparisons import BASE, Key, Record, extra_costs, pairs_of
 from sim.scenario import Scenario
 from sim.text import LEAST, counted, say, table
 
@@ -24,6 +27,9 @@ LONE = 1.5  # effective samples of a class of which no more than one has any wei
 WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
 NEAR = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 SPOT = "rover"  # the robot that turns almost on the spot
+_FIRST = ("scene", "b", "method", "runs", "goal", "collision", "timeout")
+_LAST = ("time [s]", "path/shortest", "switches", "reversals", "ms/step", "plan [s]", "classes")
+_OVER = f"over {BASE}"  # of seeds that reach the goal by both: means of different seeds do not compare
 
 
 def scene_table(rows: Sequence[tuple[str, str, float, int, str]], room: int | None = None) -> str:
@@ -90,7 +96,7 @@ def estimate_table(
 def doubts(
     estimates: Sequence[Estimate | None], references: Sequence[Reference], temperature: float, target: float | None
 ) -> list[str]:
-    """What standard errors do not tell: few samples that weigh, heavy tails, classes not sampled, targets missed."""
+    """List doubts that standard errors hide: few samples, heavy tails, classes not sampled, targets missed."""
     known = [e for e in estimates if e is not None]
     of = f"of {len(known)} repeats"
     lines = []
@@ -124,7 +130,7 @@ def doubts(
 
 
 def _matters(reference: Reference, known: Sequence[Estimate], thin: int, temperature: float) -> bool:
-    """Whether a class that few samples are of has weight in some repeat, or is too cheap to have none in most."""
+    """Return whether a class of few samples has weight in some repeat, or is too cheap to have none in most."""
     cheap = reference.cost < min(e.value for e in known) + NEAR * temperature
     weight = max(e.class_weights.get(reference.id, 0.0) for e in known)
     return weight >= WORTH or (cheap and 2 * thin > len(known))
@@ -173,7 +179,7 @@ def fitting_lines(scenario: Scenario) -> str:
 
 
 def odds(scenario: Scenario) -> str:
-    """What is uncertain, in a line: noise, where the system asks for it, and lambda."""
+    """State in a line what is uncertain: noise, where the system uses it, and lambda."""
     unit = scenario.system.noise_in.removeprefix("in ")
     heeds = "noise" in scenario.system.heeds
     noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if heeds else "noise of its own"
@@ -207,7 +213,7 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
             f"weakest on {drive.least_ess:.1f} at {drive.least_ess_time:.2f} s: a guess; try more --samples"
         )
     if drive.real_time is not None:
-        say(realtime_timing.summary(drive.real_time))
+        say(clock.summary(drive.real_time))
     say(
         f"{counted(drive.steps, 'control step')}: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, "
         f"max {ms['max']:.1f}, {drive.deadline_misses} {late}"
@@ -217,3 +223,60 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
             f"beside the optimal control: |u - u*| {truth['mean_control_error']:.3f} on average, "
             f"{truth['max_control_error']:.3f} at most; exact value at the start {truth['value']:.4f}"
         )
+
+
+def sweep_table(rows: Sequence[Record], room: int | None = None) -> str:
+    """A table with one line per scene, noise and method; a path is held against the shortest reference."""
+    points: dict[Key, list[Record]] = {}
+    for row in rows:
+        points.setdefault((row["scene"], row["noise"], row["method"]), []).append(row)
+    failed = any(row["outcome"] is None for row in rows)
+    over = {point: _over(point, points) for point in points}
+    paired = any(over.values())
+    header = [*_FIRST, *(["error"] if failed else []), "cost", *([_OVER] if paired else []), *_LAST]
+    lines = [
+        _line(point, everyone, failed, [over[point] or "-"] if paired else []) for point, everyone in points.items()
+    ]
+    return table(header, lines, room, keep=3)
+
+
+def _over(point: Key, points: Mapping[Key, Sequence[Record]]) -> str:
+    """Return the mean extra cost of a method over `BASE` with equal noise; empty without pairs."""
+    scene, noise, method = point
+    if method == BASE:
+        return ""
+    off = extra_costs(pairs_of(points[point], points.get((scene, noise, BASE), ())))
+    return f"{np.mean(off):+.3f}" if off else ""
+
+
+def _line(point: Key, everyone: Sequence[Record], failed: bool, over: Sequence[str]) -> list[str]:
+    scene, noise, method = point
+    group = [r for r in everyone if r["outcome"] is not None]
+    arrived = [r for r in group if r["outcome"] == "goal"]
+    ends = [sum(r["outcome"] == name for r in group) for name in ("goal", "collision", "timeout")]
+    return [
+        *(scene, f"{noise:g}", method, str(len(everyone))),
+        *map(str, ends),
+        *([str(len(everyone) - len(group))] if failed else []),
+        _mean([r["cost"] for r in arrived]),
+        *over,
+        _mean([r["time"] for r in arrived]),
+        _mean([r["path_length"] / r["shortest_length"] for r in arrived if r["shortest_length"]]),
+        _mean([r["class_switches"] for r in group], 2),
+        _mean([r["class_reversals"] for r in group], 2),
+        _mean([np.median([r["step_ms"]["median"] for r in group])] if group else [], 1),
+        _mean([r["plan_seconds"] for r in group if r["plan_seconds"] is not None]),
+        _shares([r["executed_class"] for r in arrived]),
+    ]
+
+
+def _mean(values: Sequence[float], digits: int = 3) -> str:
+    return f"{np.mean(values):.{digits}f}" if values else "-"
+
+
+def _shares(ids: Sequence[str]) -> str:
+    if not ids:
+        return "-"
+    names, counts = np.unique(ids, return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    return ", ".join(f"{title(str(names[i]))}: {counts[i] / len(ids):.0%}" for i in order[:4])

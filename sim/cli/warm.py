@@ -53,7 +53,7 @@ class Notice(event.Listener):  # type: ignore[misc]
         self.key = key_of(system, problem)
 
     def noted(self, what: str) -> bool:
-        """Whether kernels for "plan" or "sample" of what moves are noted to be there."""
+        """Return whether kernels for "plan" or "sample" of what moves are noted to be there."""
         return self.key is not None and cache.noted(f"{what}-{self.key}")
 
     def done(self, *what: str) -> None:
@@ -89,7 +89,7 @@ class Notice(event.Listener):  # type: ignore[misc]
 
 
 def key_of(system: System, problem: Problem) -> str | None:
-    """What a note of compiled kernels is found by: the system's functions, what moves, and the sources of this package.
+    """Hash the system's functions, its dynamics, and the sources of this package: the key of notes of compiled kernels.
 
     None if its kernels cannot be kept.
     """
@@ -104,7 +104,7 @@ def key_of(system: System, problem: Problem) -> str | None:
 
 
 def _functions(problem: Problem) -> Iterator[Callable[..., Any]]:
-    """What somebody's system is made of, as far as kernels close over it."""
+    """Yield the parts of somebody's system that kernels close over."""
     d = problem.dynamics
     blocks = [None, None] if d.input_form else [d.control_block, d.diffusion_block]
     for one in (d.drift, *blocks, d.input_matrix, d.homing, problem.q):
@@ -159,7 +159,7 @@ def finish(*what: str) -> None:
 
 
 def integral_of(dynamics_name: str, *, moving: bool) -> Any:
-    """What samples one kind of dynamics in a small room, where an obstacle moves or none does."""
+    """Make the sampler of one kind of dynamics in a small room, where an obstacle moves or none does."""
     from pirrht.estimation.sampler import PathIntegral
     from pirrht.estimation.sampling import Sampling
     from pirrht.freespace import FreeSpace

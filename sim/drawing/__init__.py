@@ -1,1 +1,1 @@
-"""What every picture shares: the colours of classes, and the lines that are drawn."""
+"""Shared parts of pictures: colours of classes, words for them, and lines that are drawn."""

@@ -113,6 +113,11 @@ def mix(color: Color, other: Color, share: float) -> Color:
     return red, green, blue
 
 
+def rgb(color: Color) -> tuple[float, ...]:
+    """Return a colour as matplotlib takes it."""
+    return tuple(channel / 255.0 for channel in color)
+
+
 def fade(color: Color, ground: Color, opacity: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The colour seen over the ground with opacities (k,), (k, 3)."""
     share = np.asarray(opacity)[:, None]

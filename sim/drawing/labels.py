@@ -1,4 +1,4 @@
-"""Where labels go in a picture: off walls, off lines, off each other, and inside its edges."""
+"""Places for labels in a picture: off walls, off lines, off each other, and inside its edges."""
 
 from __future__ import annotations
 

@@ -1,8 +1,13 @@
-"""On which side of bodies that move a path in space and time passes: before or behind, left or right if they rest."""
+"""Words for paths: on which sides of which obstacles they pass, as a person would say it.
+
+A path passes a moving obstacle before or behind it, or left or right if that rests. Ids of homology classes stay what
+programs compare; words follow from them, from where the robot is, and from the other classes: a class is told by the
+fewest obstacles that set it apart.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -18,6 +23,7 @@ STILL = 0.05  # m/s; of what is slower there is no before and behind
 SIDES = "before", "behind", "left of", "right of"  # the last two seen along the path, of a body that hardly moves then
 FEW = 4  # bodies of which every one is told
 NAMED = 8  # bodies that all bear their names in a picture; those of more would hide it
+PASSED = 0.2  # turns about an obstacle from which a path counts as passing it
 
 
 def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
@@ -57,18 +63,97 @@ def passed(reference: Reference, homology: TimedHomology) -> list[tuple[str, str
 
 
 def passing(reference: Reference, homology: TimedHomology) -> list[str]:
-    """The same in words, as "walker: behind" or "door: left of it"."""
+    """List `passed` in words, as "walker: behind" or "door: left of it"."""
     return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in passed(reference, homology)]
 
 
 def by_side(rows: Sequence[tuple[str, str]]) -> list[str]:
-    """What `passed` tells side by side, as "behind walker, cart", for where there is little room."""
+    """Group `passed` by side, as "behind walker, cart", for where there is little room."""
     told = [(side, [name for name, own in rows if own == side]) for side in SIDES]
     return [f"{side} {', '.join(names)}" for side, names in told if names]
 
 
 def places_of(moving: MovingHomology, times: Array) -> Array:
-    """Where all markers are at times (T,) [s], (J, T, 2) [m]."""
+    """Return the places of all markers at times (T,) [s], (J, T, 2) [m]."""
     places = np.empty((moving.J, len(times), 2))
     places_at(moving.tracks, times, places)
     return places
+
+
+def worded(
+    windings: Mapping[str, Sequence[int]],
+    straight: Array,
+    names: Sequence[str],
+    movers: Sequence[str] = (),
+    among: Collection[str] | None = None,
+    sides: Mapping[str, Sequence[str]] | None = None,
+) -> dict[str, str]:
+    """Name each of several classes.
+
+    Args:
+        windings: by id, of M obstacles and then of bodies that move [turns].
+        straight: H of the straight line from where the robot is, (M,) [turns].
+        names: of the obstacles, (M,).
+        movers: of the bodies that move, in the order of the windings.
+        among: those from which each is to be told apart; None: from all.
+        sides: by id, how each body is passed, as `sides.SIDES` has it.
+
+    Left and right are those of somebody who goes along the path.
+    """
+    rivals = [winding for name, winding in windings.items() if among is None or name in among]
+    by = sides or {}
+    return {name: _words(mine, rivals, straight, names, movers, by.get(name, ())) for name, mine in windings.items()}
+
+
+def _words(
+    mine: Sequence[int],
+    rivals: Sequence[Sequence[int]],
+    straight: Array,
+    names: Sequence[str],
+    movers: Sequence[str],
+    passed: Sequence[str],
+) -> str:
+    others = [other for other in rivals if tuple(other) != tuple(mine)]
+    told = _telling(mine, others) if others else _passed(mine, straight)
+    standing = [k for k in told if k < len(names)]
+    turns = {k: float(straight[k]) + mine[k] for k in standing}
+    rounds = [f"once round {names[k]}" for k in standing if abs(turns[k]) >= 1.0]
+    left = [names[k] for k in standing if -1.0 < turns[k] < 0.0]
+    right = [names[k] for k in standing if 0.0 <= turns[k] < 1.0]
+    if len(left) == len(right) == 1 and len(names) == 2:  # of two among many it need not lead through the gap
+        sides = [f"between {right[0]} and {left[0]}"]
+    else:
+        sides = [f"{side} of {_listed(group)}" for side, group in (("right", right), ("left", left)) if group]
+    bodies = [_about(mine[k], movers, k - len(names), passed) for k in told if k >= len(names)]
+    if not standing and not bodies:  # a class alone is told by the bodies that it passes
+        bodies = [f"{side} {name}" for side, name in zip(passed, movers, strict=False) if side]
+    return ", ".join([*rounds, *sides, *bodies]) or "straight ahead"
+
+
+def _telling(mine: Sequence[int], others: list[Sequence[int]]) -> list[int]:
+    """The fewest obstacles that tell a class from all others, found one by one, in their order."""
+    told: list[int] = []
+    while others:
+        apart = np.array([[a != b for a, b in zip(mine, other, strict=True)] for other in others]).sum(axis=0)
+        best = int(np.argmax(apart))
+        told.append(best)
+        others = [other for other in others if other[best] == mine[best]]
+    return sorted(told)
+
+
+def _passed(mine: Sequence[int], straight: Array) -> list[int]:
+    """The two obstacles that the only class there is passes most clearly."""
+    turns = np.abs(straight + np.asarray(mine)[: len(straight)])
+    clear = np.argsort(-turns, kind="stable")[:2]
+    return sorted(int(k) for k in clear if turns[k] >= PASSED)
+
+
+def _about(turns: int, movers: Sequence[str], body: int, sides: Sequence[str]) -> str:
+    name = movers[body] if body < len(movers) else "a moving body"
+    if body < len(sides) and sides[body]:
+        return f"{sides[body]} {name}"
+    return f"past {name} as the straight way" if turns == 0 else f"the other way round {name}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

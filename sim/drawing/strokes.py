@@ -1,4 +1,4 @@
-"""Lines to be drawn: sampled paths by class, references, the tree lifted by the paper's H."""
+"""Lines to be drawn: sampled paths by class and their averages, references, the tree lifted by the paper's H."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
@@ -26,6 +27,8 @@ Indices = NDArray[np.int64]
 DEAD = "dead"
 FINE = 0.02  # distance of points on arcs that are then thinned out [m]
 TAPE_SAMPLES = 2000  # of a round, for the line where the tape leads
+MOST, POINTS = 24, 32  # samples that a way is the mean of, the heaviest of a class, and its points
+TRIED = 5  # samples that may stand for a mean that touches something
 
 
 def at_most(points: Array, count: int) -> Array:
@@ -85,7 +88,7 @@ def even(points: Array, count: int) -> Array:
 
 
 def ahead(plan: Plan, problem: Problem) -> Array:
-    """Where a plan's tape alone would lead, (k, 2), as far as a tenth of the weight is still under way."""
+    """Follow a plan's control sequence alone, (k, 2), as far as a tenth of the weight is still under way."""
     x, still, path = plan.state, np.zeros(problem.dynamics.m), [plan.state[:2]]
     tape, alive = _tape_of(plan)
     for u, dt, share in zip(tape, np.diff(plan.times), alive, strict=True):
@@ -140,12 +143,7 @@ class Fan:
 
 
 def fans(
-    path_integral: PathIntegral,
-    estimate: Estimate,
-    names: Mapping[int, str],
-    *,
-    points: int,
-    everything: bool,
+    path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str], *, points: int, everything: bool
 ) -> dict[str, Fan]:
     """Chosen samples by the class of their own path.
 
@@ -248,3 +246,55 @@ def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:
     """Colours (k, 3) as 0xRRGGBBAA (k,), opaque; Rerun takes these without converting one by one."""
     rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
     return rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32) + np.uint32(255)
+
+
+def ways(path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str]) -> dict[str, Array]:
+    """Per class the mean of its samples that arrived, by weight, at equal shares of their time, (POINTS, 2) [m].
+
+    Where that mean touches something or passes it on another side than its samples do, it is the sample nearest to it.
+
+    Args:
+        names: classes to look at, by additive key.
+    """
+    paths = estimate.rollouts.paths
+    arrived = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0)
+    groups = {key: _heaviest(np.flatnonzero(arrived & (paths.key == key)), estimate.weight) for key in names}
+    groups = {key: group for key, group in groups.items() if len(group)}
+    if not groups:
+        return {}
+    lines = _lines(path_integral, estimate, np.concatenate([*groups.values()]))
+    found, first = {}, 0
+    for key, group in groups.items():
+        mine = lines[first : first + len(group)]
+        first += len(group)
+        mean = np.average(mine, axis=0, weights=estimate.weight[group])
+        order = np.argsort(np.abs(mine - mean).max(axis=(1, 2)), kind="stable")
+        candidates = [mean, *mine[order[:TRIED]]]
+        fit = (line for line in candidates if _belongs(path_integral.space, line, key))
+        found[names[key]] = next(fit, mine[order[0]])
+    return found
+
+
+def _heaviest(group: Indices, weight: Array) -> Indices:
+    return group[np.argsort(-weight[group], kind="stable")[:MOST]]
+
+
+def _lines(path_integral: PathIntegral, estimate: Estimate, chosen: Indices) -> Array:
+    """Paths of chosen samples (c,) at equal shares of their time, (c, POINTS, 2) [m]."""
+    states, steps = path_integral.replay.trace(estimate.rollouts, chosen)
+    times = estimate.rollouts.leads.times
+    share = np.linspace(0.0, 1.0, POINTS)
+    return np.stack(
+        [
+            np.column_stack([np.interp(share * times[k], times[: k + 1], line[: k + 1, i]) for i in (0, 1)])
+            for line, k in zip(states, steps, strict=True)
+        ]
+    )
+
+
+def _belongs(space: FreeSpace, line: Array, key: int) -> bool:
+    """Return whether a line (k, 2) [m] is free and of the class with that key, as far as that is about what stands."""
+    if not space.collision.segments_free(line[:-1], line[1:]).all():
+        return False
+    homology = space.homology
+    return bool(space.scene.movers) or homology.key(homology.winding(line)) == key

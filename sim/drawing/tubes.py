@@ -24,7 +24,7 @@ OFF = 0.002  # that a tube may be off a corner of a body that turns [m]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube:
-    """What one solid of a body sweeps while it goes on without a jump."""
+    """Tube that one solid of a moving obstacle sweeps while it goes on without a jump."""
 
     times: Array  # (k,) at which the body is where its outline is [s]; in between corners go straight
     rings: Array  # (k, c, 2) corners of the outline at each, counterclockwise [m]
@@ -47,7 +47,7 @@ class Tube:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outline:
-    """Where a solid of a body is taken to be."""
+    """Predicted outline of a solid of a moving obstacle."""
 
     after: float  # a moment [s]
     strength: float  # from 1 for now to 0
@@ -80,7 +80,7 @@ def outlines(mover: Mover, times: Array, corners: int = CORNERS) -> list[Array]:
 
 
 def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> list[Tube]:
-    """What a body sweeps from one time to another [s], solid by solid, cut where it jumps.
+    """Sweep a moving obstacle from one time to another [s], solid by solid, cut where it jumps.
 
     Args:
         corners: of what is round, at most.
@@ -125,7 +125,7 @@ def _laps(motion: Motion, begin: float, end: float) -> list[tuple[Array, Array]]
 
 
 def _finer(times: Array, poses: Array, turn: float) -> tuple[Array, Array]:
-    """The same with more rows, so that from one to the next a body turns by no more than an angle [rad]."""
+    """Add rows, so that from one to the next an obstacle turns by no more than an angle [rad]."""
     parts = np.maximum(1, np.ceil(np.abs(np.diff(poses[:, 2])) / turn)).astype(int)
     at = np.concatenate([[0.0], *(k + np.arange(1, n + 1) / n for k, n in enumerate(parts))])
     every = np.arange(len(times))

@@ -17,9 +17,9 @@ from pirrht.outcome import Outcome
 from pirrht.topology.homology import class_id
 from pirrht.tree.homology_tree import HomologyTree
 from sim.drawing.colors import title
-from sim.drive.executor import Plant
+from sim.drive.clock import Timing, figures
 from sim.drive.odometer import Frame, Odometer
-from sim.drive.realtime_timing import Timing, figures
+from sim.drive.plant import Plant
 from sim.drive.result import DriveResult
 
 __all__ = ["Frame", "Tally", "run", "size_of"]
@@ -164,7 +164,7 @@ class Tally:
 
     @property
     def outcome(self) -> Outcome:
-        """How the drive ended; TIMEOUT if it has not."""
+        """Outcome of the run; TIMEOUT if it has not ended."""
         return Outcome.TIMEOUT if self.last is None or self.last.outcome is None else self.last.outcome
 
     def drive(self) -> DriveResult:

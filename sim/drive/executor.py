@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import hypot
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -26,8 +25,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import ROUNDING
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
-from sim.drive.loop import Advance, Control, Loop
-from sim.drive.room import RoomAmong
+from sim.drive.plant import Advance, Control, Loop
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
 from sim.mjcf.forces import check_motion
@@ -35,36 +33,7 @@ from sim.mjcf.mocap import Mocap
 from sim.mjcf.sweep import Sweep
 from sim.systems import named
 
-__all__ = ["Advance", "Analytic", "Control", "Executor", "Plant", "commanded_rate"]
-
 FOOTPRINT = "robot/footprint"  # geom of every robot
-
-
-class Plant(Protocol):
-    """A robot that stands somewhere and can be driven on."""
-
-    @property
-    def physics_step(self) -> float:
-        """Length of a physics step [s]."""
-
-    @property
-    def state(self) -> Array:
-        """x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities likewise [m/s]; (n,)."""
-
-    @property
-    def time(self) -> float:
-        """What the drive's clock says now, also while a control is asked for: moving bodies go by it [s]."""
-
-    def reset(self, state: Array, time: float = 0.0) -> None:
-        """Stand at the first n entries of `state`, at a time [s] of the drive."""
-
-    def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
-        """Drive for one period, or to the goal or a collision if that comes first.
-
-        Args:
-            control_at: asked at every physics step, so that it may react to the state between plans.
-            rng: gives the period's increments, in the order of the steps.
-        """
 
 
 class Executor:
@@ -119,7 +88,7 @@ class Executor:
 
     @property
     def state(self) -> Array:
-        """x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities likewise [m/s]; (n,)."""
+        """State (n,): x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities [m/s]."""
         return self._state.copy()
 
     @property
@@ -160,69 +129,17 @@ class Executor:
         contact = self._data.contact
         if self._data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any():
             return True
-        if self._sweep is not None and isinstance(self._room, RoomAmong):
-            return self._run_over(self._sweep, self._room, before, x)
+        if self._sweep is not None:
+            return self._run_over(self._sweep, before, x)
         return self._sweeps and self._room.blocked(before, x)
 
-    def _run_over(self, sweep: Sweep, room: RoomAmong, before: Array, x: Array) -> bool:
-        """Whether a body passes over the robot within the step; its own shape is asked if the footprint is met."""
-        if not room.met(before, x):
+    def _run_over(self, sweep: Sweep, before: Array, x: Array) -> bool:
+        """Tell whether a body passes over the robot within the step; its own shape counts if the footprint is met."""
+        if not self._room.met(before, x):
             return False
         own = hypot(x[0] - before[0], x[1] - before[1]) + self._radius * float(np.abs(x[2:3] - before[2:3]).sum())
         now = self.time
-        return sweep.meets(self._joints, self._data.qpos, now - self._loop.step, now, own, room.way)
-
-
-class Analytic:
-    """The stochastic equation itself, with the planner's geometry in place of contacts.
-
-    `clearance` maps centres (k, 2) to the free distance (k,) [m] of the robot, 0 or less in a collision.
-    """
-
-    def __init__(
-        self,
-        problem: Problem,
-        clearance: Callable[[Array], Array],
-        *,
-        period: float,
-        physics_step: float = 0.002,
-    ) -> None:
-        self._loop = Loop(problem, period, physics_step)
-        self._room = self._loop.room(clearance)
-        self._step = problem.dynamics.step
-        self._n = problem.dynamics.n
-        self.reset(problem.dynamics.state_of(problem.scene.start))
-
-    @property
-    def physics_step(self) -> float:
-        """Length of an Euler-Maruyama step [s]."""
-        return self._loop.step
-
-    @property
-    def state(self) -> Array:
-        """The state of the equation, (n,)."""
-        return self._state.copy()
-
-    @property
-    def time(self) -> float:
-        """Time of the drive [s]; see `Plant.time`."""
-        return self._loop.time
-
-    def reset(self, state: Array, time: float = 0.0) -> None:
-        """Stand at the first n entries of `state` at a time [s]."""
-        self._loop.start(time)
-        self._state = np.array(state, dtype=float)[: self._n]
-
-    def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
-        """Drive for one period; see `Plant.advance`."""
-        return self._loop.drive(self.state, self._move, self._touching, self._room, control_at, rng)
-
-    def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
-        self._state = self._step(x, u, dw, step)
-        return self._state
-
-    def _touching(self, before: Array, x: Array) -> bool:
-        return not self._room.at(x) > 0 or self._room.blocked(before, x)
+        return sweep.meets(self._joints, self._data.qpos, now - self._loop.step, now, own, self._room.way)
 
 
 def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:

@@ -24,20 +24,17 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.policy import Policy
-from pirrht.geometry.collision import Collision
-from sim.drive.clock import Clock, WallClock
-from sim.drive.executor import Advance, Plant
+from sim.drive.clock import URGENT, Clock, Timing, WallClock
 from sim.drive.odometer import Frame, Odometer, ending
+from sim.drive.plant import Advance, Plant
 from sim.drive.realtime_planner import Handover, Planner, Ready, Stopped
-from sim.drive.realtime_timing import Timing
-from sim.drive.urgent import URGENT
 
 SWITCH = 2e-5  # a thread gives the interpreter to one that waits for it after this time [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Moved:
-    """What the plant did in one period."""
+    """Result of the plant in one period."""
 
     step: int
     start: Array  # (n,) where it began
@@ -74,7 +71,8 @@ def run(
     _warm_up(plant, planner, start)
     planner.make_room()
     share = Handover(planner.first(plant.state), plant.state)
-    book, news = _Book(controller, plant.state, period, max_time), News()
+    news, problem, space = News(), controller.problem, controller.space
+    odometer = Odometer(problem, space, plant.state, max_time, homology=controller.homology, busy=True)
     with _undisturbed(), URGENT.drive():
         origin = clock.now()
         pacer = _Pacer(share, clock, origin)
@@ -88,7 +86,7 @@ def run(
                 moved = news.get()
                 if isinstance(moved, BaseException):
                     raise moved
-                frame = book.frame(moved)
+                frame = _frame(odometer, moved, period)
                 outcome = frame.outcome
                 yield frame
         finally:
@@ -142,35 +140,16 @@ class _Pacer:
             self._now = arrived.popleft()
 
 
-class _Book:
-    """Makes frames of what the plant did."""
-
-    def __init__(self, controller: Policy, start: Array, period: float, max_time: float) -> None:
-        space, self._period = controller.space, period
-        # FCL moves its objects when it is asked: the planner's are busy.
-        collision = Collision(space.scene.world, space.scene.footprint)
-        self._odometer = Odometer(
-            controller.problem,
-            space,
-            start,
-            max_time,
-            lambda x: float(collision.clearance(x[None, :2])[0]),
-            homology=controller.homology,
-        )
-
-    def frame(self, moved: Moved) -> Frame:
-        """The frame of one period."""
-        met = moved.met
-        missed = met.begin < moved.step * self._period - 1e-9
-        fresh = not missed and moved.step > 0
-        timing = Timing(
-            missed=missed,
-            samples=met.samples if fresh else None,
-            slack=met.slack if fresh else None,
-            late=moved.late,
-        )
-        plan = replace(met.plan, state=moved.start)
-        return self._odometer.frame(plan, moved.advance, seconds=met.seconds, vertices=met.vertices, timing=timing)
+def _frame(odometer: Odometer, moved: Moved, period: float) -> Frame:
+    """Make the frame of one period."""
+    met = moved.met
+    missed = met.begin < moved.step * period - 1e-9
+    fresh = not missed and moved.step > 0
+    timing = Timing(
+        missed=missed, samples=met.samples if fresh else None, slack=met.slack if fresh else None, late=moved.late
+    )
+    plan = replace(met.plan, state=moved.start)
+    return odometer.frame(plan, moved.advance, seconds=met.seconds, vertices=met.vertices, timing=timing)
 
 
 def _thread(name: str, work: Callable[[], None], share: Handover, news: News) -> threading.Thread:

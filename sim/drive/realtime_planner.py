@@ -13,9 +13,8 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.geometry.field import clearance
-from sim.drive.clock import Clock
+from sim.drive.clock import URGENT, Clock
 from sim.drive.episode import size_of
-from sim.drive.urgent import URGENT
 
 SHARE = 0.7  # of a period, at most, is for references and samples; then they are weighed, and the tree grows
 LEAST = 0.3  # of it is, however long weighing takes
@@ -45,7 +44,7 @@ class Ready:
 
 @dataclass(slots=True)
 class Handover:
-    """What the plant's thread and the planner's leave for each other; every field has one writer."""
+    """Shared fields of the plant's thread and the planner's; each has one writer."""
 
     first: Ready  # the plan that the drive begins with
     start: Array  # (n,) and where
@@ -166,5 +165,5 @@ def foreseen(controller: Policy, ready: Ready, time: float, x: Array, until: flo
 
 
 def _learned(before: float, found: float) -> float:
-    """What something takes, rather more than on average [s]."""
+    """Update a duration, rather above its average [s]."""
     return before + (QUICKLY if found > before else SLOWLY) * (found - before)

@@ -1,4 +1,4 @@
-"""What a finished drive came to: the one record that the JSON of `run`, rows of sweeps and scores are made of."""
+"""Result of a finished run: the one record that the JSON of `run`, rows of sweeps and scores are made of."""
 
 from __future__ import annotations
 
@@ -6,9 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from sim.columns import Column
-
 _KINDS = {"str": "string", "float": "float64", "int": "int64"}  # annotation -> Arrow
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """A column of a table, or a figure of a record."""
+
+    name: str
+    kind: str  # of Arrow: string, float64 or int64
+    unit: str
+    text: str
 
 
 def _told(unit: str, text: str) -> Any:
@@ -45,7 +53,7 @@ class DriveResult:
     step_ms: Mapping[str, float]  # median, p95 and max of the wall time of a plan [ms]
     deadline_misses: int  # plans that took longer than the period
     blocked: Sequence[tuple[float, float]] = ()  # from when to when the robot was [s]
-    real_time: Mapping[str, Any] | None = None  # how a real-time drive kept its times (`realtime_timing.figures`)
+    real_time: Mapping[str, Any] | None = None  # how a real-time drive kept its times (`clock.figures`)
 
     def __repr__(self) -> str:
         way = f"cost {self.cost:.4g}, {self.path_length:.3g} m, least clearance {self.min_clearance:.3g} m"

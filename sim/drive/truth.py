@@ -1,4 +1,4 @@
-"""What a solved grid says at the states of a drive: the exact value and the optimal control beside the chosen one."""
+"""Exact value and optimal control at the states of a run, by a solved grid, next to those of its plans."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pirrht.exact.desirability import Desirability
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Truth:
-    """What a grid knows about one state."""
+    """Exact solution at one state."""
 
     value: float  # v
     control: Array  # u*, (m,)
@@ -26,7 +26,7 @@ class Truth:
         return cls(value=float(grid.value(x, time)), control=grid.control(x, time))
 
     def errors(self, e: Estimate) -> tuple[float, float]:
-        """How far an estimate's value and control are off."""
+        """Subtract the exact value, and compute |u - u*|, for an estimate."""
         return e.value - self.value, self.distance(e.control)
 
     def distance(self, control: Array) -> float:

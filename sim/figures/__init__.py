@@ -1,1 +1,1 @@
-"""Pictures with matplotlib: of a plan, and those of the paper made anew."""
+"""Maps of plans, with matplotlib."""

@@ -1,35 +1,46 @@
-"""Figures on paper: the map of a plan, with matplotlib (extra `figures`)."""
+"""Maps of a plan on paper, with matplotlib (extra `figures`).
+
+Among moving obstacles they show where these and the references are at equal moments.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import ceil
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import replaced
+from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal
 from pirrht.plotting import ground
+from pirrht.plotting.ground import MOVER
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.convergence import Convergence
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
-from sim.drawing.colors import ClassColors, title
+from sim.drawing.colors import ClassColors, rgb, title
 from sim.drawing.sides import NAMED, by_side, called, passed, places_of
-from sim.figures import moments, style
+from sim.drawing.strokes import timed
+from sim.drawing.tubes import outlines
 from sim.scenario import Scenario
 
+INK = "#222222"
 TREE = "#9aa3ab"  # no colour of a class
 WIDE = 36  # characters of a line of the legend
 ROW, SPARE = 0.17, 0.1  # height of such a line [in], as the map is a little lower; what may stand out below it
 Label = tuple[str, Array]  # and its place (2,) [m]
 NOBODY: Mapping[str, Sequence[Label]] = {}
 ENDINGS = (".png", ".pdf", ".svg")
+STEPS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # between moments [s]
+MOST = 8  # moments, where steps allow
+APART = 0.022  # from each other that numbers are at least, over the width of the map
 
 
 def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Sequence[Reference]) -> None:
@@ -48,8 +59,8 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     colors.meet(reference.id for reference in references)
     for reference, bodies in reversed(list(zip(references, told, strict=True))):
         line = reference.trajectory.points
-        axes.plot(*line[:, :2].T, color=_rgb(colors[reference.id]), lw=2.2, label=_label(reference, bodies))
-    step = moments.draw(axes, scenario, references, colors) if scene.movers else 0.0
+        axes.plot(*line[:, :2].T, color=rgb(colors[reference.id]), lw=2.2, label=_label(reference, bodies))
+    step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
     handles, labels = axes.get_legend_handles_labels()
     rows = sum(1 + label.count("\n") for label in labels)
     axes.legend(
@@ -98,9 +109,9 @@ def draw_convergence(
         lengths = convergence.lengths[:, convergence.ids.index(name)]
         label = f"{title(name)}: {lengths[-1]:.2f} m, taut {taut[name]:.2f}"
         lengths = np.where(np.isfinite(lengths), lengths, np.nan)
-        axes.step(convergence.iterations, lengths, where="post", color=_rgb(colors[name]), lw=1.6, label=label)
+        axes.step(convergence.iterations, lengths, where="post", color=rgb(colors[name]), lw=1.6, label=label)
         end = convergence.iterations[-1]
-        axes.plot([0.97 * end, 1.03 * end], [taut[name]] * 2, color=_rgb(colors[name]), lw=1.6, ls=":")
+        axes.plot([0.97 * end, 1.03 * end], [taut[name]] * 2, color=rgb(colors[name]), lw=1.6, ls=":")
     if shown:  # first paths may be several times as long as the last ones: those are what one looks at
         axes.set_ylim(0.97 * min(taut.values()), 1.5 * max(taut[name] for name in shown))
     axes.set_xlabel("iteration (random states drawn)")
@@ -128,7 +139,7 @@ def draw_scene(axes: Any, scenario: Scenario, spoken: Mapping[str, Sequence[Labe
     for mover in scene.movers:
         own = [(mover.name, mover.motion.pose(0.0)[:2])] if len(scene.movers) <= NAMED else []
         for label, (x, y) in spoken.get(mover.name, own):
-            axes.text(x, y, label, fontsize=7, ha="center", va="center", color=style.INK, path_effects=halo, zorder=9)
+            axes.text(x, y, label, fontsize=7, ha="center", va="center", color=INK, path_effects=halo, zorder=9)
     if scenario.problem.dynamics.angles:
         heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
         axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})
@@ -178,10 +189,6 @@ def _save(plt: Any, figure: Any, path: Path, option: str) -> None:
         plt.close(figure)
 
 
-def _rgb(color: Any) -> tuple[float, ...]:
-    return tuple(float(v) / 255.0 for v in color[:3])
-
-
 def check(path: Path, option: str) -> None:
     """Make sure, before any work, that a figure can be drawn and has an ending that says how.
 
@@ -203,3 +210,69 @@ def pyplot(option: str = "--png") -> Any:
     from matplotlib import pyplot as plt
 
     return plt
+
+
+def draw_moments(axes: Any, scenario: Scenario, references: Sequence[Reference], colors: ClassColors) -> float:
+    """Outline bodies where they will be, and put a dot on every reference, at equal moments.
+
+    Returns:
+        the time between moments [s]; 0 where no reference moves.
+    """
+    ways = [timed(reference, 0.0) for reference in references]
+    last = max((float(way[-1, 2]) for way in ways), default=0.0)
+    if last <= 0.0:
+        return 0.0
+    step = next((step for step in STEPS if last / step <= MOST), STEPS[-1])
+    moments = np.arange(step, last + 0.5 * step, step)
+    told: list[Array] = []
+    apart = APART * float(np.ptp(axes.get_xlim()))
+    for mover in scenario.loaded.scene.movers:
+        _outline(axes, mover, moments, told, apart)
+    for reference, way in zip(references, ways, strict=True):
+        _dots(axes, way, moments, rgb(colors[reference.id]), told, apart)
+    return step
+
+
+def _outline(axes: Any, mover: Mover, moments: Array, told: list[Array], apart: float) -> None:
+    """A body's outlines, the paler the later, until it stands still; within its first part's the number of seconds.
+
+    Args:
+        told, apart: as `_dots` takes them.
+    """
+    from matplotlib.patches import Polygon
+
+    until = moments[: 1 + int(np.searchsorted(moments, mover.motion.last))]
+    for part, rings in enumerate(outlines(mover, until)):
+        for time, ring in zip(until, rings, strict=True):
+            alpha = 0.9 - 0.7 * float(time / moments[-1])
+            axes.add_patch(Polygon(ring, closed=True, fill=False, ec=MOVER, lw=0.9, alpha=alpha, zorder=2.9))
+            if part == 0 and _room(place := ring.mean(axis=0), told, apart):
+                axes.annotate(f"{time:g}", place, ha="center", va="center", fontsize=6.5, color=MOVER, zorder=2.9)
+
+
+def _dots(axes: Any, way: Array, moments: Array, color: Any, told: list[Array], apart: float) -> None:
+    """Dots on a path (k, 3) at those moments that it is still under way, with the number of seconds beside.
+
+    Args:
+        told: places (2,) that have a number, to which its own are added.
+        apart: from those that another must be, for both to be read [m].
+    """
+    for time, x, y in _places(way, moments):
+        axes.plot(x, y, "o", ms=4.0, mfc="white", mec=color, mew=1.2, zorder=7)
+        if _room(np.array([x, y]), told, apart):
+            axes.annotate(
+                f"{time:g}", (x, y), xytext=(3, 4), textcoords="offset points", fontsize=6.5, color=INK, zorder=8
+            )
+
+
+def _room(place: Array, told: list[Array], apart: float) -> bool:
+    """Return whether a number at a place (2,) can be read; if so, the place is noted."""
+    free = all(np.hypot(*(place - other)) >= apart for other in told)
+    if free:
+        told.append(place)
+    return free
+
+
+def _places(way: Array, moments: Array) -> Iterator[NDArray[np.float64]]:
+    at = moments[moments <= way[-1, 2]]
+    yield from np.column_stack([at, *(np.interp(at, way[:, 2], way[:, k]) for k in (0, 1))])

@@ -22,11 +22,11 @@ class Bounds:
     infinite: bool = False  # infinity is allowed as well
 
     def admit(self, value: float) -> bool:
-        """Whether a value lies within; NaN does not."""
+        """Return whether a value lies within; NaN does not."""
         return self.low <= value <= self.high or (self.infinite and value == math.inf)
 
     def wanted(self, whole: bool) -> str:
-        """What a value must be, in words."""
+        """Describe in words what a value must be."""
         if whole:
             return f"a whole number of at least {shown(int(self.low))} and at most {shown(int(self.high))}"
         if self.low > 0:
@@ -76,7 +76,7 @@ class Option:
 
     @property
     def number(self) -> bool:
-        """Whether its values are numbers."""
+        """Return whether its values are numbers."""
         return self.kind in (int, float)
 
     def check(self, value: Any, label: str = "") -> Any:

@@ -1,4 +1,4 @@
-"""All options, and what follows from them: which a command has, what was said, what a scene may carry."""
+"""All options, and what follows from them: those of a command, those that were said, those that a scene may carry."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def check(command: str, said: Mapping[str, Any]) -> None:
 
 
 def task(said: Mapping[str, Any]) -> dict[str, Any]:
-    """What was said of scene and robot, by argument of `sim.scenario.prepare`."""
+    """Return arguments of `sim.scenario.prepare` for scene and robot, as said."""
     return {name: said.get(name) for name in TASKS}
 
 
 def settings(command: str, said: Mapping[str, Any]) -> dict[str, Any]:
-    """What a command was told of the settings of a run, by field of `Settings`."""
+    """Return settings of a run by field of `Settings`, as a command was given them."""
     return {option.dest: said.get(option.dest) for option in options_of(command) if option.role == "setting"}
 
 
@@ -60,7 +60,7 @@ def completed(command: str, said: Mapping[str, Any], scene: Mapping[str, float])
 
 
 def identity(known: Mapping[str, Any]) -> dict[str, Any]:
-    """What identifies the dataset of a sweep, of all that its runs have in common."""
+    """Select those of the settings common to all runs that identify the dataset of a sweep."""
     return {name: value for name, value in known.items() if name in IDENTIFYING}
 
 

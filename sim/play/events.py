@@ -1,4 +1,4 @@
-"""What somebody does to a drive, and scripts that say when, as JSON.
+"""Events that interfere with a run, and scripts that time them, as JSON.
 
 A script is a list of steps, each at a time of the drive:
 

@@ -22,8 +22,8 @@ from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 from sim.mjcf.dressed import dress
 from sim.mjcf.loose import PREFIX
+from sim.play.drive import ROBOT, Disturbed, Snapshot
 from sim.play.events import GOAL, Event, Move, Noise, Push
-from sim.play.plant import ROBOT, Disturbed, Snapshot
 from sim.play.world import loose_bodies
 
 REFRESH = 1.0 / 60.0  # [s]
@@ -45,7 +45,7 @@ class _Held:
     cursor: Array  # (3,) and the cursor then [m]
 
     def dragged_to(self, cursor: Array, azimuth: float) -> Array:
-        """Where the cursor takes it, (2,) [m]: up in the picture is away from the camera, on the ground."""
+        """Move the taken place with the cursor, (2,) [m]: up in the picture is away from the camera, on the ground."""
         way, ahead = cursor - self.cursor, np.radians(azimuth)
         there: Array = self.place + way[:2] + way[2] * np.array([np.cos(ahead), np.sin(ahead)])
         return there
@@ -59,7 +59,7 @@ def _pull(way: Array) -> Push:
 
 
 class Mouse:
-    """What a mouse does in a viewer, told by how its perturbation changes from picture to picture."""
+    """Translate a viewer's mouse to events, by how its perturbation changes from picture to picture."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._robot = int(model.body(ROBOT).id)
@@ -69,7 +69,7 @@ class Mouse:
         self._there = np.zeros(2)  # and where it is dragged to [m]
 
     def events(self, data: mujoco.MjData, perturb: Any, azimuth: float) -> list[Event]:
-        """What it does now; a loose body that is dragged is shown where it is held.
+        """Return events of the mouse now; a loose body that is dragged is shown where it is held.
 
         Args:
             data: what is shown.
@@ -99,7 +99,7 @@ class Mouse:
         return [Move(at=0.0, what=self._names[held.body], to=(x, y))] if (x, y) != tuple(held.place) else []
 
     def holds(self, row: int, model: mujoco.MjModel) -> bool:
-        """Whether a row of the mocap poses is what is being dragged."""
+        """Return whether a row of the mocap poses is what is being dragged."""
         return self._held is not None and int(model.body_mocapid[self._held.body]) == row
 
 
@@ -132,7 +132,7 @@ class Window:
 
     @property
     def open(self) -> bool:
-        """Whether it has not been closed."""
+        """Return whether it has not been closed."""
         return bool(self.handle.is_running())
 
     def close(self) -> None:

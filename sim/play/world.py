@@ -1,4 +1,4 @@
-"""What a drive goes through, and what it becomes when something is moved: plain values, nothing is planned."""
+"""World of a run, and its changes when something is moved: plain values, nothing is planned."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class World:
 
     @cached_property
     def _solids(self) -> dict[str, list[int]]:
-        """Which of the scene's obstacles belong to which loose body."""
+        """Obstacles of the scene by loose body."""
         loaded = self.scenario.loaded
         geoms = np.flatnonzero(loaded.obstacle_geoms & ~loaded.moving_geoms)
         owner = {body: name for name, body in loose_bodies(loaded.model).items()}

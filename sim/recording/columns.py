@@ -1,4 +1,4 @@
-"""What is kept of every control step: one table from which recordings are written, exported and explained.
+"""Columns of every control step: one table from which recordings are written, exported and explained.
 
 A row of it is a column of the table that `pirrht export` makes: what a step has to say there, and the component at
 `/steps` of a recording that holds it. To keep one more number of every step is to add one row here.
@@ -35,21 +35,21 @@ class Column:
 
     @property
     def many(self) -> bool:
-        """Whether it stands for one column per number K."""
+        """Return whether it stands for one column per number K."""
         return self.name.endswith("_K")
 
     @property
     def by_class(self) -> bool:
-        """Whether it stands for one column per class."""
+        """Return whether it stands for one column per class."""
         return self.name.endswith(":ID")
 
     def describes(self, name: str) -> bool:
-        """Whether a column of the table is of this kind."""
+        """Return whether a column of the table is of this kind."""
         return re.fullmatch(self.name.replace("_K", r"_\d+").replace(":ID", ":.+"), name) is not None
 
 
 def _end(r: Row) -> Iterable[float]:
-    """Where the drive ended; where any other step ended is where the next one began."""
+    """Return the last state of the run; other steps end where the next one begins."""
     return r.states[-1] if r.outcome is not None and len(r.states) else ()
 
 
@@ -91,19 +91,13 @@ COLUMNS = (
         "cost", "cost", "integral of q + u'Ru/2 from the start of the drive to the end of the step", lambda r: [r.cost]
     ),
     Column(
-        "length",
-        "m",
-        "driven up to the end of the step, without the path's noise (path_length)",
-        lambda r: [r.length],
+        "length", "m", "driven up to the end of the step, without the path's noise (path_length)", lambda r: [r.length]
     ),
     Column("clearance", "m", "room around the footprint at the start of the step", lambda r: [r.clearance]),
     Column("value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", lambda r: [r.value]),
     Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", lambda r: [r.value_error]),
     Column(
-        "control_error_K",
-        CONTROL,
-        "standard error of u; 0 if exact, infinite if unknown",
-        lambda r: r.control_error,
+        "control_error_K", CONTROL, "standard error of u; 0 if exact, infinite if unknown", lambda r: r.control_error
     ),
     Column(
         "doubtful", "1", "1 where v and u rest on fewer than 10 effective samples", lambda r: [r.doubtful], kind=int
@@ -144,7 +138,7 @@ CLASSES = Column("classes", "", "ids of the classes that weights and sizes belon
 
 
 def components() -> dict[str, Column]:
-    """What is written at `/steps`: of each component one of its columns."""
+    """Return the components written at `/steps`, each by one of its columns."""
     return {c.component: c for c in (CLASSES, *COLUMNS) if c.values is not None}
 
 

@@ -1,4 +1,4 @@
-"""A drive as a table for other tools: Parquet or NumPy, with the columns that `columns.py` describes.
+"""Recordings read back, and as tables for other tools: Parquet or NumPy, with the columns that `columns.py` describes.
 
 Columns of a class bear its title, as all tables and pictures do; the class' whole id is in the column's description.
 """
@@ -6,23 +6,126 @@ Columns of a class bear its title, as all tables and pictures do; the class' who
 from __future__ import annotations
 
 import json
+import os
+import stat
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
 from math import nan
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rerun.chunk import RrdReader
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import replaced, shown
 from sim.drawing.colors import title
+from sim.files import checked_name
 from sim.recording.columns import CLASSES, COLUMNS, Column, described, of_states
-from sim.recording.read import Cells, Recording
 from sim.systems import POSE
 
+STEPS, TIMING, SETTINGS = "/steps", "/timing/plan", "/__properties/run"
+
+Cells = dict[str, list[Any]]  # values by the name of their component
 FORMATS = (".parquet", ".npz")
 
 Table = dict[str, Array]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """Numbers of a run, as its recording holds them."""
+
+    settings: dict[str, Any]  # what the drive was made with
+    steps: list[tuple[int, float, Cells]]  # number, simulated time [s] and values of each control step, in order
+    plan_ms: dict[int, float]  # wall time of a step's plan [ms]
+
+    @property
+    def classes(self) -> list[str]:
+        """Ids of the classes that were ever known, in order of their appearance."""
+        return list(dict.fromkeys(name for _, _, row in self.steps for name in row.get(CLASSES.component) or ()))
+
+    @property
+    def whole(self) -> bool:
+        """Return whether the drive was recorded to its end."""
+        return bool(self.steps[-1][2].get("outcome"))
+
+
+def read(file: Path) -> Recording:
+    """Read a recording.
+
+    Raises:
+        OptionError: the file is not there, is no recording, or holds no drive or several.
+    """
+    _check_readable(file)
+    settings: dict[str, Any] = {}
+    written: dict[int, tuple[float, Cells]] = {}
+    early: dict[int, tuple[float, Cells]] = {}
+    plan_ms: dict[int, float] = {}
+    for chunk in _chunks(file):
+        batch = chunk.to_record_batch()
+        table = {name: batch.column(name).to_pylist() for name in batch.schema.names}
+        if chunk.entity_path == SETTINGS:
+            settings = {name: cells[0][0] for name, cells in table.items() if isinstance(cells[0], list)}
+            continue
+        for step, time, cells in _rows(table):
+            if "Scalars:scalars" in cells:
+                plan_ms[step] = cells["Scalars:scalars"][0]
+            elif chunk.entity_path == TIMING:
+                early[step] = time, cells
+            elif written.setdefault(step, (time, cells))[1] is not cells:
+                raise OptionError(f"{file}: holds more than one drive; export the recordings that it was merged from")
+    known = {**early, **written}
+    if not known:
+        raise OptionError(f"{file}: holds no control steps; name a recording made by `pirrht run --record`")
+    return Recording(settings=settings, steps=[(step, *known[step]) for step in sorted(known)], plan_ms=plan_ms)
+
+
+def _check_readable(file: Path) -> None:
+    found = checked_name(file, "recording")
+    if found is None:
+        raise OptionError(f"{shown(file)}: no such file; name a recording, FILE.rrd")
+    if not stat.S_ISREG(found.st_mode):
+        what = "a folder" if stat.S_ISDIR(found.st_mode) else "not a file"
+        raise OptionError(f"{shown(file)}: {what}; name a recording, FILE.rrd")
+    if not os.access(file, os.R_OK):
+        raise OptionError(f"{shown(file)} may not be read; mend its permissions")
+
+
+def _rows(table: Cells) -> Iterator[tuple[int, float, Cells]]:
+    for i, step in enumerate(table["step"]):
+        cells = {name: values[i] for name, values in table.items() if isinstance(values[i], list)}
+        yield step, table["sim_time"][i].total_seconds(), cells
+
+
+def _chunks(file: Path) -> list[Any]:
+    """The chunks of a recording; of one that breaks off in the middle of a chunk, those before."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a recording that breaks off has no footer
+        try:
+            return _stream(file)
+        except (RuntimeError, ValueError):
+            pass
+        with tempfile.TemporaryDirectory() as folder:
+            mended = Path(folder) / "mended.rrd"
+            command = [sys.executable, "-P", "-m", "rerun", "rrd", "merge", str(file), "-o", str(mended)]
+            subprocess.run(command, env={**os.environ, "CI": "1"}, capture_output=True, check=False)
+            try:
+                return _stream(mended)
+            except (RuntimeError, ValueError):
+                raise OptionError(f"{file}: holds no Rerun recording; name one, FILE.rrd") from None
+
+
+def _stream(file: Path) -> list[Any]:
+    reader = RrdReader(str(file))
+    if len(reader.recordings()) > 1:
+        raise OptionError(f"{file}: holds more than one recording; take them apart with `rerun rrd split`")
+    return [chunk for chunk in reader.stream() if chunk.entity_path in (STEPS, TIMING, SETTINGS)]
 
 
 def check_format(file: Path) -> None:
@@ -102,7 +205,7 @@ def _states(recording: Recording) -> list[str]:
 
 
 def _index(name: str, recording: Recording) -> Array:
-    """What a recording tells beside its components."""
+    """Return step, time or planning time, which are no components."""
     if name == "step":
         return np.array([step for step, _, _ in recording.steps])
     if name == "time":
@@ -111,7 +214,7 @@ def _index(name: str, recording: Recording) -> Array:
 
 
 def _cells(column: Column, recording: Recording) -> list[list[Any]]:
-    """What each step has of a column's component."""
+    """Return each step's values of a column's component."""
     cells: list[Cells] = [row for _, _, row in recording.steps]
     unknown = [nan] * len(cells[-1].get("state") or [])
     if column.component != "end":
@@ -120,7 +223,7 @@ def _cells(column: Column, recording: Recording) -> list[list[Any]]:
 
 
 def _always(column: Column) -> bool:
-    """Whether the column is there even if no step has a value."""
+    """Return whether the column is there even if no step has a value."""
     return (column.at == 0 or column.component in ("state", "end")) and not column.optional
 
 

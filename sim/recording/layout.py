@@ -1,4 +1,4 @@
-"""How a recording is laid out: the drive, the argument behind it, and the tree."""
+"""Layout of a recording: the run, the argument behind it, and the tree."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 
 from pirrht.geometry.scene import Scene
 from sim.drawing.labels import Eye
-from sim.recording import spacetime, views
+from sim.recording import camera, spacetime
 from sim.recording.camera import ABOVE, COLUMNS, FOLLOWING
 from sim.recording.static import MARK, MOVERS, label_path
 from sim.recording.subject import Subject
@@ -27,7 +27,7 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     if subject.moves:
         tabs.append(_space_time(subject))
     if subject.lifted:
-        eye = views.on_tree(scene, subject.turn, len(subject.lifted))
+        eye = camera.on_tree(scene, subject.turn, len(subject.lifted))
         tabs.append(rrb.Horizontal(*(_tree(path, title, eye) for _, path, title in subject.lifted), name="Tree"))
     tabs.append(rrb.Horizontal(rrb.TextDocumentView(origin="/about", name="What you see"), name="About"))
     return rrb.Blueprint(
@@ -74,7 +74,7 @@ def _log() -> rrb.View:
 
 
 def _why(*, truth: bool) -> rrb.Container:
-    """What the classes are worth, what the robot does, and both in words; with a truth how far that is off."""
+    """Plot values of the classes and the robot's control, with both in words; with a truth the errors."""
     classes = rrb.Vertical(
         _series("/why/weight", "Class weights (shares of psi)", "RightTop", range=(-0.03, 1.08)),
         _series("/why/value", "Value: all paths with standard error, and by class [cost]", None),
@@ -126,7 +126,7 @@ def _space_time(subject: Subject) -> rrb.Container:
         name="Time upward: classes around the paths of moving obstacles",
         background=list(BACKGROUND),
         line_grid=False,
-        eye_controls=_controls(views.in_time(scene)),
+        eye_controls=_controls(camera.in_time(scene)),
         overrides={path: _so_far() for path in spacetime.growing(scene)},
     )
     return rrb.Horizontal(view, name="Space-time")

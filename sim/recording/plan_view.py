@@ -10,23 +10,19 @@ import rerun as rr
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.exact.desirability import Desirability
-from sim.drawing import averages, strokes
+from sim.drawing import strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, title
 from sim.drawing.strokes import at_most, lift, packed
 from sim.drawing.tubes import Outline, foreseen
-from sim.recording import spacetime, views
-from sim.recording.reasons import reasons, words_of
+from sim.recording import camera, spacetime
+from sim.recording.reasons import page, reasons, share, words_of
 from sim.recording.static import CONTROL, FLOOR, all_named, levels_of
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 from sim.recording.truth_view import on_floor, shares_of
-from sim.recording.words import page, share
 
 PICTURE_BYTES = 50_000  # most that a picture may take
-CHUNK_BYTES, POINT_BYTES = (
-    1300,
-    9,
-)  # cost of an entity and of a point in the file; compression takes 3 of 12 off
+CHUNK_BYTES, POINT_BYTES = (1300, 9)  # cost of an entity and of a point in the file; compression takes 3 of 12 off
 MOVER_BYTES = 1000  # of each moving body between two pictures
 REFERENCE_POINTS = 64
 TOLD = 0.005  # share of psi from which a class bears its name on the map
@@ -44,13 +40,13 @@ class Pictures:
         self._fans: set[str] = set()
         self._ways: dict[str, str] = {}  # classes in words
         self._now = (0, 0.0)
-        self._map = views.map_labels(subject.space.scene)
-        self._trees = [views.tree_labels(subject, k, levels_of(subject)) for k, _, _ in subject.lifted]
+        self._map = camera.map_labels(subject.space.scene)
+        self._trees = [camera.tree_labels(subject, k, levels_of(subject)) for k, _, _ in subject.lifted]
         self._driven: list[Array] = []
         self.in_time = spacetime.SpaceTime(stream, subject, colors) if subject.moves else None
 
     def said(self, name: str) -> str:
-        """What was last said of where a class leads; nothing if it was never drawn."""
+        """Return the last words for a class; empty if it was never drawn."""
         return self._ways.get(name, "")
 
     def draw(self, plan: Plan, step: int, time: float) -> None:
@@ -137,7 +133,7 @@ class Pictures:
         fans: dict[str, strokes.Fan],
         labels: Mapping[str, str],
     ) -> None:
-        """Where the plan takes bodies to be, on the map and in space and time."""
+        """Draw predicted outlines of moving obstacles, on the map and in space and time."""
         later = [one for one in soon if one.after > 0.0]
         shades = packed(fade(MOVER, FLOOR, np.array([one.strength for one in later]))) if later else None
         rings = [lift(one.ring, 0.03) for one in later]
@@ -145,7 +141,7 @@ class Pictures:
         in_time.draw(plan, soon, fans, labels, self._now)
 
     def _truth(self, grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
-        """What the grid gives to each class; where bodies move also what it says of the floor now."""
+        """Return each class's share by the grid; where obstacles move, also draw the floor now."""
         if grid.moves:
             for path, picture in on_floor(grid, self._subject.space, time):
                 self._log(path, picture)
@@ -155,7 +151,7 @@ class Pictures:
         """Points that samples may have in a picture, beside those of the references."""
         trees, K = len(self._subject.lifted), len(plan.references)
         chunks = 5 + 3 * trees + K + 2 + (5 if self._subject.moves else 0)
-        others = points + WAYS * averages.POINTS + 2 * trees * min(K, LIFTED) * LIFTED_POINTS
+        others = points + WAYS * strokes.POINTS + 2 * trees * min(K, LIFTED) * LIFTED_POINTS
         others += spacetime.points(self._subject, K)
         left = PICTURE_BYTES - CHUNK_BYTES * chunks - MOVER_BYTES * len(self._subject.space.scene.movers)
         return max(0, left // POINT_BYTES - others)
@@ -173,7 +169,7 @@ class Pictures:
             weights = estimate.class_weights
             heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= HEAVY), key=lambda n: -weights[n])[:WAYS]
             keys = {key: name for key, name in plan.classes.items() if name in heavy}
-            ways = averages.ways(self._subject.path_integral, estimate, keys)
+            ways = strokes.ways(self._subject.path_integral, estimate, keys)
             names = [name for name in reversed(heavy) if name in ways]  # the favourite on top
             found = [ways[name] for name in names]
             colors = [CONTROL if name == plan.favourite else mix(self._colors[name], CONTROL, 0.45) for name in names]

@@ -1,35 +1,71 @@
-"""Why a plan weighs its classes as it does: what each costs, how many of its samples die, and where."""
+"""Reasons for the weights of a plan: what each class costs, how many of its samples die, and where; in Markdown."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, log, sqrt
+from math import cos, inf, isfinite, log, sin, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.estimate import FEW, Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.crowd import NOWHERE, reach_of
+from pirrht.geometry.motion import Mover
+from pirrht.geometry.scene import Footprint, World
 from pirrht.outcome import Outcome
-from sim.drawing.sides import sides
-from sim.drawing.ways import worded
-from sim.recording.bystanders import Bystanders
+from sim.drawing.colors import title
+from sim.drawing.sides import sides, worded
 
+ASKED = 3  # bodies that are asked how near they are
 TRACED, NEAREST = 48, 3  # samples whose ends are looked at, obstacles that are asked how near they are
 CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much
 BORDER = "the border"
 
 Names = tuple[str, ...]
+ROWS, SAID = 8, 3  # classes in the table and in the sentence at most
+FEWEST = 0.005  # weight from which a class is spoken of, the cheapest and the heaviest aside
+
+
+class Bystanders:
+    """The shapes of bodies that move; how they move is told when they are asked about."""
+
+    def __init__(self, movers: Sequence[Mover], footprint: Footprint) -> None:
+        self._shapes = [Collision(World(-NOWHERE, NOWHERE, mover.solids), footprint) for mover in movers]
+        self._reach = np.array([reach_of(mover) for mover in movers])
+        self._radius = footprint.radius
+
+    def nearest(self, movers: Sequence[Mover], places: Array, times: Array) -> list[tuple[float, str]]:
+        """Free distance of a robot at places (k, 2) [m] and times (k,) [s] to the nearest body, and its name.
+
+        Args:
+            movers: the same bodies, as they are taken to move.
+        """
+        if not movers:
+            return [(inf, "")] * len(places)
+        poses = np.stack([mover.motion.pose(times) for mover in movers], axis=1)
+        off = places[:, None] - poses[..., :2]
+        near = np.argsort(np.linalg.norm(off, axis=2) - self._reach, axis=1, kind="stable")[:, :ASKED]
+        return [
+            min((self._free(j, away[j], float(yaws[j])), movers[j].name) for j in asked)
+            for asked, away, yaws in zip(near.tolist(), off, poses[..., 2], strict=True)
+        ]
+
+    def _free(self, j: int, off: Array, yaw: float) -> float:
+        c, s = cos(yaw), sin(yaw)
+        own = np.array([[c * off[0] + s * off[1], c * off[1] - s * off[0]]])
+        return float(self._shapes[j].distance(own)[0]) - self._radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reason:
-    """What speaks for a class and against it."""
+    """Figures that speak for a class and against it."""
 
     name: str  # its id
     way: str  # in words
@@ -44,14 +80,19 @@ class Reason:
 
 
 def arriving(estimate: Estimate, ids: Names) -> dict[str, float]:
-    """Share of the samples drawn around each reference that arrive; where walls only weigh, by that chance."""
-    alive, number = np.zeros(len(ids)), np.zeros(len(ids))
+    """Return the share of the samples around each reference that arrive; where walls only weigh, by that chance."""
+    return _shares(estimate, ids, lambda paths: np.where(paths.outcome == Outcome.GOAL, np.exp(paths.lasting), 0.0))
+
+
+def _shares(estimate: Estimate, ids: Names, of: Callable[[Any], Any]) -> dict[str, float]:
+    """Average something of paths over the samples drawn around each reference."""
+    total, number = np.zeros(len(ids)), np.zeros(len(ids))
     for part in estimate.parts:
-        chance = np.where(part.paths.outcome == Outcome.GOAL, np.exp(part.paths.lasting), 0.0)
+        values = of(part.paths)
         for h, (a, b) in enumerate(_slices(part.leads.first, len(ids))):
-            alive[h] += chance[a:b].sum()
+            total[h] += values[a:b].sum()
             number[h] += b - a
-    return {name: float(alive[h] / number[h]) for h, name in enumerate(ids) if number[h]}
+    return {name: float(total[h] / number[h]) for h, name in enumerate(ids) if number[h]}
 
 
 def reasons(
@@ -73,7 +114,8 @@ def reasons(
     estimate = plan.estimate
     if estimate is None or not plan.ids:
         return []
-    alive, late = arriving(estimate, plan.ids), _late(estimate, plan.ids)
+    alive = arriving(estimate, plan.ids)
+    late = _shares(estimate, plan.ids, lambda paths: paths.outcome == Outcome.TIMEOUT)
     places = _places(plan, estimate, path_integral, names, bystanders)
     drawn = sum(part.size for part in estimate.parts)
     found = []
@@ -118,19 +160,10 @@ def _slices(first: NDArray[np.int64], count: int) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(first[:count], first[1 : count + 1], strict=True)]
 
 
-def _late(estimate: Estimate, ids: Names) -> dict[str, float]:
-    late, number = np.zeros(len(ids)), np.zeros(len(ids))
-    for part in estimate.parts:
-        for h, (a, b) in enumerate(_slices(part.leads.first, len(ids))):
-            late[h] += np.sum(part.paths.outcome[a:b] == Outcome.TIMEOUT)
-            number[h] += b - a
-    return {name: float(late[h] / number[h]) for h, name in enumerate(ids) if number[h]}
-
-
 def _places(
     plan: Plan, estimate: Estimate, path_integral: PathIntegral, names: Names, bystanders: Bystanders | None
 ) -> dict[str, Counter[str]]:
-    """What the samples drawn around each reference hit, of as many as are worth a look."""
+    """Count what the samples drawn around each reference hit, of as many as are worth it."""
     rollouts, ids = estimate.rollouts, plan.ids
     chosen: list[NDArray[np.int64]] = []
     slices = _slices(rollouts.leads.first, len(ids))
@@ -157,7 +190,7 @@ def _places(
 
 
 def met(collision: Collision, points: Array, names: Names) -> list[str]:
-    """What robots at points (k, 2) [m] touch: the nearest of the solids, or the border."""
+    """Name the solid nearest to robots at points (k, 2) [m], or the border."""
     lower, upper = collision.extents()
     world = collision.world
     border = np.minimum(points - world.lower, world.upper - points).min(axis=1) - collision.footprint.radius
@@ -172,3 +205,106 @@ def met(collision: Collision, points: Array, names: Names) -> list[str]:
         outside = edge + collision.footprint.radius < max(0.0, distances[best] - collision.footprint.radius)
         found.append(BORDER if outside else names[int(candidates[best])])
     return found
+
+
+def page(plan: Plan, reasons: Sequence[Reason], time: float) -> str:
+    """Explain a plan made at a time [s]."""
+    estimate = plan.estimate
+    if estimate is None:
+        why = "the exact solution is followed" if plan.exact is not None else "no samples"
+        if plan.fallback is not None:
+            why = f"blocked, {plan.fallback}: {'braking' if plan.stops else 'the longest free way is taken'}"
+        value = "" if plan.exact is None else f" Exact value {plan.exact:.2f}."
+        return f"**At {time:.2f} s: {why}.**{value}"
+    if not reasons:
+        value = f"value {estimate.value:.2f} ± {estimate.value_error:.2f}"
+        return f"**At {time:.2f} s**: {value}; this method has no classes."
+    weak = f" Only {estimate.ess:.1f} effective samples: a guess." if estimate.ess < FEW else ""
+    head = f"**{sentence(reasons, plan.favourite)}**{weak}"
+    return f"{head}\n\n{_table(reasons)}\n\n{_foot(plan, time)}"
+
+
+def sentence(reasons: Sequence[Reason], favourite: str | None) -> str:
+    """The classes that matter, from the cheapest on: what each costs, who dies there, and which one is driven."""
+    cheapest = min(reasons, key=lambda r: r.cost)
+    spoken = [r for r in reasons if r is cheapest or r.name == favourite]
+    rest = sorted((r for r in reasons if r not in spoken and r.weight >= FEWEST), key=lambda r: -r.weight)
+    spoken = sorted([*spoken, *rest[: SAID - len(spoken)]], key=lambda r: r.cost)
+    parts = []
+    for reason in spoken:
+        dearer = reason.cost - cheapest.cost
+        price = "shortest" if reason is cheapest else "as short" if dearer < 0.005 else f"{dearer:.2g} dearer"
+        joint = ", but " if reason is cheapest and reason.dying >= 0.2 else ", "
+        parts.append(f"{reason.way}: {price}{joint}{fate(reason)}")
+    text = "; ".join(parts)
+    driven = next((r for r in reasons if r.name == favourite), None)
+    chosen = "" if driven is None else f" Most weight: class {title(driven.name)}, {share(driven.weight)}."
+    return f"{text[0].upper()}{text[1:]}.{chosen}"
+
+
+def fate(reason: Reason) -> str:
+    """Put the end of a class' samples into words."""
+    dying, late = round(100 * reason.dying), round(100 * reason.late)
+    if not dying and not late:
+        return "all arrive"
+    parts = []
+    if dying:
+        what = _where(reason) if reason.where else "a wall"
+        parts.append(f"{'all' if dying == 100 else f'{dying} of 100'} samples hit {what}")
+    if late:
+        parts.append(f"{late} of 100 ran out of time")
+    return " and ".join(parts)
+
+
+def share(weight: float) -> str:
+    """A weight in percent, rounded to nothing else than it is: neither to none nor to all."""
+    if 0.995 <= weight < 1.0 - 1e-9:
+        return "over 99 %"
+    return "under 1 %" if 0.0 < weight < 0.005 else f"{100 * weight:.0f} %"
+
+
+def _where(reason: Reason) -> str:
+    if len(reason.where) == 1 or reason.where[0][1] > 0.9:
+        return reason.where[0][0]
+    return " or ".join(name for name, _ in reason.where)
+
+
+def _table(reasons: Sequence[Reason]) -> str:
+    rows = sorted(reasons, key=lambda r: (-round(r.weight, 3), r.cost))
+    known = any(r.exact is not None for r in rows)
+    exact = (" exact |", "--:|") if known else ("", "")
+    lines = [  # what a narrow view cuts off at the right is also in its plots
+        f"| class | weight |{exact[0]} path | cost | collide | with | value |",
+        f"|---|--:|{exact[1]}---|--:|--:|---|--:|",
+    ]
+    for r in rows[:ROWS]:
+        value = _valued(r)
+        dying = f"{100 * r.dying:.0f} %" + (f", {100 * r.late:.0f} % late" if r.late >= 0.005 else "")
+        told = [share(r.exact or 0.0)] if known else []
+        cells = (
+            title(r.name),
+            share(r.weight),
+            *told,
+            r.way,
+            f"{r.cost:.2f}",
+            dying,
+            _where(r) if r.where else "",
+            value,
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _valued(reason: Reason) -> str:
+    if not isfinite(reason.value):
+        return "none arrives"
+    return f"{reason.value:.2f} ± {reason.error:.2f}" if isfinite(reason.error) else f"{reason.value:.2f} by one sample"
+
+
+def _foot(plan: Plan, time: float) -> str:
+    assert plan.estimate is not None
+    e = plan.estimate
+    return (
+        f"Plan and samples of {time:.2f} s. Value of all paths {e.value:.2f} ± {e.value_error:.2f}, "
+        f"{e.ess:.0f} effective samples."
+    )

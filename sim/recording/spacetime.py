@@ -30,10 +30,10 @@ from sim.drawing.colors import DRIVEN, MOVER, OTHER_COLOR, ClassColors, fade, mi
 from sim.drawing.labels import Labels
 from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
 from sim.drawing.tubes import CORNERS, MOST, ROUGH, Outline, Tube, tubes
+from sim.recording.camera import in_time
 from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
-from sim.recording.views import in_time
 
 Colors = NDArray[np.uint8]
 

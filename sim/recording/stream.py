@@ -10,7 +10,7 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
-from sim.drive.urgent import URGENT
+from sim.drive.clock import URGENT
 
 
 class Stream:

@@ -1,4 +1,4 @@
-"""What a recording is about, and what it calls things."""
+"""Subject of a recording, and names for what is in it."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from pirrht.freespace import FreeSpace
 from pirrht.tree.homology_tree import HomologyTree
 from sim.mjcf import Loaded
 from sim.recording import geoms
-from sim.recording.bodies import Bodies
-from sim.recording.bystanders import Bystanders
-from sim.recording.look import Look
+from sim.recording.geoms import Bodies
+from sim.recording.options import Look
+from sim.recording.reasons import Bystanders
 
 SERIES = 6  # solids whose names differ by a number only, and that keep them
 TREES = 2  # lifted trees shown, one per obstacle
@@ -41,7 +41,7 @@ class Mark(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Subject:
-    """What a recording is about; fixed before the drive."""
+    """Subject of a recording; fixed before the run."""
 
     loaded: Loaded
     tree: HomologyTree | None
@@ -52,12 +52,12 @@ class Subject:
 
     @property
     def space(self) -> FreeSpace:
-        """Where the drive takes place."""
+        """Free space of the run."""
         return self.path_integral.space
 
     @property
     def moves(self) -> bool:
-        """Whether bodies move in the scene."""
+        """Return whether obstacles move in the scene."""
         return bool(self.space.scene.movers)
 
     @cached_property
@@ -84,14 +84,14 @@ class Subject:
 
     @property
     def application(self) -> str:
-        """The same for recordings that are laid out alike."""
+        """Application id, equal for recordings that are laid out alike."""
         truth = ("truth",) if self.look.truth else ()
         parts = ("pirrht", self.space.scene.name, *truth, *(k + 1 for k in self.lift))
         return " ".join(str(part) for part in parts)
 
     @property
     def id(self) -> str:
-        """The same for the same scene and settings, seed included."""
+        """Recording id, equal for equal scene and settings, seed included."""
         text = json.dumps(dict(self.settings), sort_keys=True, default=str)
         return f"{self.space.scene.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
@@ -107,7 +107,7 @@ class Subject:
 
     @cached_property
     def solids(self) -> tuple[str, ...]:
-        """What to call each solid that stands, in the order of the scene."""
+        """Name of each static solid, in the order of the scene."""
         loaded = self.loaded
         given = geoms.names(loaded.model, loaded.obstacle_geoms & ~loaded.moving_geoms)
         obstacles = enumerate(self.space.obstacles, 1)
@@ -116,7 +116,7 @@ class Subject:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """What to call each topological obstacle: as the one of its solids that its marker lies in."""
+        """Name of each topological obstacle: that of the solid that its marker lies in."""
         places = [obstacle.position[:2] for obstacle in self.space.scene.obstacles]
         found = []
         for component, marker in zip(self.space.obstacles, self.space.homology.markers, strict=True):

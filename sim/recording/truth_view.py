@@ -29,7 +29,7 @@ Picture = NDArray[np.uint8]
 
 
 def on_floor(grid: Desirability, space: FreeSpace, time: float) -> Iterator[tuple[str, rr.AsComponents]]:
-    """What to log on the floor at a time [s], each under its entity."""
+    """Yield pictures for the floor at a time [s], each under its entity."""
     lower, upper = space.scene.lower, space.scene.upper
     pixels = MOVING_PIXELS if grid.moves else PIXELS
     corners = np.array([(lower[0], lower[1]), (upper[0], lower[1]), (upper[0], upper[1]), (lower[0], upper[1])])

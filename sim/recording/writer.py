@@ -1,4 +1,4 @@
-"""What a recording holds of a drive, batch by batch: numbers at every step, pictures where they are due.
+"""Contents of a recording, batch by batch: numbers at every step, pictures where they are due.
 
 /steps        a row per control step, described in `columns.py`
 /world/robot  pose of its root, and as an arrow where the control would take it, from the velocity that it has, as a
@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from math import inf
 from textwrap import wrap
 from typing import Any
@@ -42,14 +43,12 @@ from sim.drawing.strokes import lift
 from sim.mjcf.mocap import Mocap
 from sim.recording import spacetime
 from sim.recording.camera import FOLLOWING, Following
-from sim.recording.components import columns
-from sim.recording.happenings import Happenings
-from sim.recording.legend import properties
+from sim.recording.columns import Column, components
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
 from sim.recording.reasons import met
-from sim.recording.static import branches, mover_path, part_path, stage
-from sim.recording.step_row import Row
+from sim.recording.static import branches, mover_path, part_path, properties, stage
+from sim.recording.step_row import Happenings, Row
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 
@@ -58,6 +57,23 @@ WAIT = 0.15  # how long a step may wait for its batch before it is written ahead
 BATCH_LEAST, BATCH_TIME = 8, 0.36  # fewer will do once they span so much simulated time [s]
 LINE = 56  # letters of a line of the log, which the viewer does not wrap
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
+
+
+def columns(rows: Sequence[Row]) -> list[Any]:
+    """All components of some steps; step and time are their index."""
+    return [part for name, column in components().items() for part in _component(name, column, rows)]
+
+
+def _component(name: str, column: Column, rows: Sequence[Row]) -> Iterable[Any]:
+    """One named component with any number of values per step."""
+    assert column.values is not None
+    texts = column.kind is str
+    values = [[v if texts else float(v) for v in column.values(row)] for row in rows]
+    flat = list(chain.from_iterable(values))
+    if not flat:
+        return ()
+    parts: Iterable[Any] = rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in values])
+    return parts
 
 
 class Writer:
@@ -87,7 +103,7 @@ class Writer:
         self._plots.begin()
 
     def _place(self) -> None:
-        """Where robot, moving bodies and eyes are to begin with."""
+        """Place robot, moving obstacles and eyes at the start."""
         scene, dynamics = self._subject.space.scene, self._subject.path_integral.problem.dynamics
         start = np.asarray(dynamics.state_of(scene.start))[None]
         for path, pose in self._bodies_at(start):
@@ -191,7 +207,7 @@ class Writer:
         in_time.steps(steps, [place[2] for place in at], np.array(at))
 
     def _wheels(self, rows: Sequence[Row]) -> None:
-        """How the wheels stand at each step; they roll over all physics steps."""
+        """Turn the wheels at each step; they roll over all physics steps."""
         wheels = self._bodies.wheels
         if not wheels:
             return
@@ -227,7 +243,7 @@ class Writer:
         return met(space.collision, row.state[None, :2], self._subject.solids)[0]
 
     def _ahead(self, x: Array, u: Array) -> Array:
-        """Where the control would take the robot in a short while without noise, in the robot's frame, (3,)."""
+        """Predict without noise where the control takes the robot in a short while, in the robot's frame, (3,)."""
         dynamics = self._subject.path_integral.problem.dynamics
         start, still = x, np.zeros(dynamics.m)
         for _ in range(5):

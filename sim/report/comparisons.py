@@ -70,12 +70,12 @@ def pairs_of(runs: Iterable[Record], others: Iterable[Record]) -> list[tuple[Rec
 
 
 def extra_costs(pairs: Iterable[tuple[Record, Record]]) -> list[float]:
-    """What the first of two runs cost more than the second, pair by pair of which both reached the goal."""
+    """Subtract the second run's cost from the first's, for pairs of which both reached the goal."""
     return [a["cost"] - b["cost"] for a, b in pairs if both_arrive(a, b)]
 
 
 def both_arrive(a: Record, b: Record) -> bool:
-    """Whether two runs reached the goal."""
+    """Return whether two runs reached the goal."""
     return bool(a["outcome"] == b["outcome"] == "goal")
 
 
@@ -90,7 +90,7 @@ def adjusted(comparisons: Sequence[Comparison]) -> list[Comparison]:
 
 
 def questions(c: Comparison) -> list[str]:
-    """What its pairs could answer: success, cost."""
+    """List the questions that its pairs could answer: success, cost."""
     return [name for name, pairs in (("success", c.pairs), ("cost", c.arrived)) if pairs]
 
 

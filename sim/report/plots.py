@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Any
 
 from pirrht.control.methods import METHODS
-from sim.drawing.colors import OTHER_COLOR, ClassColors, Color, method_color, title
+from sim.drawing.colors import OTHER_COLOR, ClassColors, method_color, rgb, title
 from sim.report.statistics import Interval
 from sim.report.summary import ALL, Point, Report, Watch, unwatched
 
@@ -80,7 +80,7 @@ def _levels(
             y = [scale * k.value for k in known]
             low = [scale * max(0.0, k.value - (k.low if isfinite(k.low) else k.value)) for k in known]
             high = [scale * max(0.0, (k.high if isfinite(k.high) else k.value) - k.value) for k in known]
-            color, mark = _rgb(_color(method)), MARKS[_rank(method) % len(MARKS)]
+            color, mark = rgb(method_color(_rank(method))), MARKS[_rank(method) % len(MARKS)]
             axes.errorbar(x, y, yerr=[low, high], fmt=mark, ls="-", lw=1.0, ms=5, capsize=3, color=color, label=method)
         axes.set_xticks(range(len(noises)), [f"{b:g}" for b in noises])
         axes.set_xlim(-0.5, len(noises) - 0.5)
@@ -123,10 +123,10 @@ def _shares(plt: Any, report: Report, scenes: Sequence[str]) -> Picture | None:
         left = [0.0] * len(rows)
         for name in named:
             width = [100 * p.classes[name].value if name in p.classes else 0.0 for p in rows]
-            axes.barh(range(len(rows)), width, left=left, color=_rgb(colors[name]), label=title(name))
+            axes.barh(range(len(rows)), width, left=left, color=rgb(colors[name]), label=title(name))
             left = [a + b for a, b in zip(left, width, strict=True)]
         if len(total) > len(named):
-            axes.barh(range(len(rows)), [100 - x for x in left], left=left, color=_rgb(OTHER_COLOR), label="other")
+            axes.barh(range(len(rows)), [100 - x for x in left], left=left, color=rgb(OTHER_COLOR), label="other")
         axes.set_yticks(range(len(rows)), [f"b = {p.noise:g}  {p.method}  (n = {p.arrived})" for p in rows], fontsize=8)
         axes.set_xlim(0, 100)
         axes.set_xlabel("share of the runs that reached the goal [%]")
@@ -154,11 +154,3 @@ def _png(plt: Any, figure: Any) -> str:
 def _rank(method: str) -> int:
     known = list(METHODS)
     return known.index(method) if method in known else len(known)
-
-
-def _color(method: str) -> Color:
-    return method_color(_rank(method))
-
-
-def _rgb(color: Color) -> tuple[float, ...]:
-    return tuple(channel / 255 for channel in color)

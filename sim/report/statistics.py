@@ -28,11 +28,6 @@ class Interval:
     low: float
     high: float
 
-    @property
-    def excludes_zero(self) -> bool:
-        """Whether zero lies outside; False if unknown."""
-        return self.low > 0.0 or self.high < 0.0
-
 
 UNKNOWN = Interval(value=nan, low=nan, high=nan)
 

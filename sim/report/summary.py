@@ -1,4 +1,4 @@
-"""What a sweep's runs say: shares and means with intervals, and methods compared on equal seeds."""
+"""Shares and means of a sweep's runs with intervals, and methods compared on equal seeds."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from sim.report.comparisons import (
     questions,
 )
 from sim.report.statistics import Interval, mean, ratio, wilson
-from sim.sweeps.dataset import Dataset, wished
+from sim.sweeps.dataset import Dataset
+from sim.sweeps.manifests import wished
 from sim.text import counted
 
 BEST = "optimal"  # what costs are held against
@@ -200,7 +201,7 @@ def _known(values: Iterable[float | None]) -> list[float]:
 
 
 def _findings(comparisons: Sequence[Comparison]) -> list[str]:
-    """What is significant, in words; and if nothing is, that."""
+    """Put significant differences into words; empty if there are none."""
     told = []
     for c in comparisons:
         where = f"{c.scene}, b = {c.noise:g}: {c.method}"

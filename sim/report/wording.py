@@ -1,19 +1,32 @@
-"""A report for people: tables and sentences, of which Markdown, a page and the terminal are made."""
+"""A report for people: tables and sentences, and of them Markdown, a page that opens without a network, and lines."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from math import isfinite
 from typing import Any
 
 from sim.drawing.colors import title
 from sim.report.comparisons import BASE, LEVEL, Comparison, pairs_needed
+from sim.report.plots import Picture
 from sim.report.statistics import Interval
 from sim.report.summary import ALL, BEST, Point, Report, p_value
 from sim.text import counted, table
 
 SHOWN = 4  # classes in a table
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1b1f24;
+       background: #fff; }
+h1, h2 { line-height: 1.2; } h2 { margin-top: 2.2rem; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
+th, td { padding: .25rem .6rem; border-bottom: 1px solid #d8dee4; text-align: right; white-space: nowrap; }
+th:first-child, td:first-child, th:nth-child(3), td:nth-child(3) { text-align: left; }
+thead th { border-bottom: 2px solid #8c959f; } tbody tr:hover { background: #f3f6f9; }
+figure { margin: 1.5rem 0; } figure img { max-width: 100%; height: auto; } figcaption, .note { color: #57606a; }
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +40,7 @@ class Table:
 
 
 def lead(report: Report) -> list[str]:
-    """How complete the sweep is, and how it was made."""
+    """Say how complete the sweep is, and how it was made."""
     lines = [f"{report.found} of {counted(report.asked, 'run')} asked for {_be(report.asked)} there."]
     if report.found < report.asked:
         lines[0] += " The sweep is unfinished: its command, given again, goes on."
@@ -46,7 +59,7 @@ def lead(report: Report) -> list[str]:
 
 
 def findings(report: Report) -> list[str]:
-    """What is significant, plainly."""
+    """State plainly what is significant."""
     questions = report.questions
     if not questions:
         return [f"No comparison: {_why_none(report)}."]
@@ -92,7 +105,7 @@ def tables(report: Report) -> list[Table]:
 
 
 def method() -> str:
-    """How the figures were made."""
+    """Explain how the figures were made."""
     return (
         "Brackets hold 95 % intervals: Wilson's for shares, percentile bootstrap (10 000 draws) for means and ratios, "
         "Bonett and Price's for differences of paired shares. Equal seeds meet equal plant noise; comparisons are "
@@ -104,7 +117,7 @@ def method() -> str:
 
 
 def terminal(report: Report) -> str:
-    """What is printed: of many scenes only all of them together."""
+    """Format the report for a terminal: of many scenes only all of them together."""
 
     many = ALL in report.scenes and len(report.scenes) > 4
     parts = ["\n".join(lead(report))]
@@ -195,18 +208,7 @@ def _against(comparisons: Sequence[Comparison]) -> Table:
         )
         for c in comparisons
     ]
-    header = (
-        "scene",
-        "b",
-        "method",
-        "pairs",
-        "goals",
-        "points",
-        "p goals",
-        "both arrive",
-        "cost",
-        "p cost",
-    )
+    header = ("scene", "b", "method", "pairs", "goals", "points", "p goals", "both arrive", "cost", "p cost")
     text = (
         f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost difference; "
         "p with the adjusted one in brackets."
@@ -244,3 +246,34 @@ def _classes(point: Point) -> str:
     told = ["none" if name == "None" else title(name) for name, _ in shown]
     texts = [f"{name}: {_share(share)}" for name, (_, share) in zip(told, shown, strict=True)]
     return "; ".join([*texts, *([f"{more} more"] if more else [])]) or "-"
+
+
+def page(report: Report, pictures: Sequence[Picture]) -> str:
+    """The whole page."""
+    name = escape(report.name)
+    begin = "".join(f"<p>{escape(line)}</p>" for line in lead(report))
+    found = "".join(f"<li>{escape(line)}</li>" for line in findings(report))
+    every = "".join(_html_table(table) for table in tables(report) if table.rows)
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Sweep {name}</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<style>{_STYLE}</style></head><body>\n<h1>Sweep {name}</h1>{begin}\n"
+        f"<h2>Findings</h2><ul>{found}</ul>\n{''.join(map(_figure, pictures))}\n{every}\n"
+        f'<h2>How</h2><p class="note">{escape(method())}</p>\n</body></html>\n'
+    )
+
+
+def _figure(picture: Picture) -> str:
+    text = escape(picture.text)
+    return (
+        f'<figure><img alt="{text}" src="data:image/png;base64,{picture.png}"><figcaption>{text}</figcaption></figure>'
+    )
+
+
+def _html_table(table: Table) -> str:
+    head = "".join(f"<th>{escape(cell)}</th>" for cell in table.header)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in table.rows)
+    return (
+        f"<h2>{escape(table.heading)}</h2><p>{escape(table.text.replace('`', ''))}</p>"
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n'
+    )

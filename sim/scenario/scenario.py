@@ -1,26 +1,37 @@
-"""From a task to the objects of a run: tree, controller, plant and drive."""
+"""From a task to the objects of a run: tree, controller, exact solution, plant and frames."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
+from pirrht.control.methods import TREELESS
 from pirrht.control.mppi import Mppi
 from pirrht.control.optimal import Optimal
 from pirrht.control.policy import Policy
-from pirrht.exact.desirability import Desirability
+from pirrht.control.prediction import ByVelocity, Prediction
+from pirrht.errors import NoReference, OptionError, SceneError
+from pirrht.estimation.sampling import Sampling
+from pirrht.exact.desirability import Desirability, solver_for
 from pirrht.exact.progress import Progress, untold
+from pirrht.freespace import FreeSpace
+from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree
+from pirrht.tree.left_out import left_out
 from pirrht.tree.reference import Reference
 from sim.drive import episode, realtime
-from sim.drive.executor import Analytic, Executor, Plant
+from sim.drive.executor import Executor
 from sim.drive.odometer import Frame
-from sim.scenario import controllers, exact, trees
+from sim.drive.plant import Analytic, Plant
+from sim.mjcf.covered import covered
 from sim.scenario.task import Task
+
+WIDER = (0.8, 1.0, 1.5)  # H_limit where the robot's own leaves out what it should not
+QUICK = 400  # vertices at most of a tree that is grown within a control period
 
 Driver = Controller | Mppi | Optimal
 
@@ -44,40 +55,67 @@ class Scenario(Task):
     """
 
     def __repr__(self) -> str:
-        what = (
-            f"{self.loaded.robot} in {self.loaded.scene.name!r}, {self.settings.method}, noise {self.settings.noise:g}"
-        )
-        return f"Scenario({what}, seed {self.settings.seed})"
+        s, loaded = self.settings, self.loaded
+        return f"Scenario({loaded.robot} in {loaded.scene.name!r}, {s.method}, noise {s.noise:g}, seed {s.seed})"
 
     def empty_tree(self, limit: float | None = None) -> HomologyTree:
-        """A tree that has its roots only; within another limit than the settings' if one is given."""
-        return trees.empty(self, limit)
+        """Return a tree that has its roots only; within another limit than the settings' if one is given."""
+        return self._rooted(self.space, np.random.default_rng(self.seeds()[0]), limit)
+
+    def _rooted(self, space: FreeSpace, rng: np.random.Generator, limit: float | None = None) -> HomologyTree:
+        s = self.settings
+        return HomologyTree(space, self.steering(), limit=limit or s.limit, classes=s.classes, rng=rng)
 
     def grown_tree(self, progress: Callable[[int], None] | None = None, at: Array | None = None) -> HomologyTree:
-        """A tree of `settings.vertices` vertices, or the one that was saved as `settings.tree`.
+        """Grow a tree of `settings.vertices` vertices, or load the one that was saved as `settings.tree`.
 
-        Where the limit leaves out a short way from the start, or from another state (n,), it is grown anew within a
-        wider one, unless the limit was asked for.
+        Where no class reaches the goal from the start, or from another state (n,), or the limit leaves out a path that
+        is not much longer than the shortest, it is grown anew within a wider one, unless the limit was asked for.
 
         Raises:
             OptionError: that is no tree for this scene, robot and limit.
         """
-        return trees.grown(self, progress, at)
+        s, x = self.settings, self.start if at is None else at
+        if s.tree is not None:
+            return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
+        first = tree = self._grown_within(s.limit, progress)
+        while self.widens and tree.limit < WIDER[-1]:
+            least = max((path.limit for path in left_out(tree, x)), default=0.0)
+            if not least and _reaches(tree, x):
+                return tree
+            wider = (limit for limit in WIDER if limit > tree.limit)
+            tree = self._grown_within(next((limit for limit in wider if limit >= least), WIDER[-1]), progress)
+        return tree if tree is first or _reaches(tree, x) else first
+
+    def _grown_within(self, limit: float, progress: Callable[[int], None] | None) -> HomologyTree:
+        tree = self.empty_tree(limit)
+        tree.grow(self.settings.vertices, progress=progress)
+        return tree
 
     def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
-        """The best path of every class from the start, cheapest first.
+        """Return the best path of every class from the start, cheapest first.
 
         Args:
-            waits: whether there may be none among moving obstacles, since a drive waits for a way.
+            waits: whether there may be none among moving obstacles, since the robot waits for a path.
 
         Raises:
             NoReference: no class reaches the goal.
-            SceneError: none does, and a body that moves comes to rest there.
+            SceneError: none does, and a moving obstacle comes to rest there.
         """
-        return trees.references(self, tree, waits)
+        try:
+            return tree.references(tree.homology.asked(self.start, 0.0), polished=self.settings.polish)
+        except NoReference:
+            why = covered(self.loaded.scene)
+            if why is None and waits and self.moving:
+                return []
+            if why is None:
+                raise
+            raise SceneError(
+                f"{self.loaded.scene.name}: {why}, and no way was found that gets there before; let it rest elsewhere"
+            ) from None
 
     def truth(self, progress: Progress = untold) -> Desirability:
-        """The exact solution: in continuous time, or for steps of dt if exit is judged at their ends.
+        """Solve exactly: in continuous time, or for steps of dt if exit is judged at their ends.
 
         Args:
             progress: called with the share that is done, where that takes long.
@@ -85,42 +123,95 @@ class Scenario(Task):
         Raises:
             OptionError: no grid solves this problem.
         """
-        return exact.truth(self, progress)
+        dt = self.settings.dt if self.settings.exit == "endpoint" else None
+        self._refuse_unsolved(dt)
+        return Desirability.of(self.problem, self.space, dt=dt, progress=progress)
 
     def optimal(self, truth: Desirability | None = None, progress: Progress = untold) -> Optimal:
-        """The grid's feedback law, in continuous time; `truth` if it has been solved for before.
+        """Return the grid's feedback law, in continuous time; `truth` if it has been solved for before.
 
         Args:
             progress: called with the share that is done, where it has not and that takes long.
 
         Raises:
-            OptionError: no grid solves this problem, or bodies are to be foretold, and the law knows how they move.
+            OptionError: no grid solves this problem, or moving obstacles are to be predicted.
         """
-        return exact.optimal(self, truth, progress)
+        self.refuse_foretold()
+        self._refuse_unsolved(None)
+        return Optimal(truth or Desirability.of(self.problem, self.space, progress=progress), self.sampling)
 
     def refuse_foretold(self) -> None:
-        """Refuse bodies whose motions are to be foretold, for the optimal law, which knows them.
+        """Refuse moving obstacles that are to be predicted, for the optimal law, which knows their motions.
 
         Raises:
             OptionError: they are.
         """
-        exact.refuse_foretold(self)
+        if self.moving and self.settings.predict != "known":
+            raise OptionError(f"the optimal law knows how bodies move; leave out --predict {self.settings.predict}")
 
-    def mppi(self) -> Mppi:
-        """MPPI, with at least as many samples as "pi-rrht" draws from the start."""
-        return controllers.mppi(self)
+    def _refuse_unsolved(self, dt: float | None) -> None:
+        """Refuse by its public name a robot that no grid serves."""
+        try:
+            solver_for(self.problem, self.space, dt)
+        except OptionError:
+            where, who = (" among moving bodies", "puck") if self.moving else ("", "puck or unicycle")
+            raise OptionError(
+                f"no grid solves the problem of a {self.system.called}{where}, so its exact value and optimal control "
+                f"are not known: leave out --truth, choose another --method than optimal, or --robot {who}"
+            ) from None
 
     def controller(self, tree: HomologyTree | None) -> Controller | Mppi:
-        """The receding-horizon controller over a grown tree; MPPI if that is the method."""
-        return controllers.controller(self, tree)
+        """Return the receding-horizon controller over a grown tree; MPPI if that is the method."""
+        s = self.settings
+        if s.method == "mppi":
+            return self.mppi()
+        return Controller(
+            self.problem,
+            self.space,
+            tree,
+            self._at_once() if s.method in ("single", "passive") else self.sampling,
+            method=s.method,
+            polished=s.polish,
+            consistency=s.consistency,
+            between=s.between,
+            homology=self.homology,
+            predict=self._prediction(trees=s.method not in TREELESS),
+            rng=np.random.default_rng(self.seeds()[1]),
+        )
+
+    def mppi(self) -> Mppi:
+        """Return MPPI, with at least as many samples as "pi-rrht" draws from the start."""
+        s = self.settings
+        sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent")
+        problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
+        home, rng = self.system.way_home(problem), np.random.default_rng(self.seeds()[1])
+        return Mppi(
+            problem, self.space, sampling, horizon=s.horizon, beyond=home, homology=self.homology,
+            predict=self._prediction(trees=False), rng=rng,
+        )  # fmt: skip
+
+    def _at_once(self) -> Sampling:
+        """Sample around one reference, or none, at least as often as "pi-rrht" does from the start."""
+        s, classes = self.settings, self.classes_at_start()
+        budget = None if s.budget is None else s.budget * classes
+        return replace(self.sampling, samples=s.samples * classes, budget=budget)
+
+    def _prediction(self, *, trees: bool) -> Prediction | None:
+        """Return what predicts moving obstacles for plans; None: they know."""
+        if not self.moving or self.settings.predict == "known":
+            return None
+        seeds = self.seeds()[0].spawn(1)[0]
+
+        def grown(space: FreeSpace) -> HomologyTree:
+            return self._rooted(space, np.random.default_rng(seeds.spawn(1)[0]))
+
+        vertices = min(self.settings.vertices, QUICK)
+        return ByVelocity(self.space, self.in_time, grown if trees else None, vertices=vertices)
 
     def driver(
-        self,
-        tree: HomologyTree | None = None,
-        truth: Desirability | None = None,
-        progress: Progress = untold,
+        self, tree: HomologyTree | None = None, truth: Desirability | None = None, progress: Progress = untold
     ) -> Driver:
-        """Who decides under the settings' method.
+        """Return the policy of the settings' method.
 
         Args:
             tree: a grown one, of methods that need one.
@@ -130,7 +221,7 @@ class Scenario(Task):
         return self.optimal(truth, progress) if self.settings.method == "optimal" else self.controller(tree)
 
     def drive(self, plant: Plant, driver: Policy, growing: Callable[[int], None] | None = None) -> Generator[Frame]:
-        """The drive from the start, as fast as it goes or in real time; one frame per control period.
+        """Run from the start, as fast as it goes or in real time; one frame per control period.
 
         Args:
             growing: called with the number of vertices while the tree grows between two plans.
@@ -144,7 +235,7 @@ class Scenario(Task):
         return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow or 0, growing=growing)
 
     def plant(self) -> Plant:
-        """The robot in MuJoCo, or its stochastic equation."""
+        """Return the robot in MuJoCo, or its stochastic equation."""
         period = self.settings.period
         if self.settings.plant == "mujoco":
             return Executor(self.loaded, self.problem, period=period)
@@ -152,5 +243,10 @@ class Scenario(Task):
         return Analytic(self.problem, self.space.collision.clearance, period=period, physics_step=step)
 
     def plant_rng(self) -> np.random.Generator:
-        """The plant's noise; one increment per physics step whatever the method."""
+        """Return the plant's noise; one increment per physics step whatever the method."""
         return np.random.default_rng(self.seeds()[2])
+
+
+def _reaches(tree: HomologyTree, x: Array) -> bool:
+    """Tell whether any class reaches the goal from x (n,)."""
+    return bool(tree.lengths(tree.homology.asked(x, 0.0)))

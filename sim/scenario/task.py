@@ -1,4 +1,4 @@
-"""What is to be solved and under which settings; trees, drivers and exact solutions are made for it."""
+"""A task: a scene, a problem and settings, for which trees, controllers and exact solutions are made."""
 
 from __future__ import annotations
 
@@ -15,9 +15,8 @@ from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from sim import memory
 from sim.mjcf import Loaded
-from sim.settings import Settings
+from sim.settings import Settings, Size, check
 from sim.systems import System, refuse
 
 ENOUGH = 30.0  # effective samples that the first plan of a drive rests on, if it can be had
@@ -40,7 +39,7 @@ class Task:
     widens: bool = True  # whether the limit H_limit may give way; not one that was asked for
 
     def __post_init__(self) -> None:
-        memory.check(self.settings, self._size())
+        check(self.settings, self._size())
 
     @property
     def start(self) -> Array:
@@ -49,12 +48,12 @@ class Task:
 
     @property
     def moving(self) -> bool:
-        """Whether bodies move in the scene."""
+        """Return whether obstacles move in the scene."""
         return bool(self.loaded.scene.movers)
 
     @property
     def homology(self) -> Homology | TimedHomology:
-        """What tells classes of drives apart."""
+        """Homology by which classes of runs are told apart."""
         return self.in_time.homology(self.space) if self.moving else self.space.homology
 
     @property
@@ -86,7 +85,7 @@ class Task:
         return tree, sampler, plant
 
     def with_settings(self, **changes: Any) -> Self:
-        """The same scene under other settings; the free space is kept.
+        """Return the scene under other settings; the free space is kept.
 
         Raises:
             OptionError: the system has no such number, or a value cannot work.
@@ -98,7 +97,7 @@ class Task:
 
     @property
     def sampling(self) -> Sampling:
-        """How paths are drawn and weighed."""
+        """Sampling of the settings."""
         s = self.settings
         first = s.period if s.period < s.dt else None
         return Sampling(
@@ -126,9 +125,9 @@ class Task:
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, most))
 
-    def _size(self) -> memory.Size:
+    def _size(self) -> Size:
         d, scene = self.problem.dynamics, self.loaded.scene
-        return memory.Size(
+        return Size(
             states=d.n,
             controls=d.m,
             obstacles=len(self.space.obstacles),

@@ -1,4 +1,4 @@
-"""The same errands on a Dask cluster: batches of a few seconds, of which none is lost when a worker is."""
+"""Tasks of a sweep on a Dask cluster: batches of a few seconds, of which none is lost when a worker is."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class Traveller(Item, Protocol):
 
     @property
     def luggage(self) -> Any:
-        """What is heavy; None if nothing is."""
+        """Heavy data; None if there is none."""
 
     def carrying(self, luggage: Any) -> Traveller:
-        """The same piece with other luggage."""
+        """Return the piece with other luggage."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +46,7 @@ class Batch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Way:
-    """What is to be done, and what is known of it."""
+    """State of a run on the cluster."""
 
     work: Callable[[Any], Any]
     agenda: Agenda

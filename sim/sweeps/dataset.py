@@ -21,10 +21,7 @@ from pirrht.errors import OptionError
 from pirrht.files import MISSING, shown, why_unreadable
 from sim.files import refused
 from sim.sweeps import manifests, parts
-from sim.sweeps.columns import key_of, record_of, row_of
-from sim.sweeps.manifests import wished
-
-__all__ = ["TREES", "Dataset", "Unwritable", "plain", "wished"]
+from sim.sweeps.parts import key_of, record_of, row_of
 
 TREES = ".trees-"  # begins the names of folders that trees lie in while they are driven through
 CHUNK_RUNS, CHUNK_SECONDS = 500, 2.0  # a file is written after so many runs, or so long after the first of them [s]
@@ -58,7 +55,7 @@ class Dataset:
     # -- what was asked for ------------------------------------------------------------------------------------
 
     def manifest(self) -> dict[str, Any]:
-        """What the sweep was asked for.
+        """Read the manifest of the sweep.
 
         Raises:
             OptionError: the folder holds none, or it cannot be read.
@@ -288,7 +285,7 @@ class Dataset:
 
     @property
     def failing(self) -> bool:
-        """Whether the last try to write went wrong."""
+        """Return whether the last try to write went wrong."""
         return self._failing_since is not None
 
     def _other(self, difference: str) -> OptionError:

@@ -27,11 +27,11 @@ class Item(Protocol):
 
     @property
     def point(self) -> tuple[Hashable, ...]:
-        """What items share that one process had better do one after the other; the scene comes first."""
+        """Key of items that one process had better do one after the other; the scene comes first."""
 
 
 class Stop:
-    """How often it was asked to stop: once to end what is under way, twice to end at once."""
+    """Count of requests to stop: one ends what is under way, two end at once."""
 
     def __init__(self) -> None:
         self.asked = 0
@@ -66,7 +66,7 @@ def interruptible() -> Iterator[Stop]:
 
 
 class Agenda:
-    """What is to be done, handed out so that a process stays with one point and two processes keep apart."""
+    """Queue of work, handed out so that a process stays with one point and two processes keep apart."""
 
     def __init__(self, items: Sequence[Item]) -> None:
         self._waiting: dict[tuple[Hashable, ...], deque[Any]] = {}
@@ -265,7 +265,7 @@ def _buried(worker: Worker) -> int | None:
 
 
 def _serve(pipe: Any) -> None:
-    """What a process does."""
+    """Serve items in a process."""
     with suppress(ValueError, OSError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     threading.Thread(target=_end_with_parent, daemon=True).start()

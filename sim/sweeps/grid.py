@@ -1,4 +1,4 @@
-"""What a sweep is asked for: scenes, methods, noise levels and seeds, of which every combination is a run."""
+"""Grid of a sweep: scenes, methods, noise levels and seeds, of which every combination is a run."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pirrht.errors import OptionError, printable
 from sim.mjcf import scene_names
 from sim.options import table as options
 from sim.options.settings import SEED
-from sim.sweeps.runs import Frozen, Job
+from sim.sweeps.runs import Frozen, Job, frozen
 
 MOST_RUNS = 1_000_000  # jobs and records of so many fit into some gigabytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """What a command line asks for."""
+    """Runs that a command line asks for."""
 
     scenes: tuple[str, ...]
     methods: tuple[str, ...]
@@ -56,7 +56,7 @@ class Grid:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What all runs share and results depend on, by option."""
+        """Settings that all runs share and results depend on, by option."""
         return options.identity(dict((*self.task, *self.given)))
 
 
@@ -91,8 +91,8 @@ def parse(
         methods=names,
         noises=(None,) if noise is None else tuple(noises_of(noise)),
         seeds=seeds_of(seeds),
-        task=_frozen(task),
-        given=_frozen(given),
+        task=frozen(task),
+        given=frozen(given),
     )
 
 
@@ -132,7 +132,3 @@ def labels(scenes: Sequence[str]) -> list[str]:
     """Names of built-in scenes, and of files where they differ."""
     stems = [printable(scene if scene in scene_names() else Path(scene).stem) for scene in scenes]
     return [stem if stems.count(stem) == 1 else printable(scene) for scene, stem in zip(scenes, stems, strict=True)]
-
-
-def _frozen(values: Mapping[str, Any]) -> Frozen:
-    return tuple((name, tuple(value) if isinstance(value, list) else value) for name, value in values.items())

@@ -1,4 +1,4 @@
-"""What `manifest.json` of a sweep must hold, and what its wishes add up to."""
+"""Contents of a sweep's `manifest.json`, and the runs that it asks for."""
 
 from __future__ import annotations
 

@@ -12,6 +12,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pirrht.control.methods import TREELESS
 from pirrht.errors import PirrhtError
 from pirrht.tree import file as tree_file
@@ -52,12 +54,12 @@ class Job:
 
     @property
     def place(self) -> tuple[Any, ...]:
-        """What runs share that are driven through one tree."""
+        """Key of runs that share one tree."""
         return self.scene, self.task, self.given
 
     @property
     def point(self) -> tuple[Any, ...]:
-        """What runs share that differ in their seed only; the scene comes first."""
+        """Key of runs that differ in their seed only; the scene comes first."""
         return self.scene, self.noise, self.method, self.task, self.given
 
 
@@ -80,7 +82,7 @@ class Errand:
 
     @property
     def point(self) -> tuple[Any, ...]:
-        """What errands share that a process had better do one after the other."""
+        """Key of tasks that a process had better do one after the other."""
         return self.job.point
 
     @property
@@ -89,7 +91,7 @@ class Errand:
         return self.planned
 
     def carrying(self, luggage: Planned | None) -> Errand:
-        """The same drive with another tree."""
+        """Return the run with another tree."""
         return replace(self, planned=luggage)
 
 
@@ -109,8 +111,13 @@ class Survey:
         """Nothing is heavy."""
 
     def carrying(self, _: None) -> Survey:
-        """The same wish."""
+        """Return the task as it is."""
         return self
+
+
+def frozen(values: Mapping[str, Any]) -> Frozen:
+    """Return arguments as they can be hashed."""
+    return tuple((name, tuple(v) if isinstance(v, list | np.ndarray) else v) for name, v in values.items())
 
 
 def settled(job: Job) -> Scenario:
@@ -204,12 +211,12 @@ def one_line(error: BaseException) -> str:
 
 
 def needs_tree(job: Job) -> bool:
-    """Whether a job's method drives through a tree."""
+    """Return whether a job's method drives through a tree."""
     return job.method not in TREELESS
 
 
 def unpacked(planned: Planned, folder: Path, number: int) -> Planned:
-    """The same plan with its tree in a file, for processes of this machine; at hand if there is no room for one."""
+    """Put the tree of a plan into a file, for processes of this machine; keep it if there is no room for one."""
     if not planned.tree or isinstance(planned.tree, str):
         return planned
     file = folder / f"{number}.tree"
@@ -252,7 +259,7 @@ def unpack(scenario: Scenario, content: bytes) -> HomologyTree:
 
 
 def key(job: Job, noise: float | None) -> dict[str, Any]:
-    """What tells a job's run from all others of its dataset."""
+    """Return the key of a job's run in its dataset."""
     return {
         "scene": job.name,
         "scene_digest": job.digest,

@@ -14,9 +14,9 @@ from pirrht.errors import OptionError
 from sim.options.table import TASKS
 from sim.scenario import Scenario
 from sim.sweeps import runs
-from sim.sweeps.columns import key_of
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.manifests import wishes
+from sim.sweeps.parts import key_of
 from sim.sweeps.runs import Job
 from sim.text import counted
 
@@ -27,7 +27,8 @@ Keep = Callable[[Mapping[str, Any]], None]  # takes a record
 
 @contextmanager
 def kept(folder: Path, job: Job, identities: Sequence[Mapping[str, Any]], again: bool) -> Iterator[Keep]:
-    """What adds records to a sweep's folder as drives of the job end; they are written at the latest when it is left.
+    """Yield what adds records to a sweep's folder as runs of the job end; they are written at the latest when it is
+    left.
 
     Args:
         folder: made if need be; of an existing sweep task and plant must be the same.
@@ -84,7 +85,7 @@ def _agreed(dataset: Dataset, job: Job, scenario: Scenario) -> dict[str, Any]:
 
 
 def _under(job: Job, settings: Mapping[str, Any]) -> Job:
-    """The same scene with the task and the settings of a manifest."""
+    """Return the job with the task and the settings of a manifest."""
     values = {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}
     return replace(
         job,

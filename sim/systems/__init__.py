@@ -1,4 +1,4 @@
-"""What moves, as one record per system: dynamics, costs, steering and defaults; a registry that robots name them in.
+"""Systems, one record each: dynamics, costs, steering and defaults; a registry that robots name them in.
 
 A robot's MJCF names a system (`pirrht_dynamics`); `--system MODULE:NAME` takes one of somebody's own instead. Ten lines
 make one:
@@ -18,7 +18,7 @@ guides make them feasible. That costs: references are not the system's optimum, 
 cost the point, whatever its start faces, and guides take more passes. The pace is where the system's cost per meter is
 least, if that tells one; else declare `pace`.
 
-record      what there is to know of a system      built_in      those of the package      registry      by name
+record      what there is to know of a system      registry      those of the package, and all by name
 """
 
 from __future__ import annotations

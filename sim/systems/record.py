@@ -70,7 +70,7 @@ class System:
 
     @property
     def called(self) -> str:
-        """What messages call it: the robot that the help names, or its own name."""
+        """Name in messages: the robot that the help names, or its own name."""
         return self.robots or self.name
 
     @property
@@ -84,7 +84,7 @@ class System:
         return typed(self.states)
 
     def heard(self, scene: Mapping[str, float], meant: str) -> dict[str, float]:
-        """What a scene says of options, by name of the option, less what it says for the system that it is meant for.
+        """Select a scene's options, by name, that are not meant for another system.
 
         Args:
             meant: name of that system.
@@ -130,7 +130,8 @@ class System:
         return self._asked("steering", problem) if self.steering is not None else self._tracked(problem)
 
     def way_home(self, problem: Any) -> Any:
-        """What the way from states (k, n) to the goal costs, as `pirrht.control.mppi` takes it; None: a straight one.
+        """Return the cost of the path from states (k, n) to the goal, as `pirrht.control.mppi` takes it; None: a
+        straight one.
 
         Raises:
             OptionError: it cannot be told.

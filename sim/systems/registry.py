@@ -1,15 +1,120 @@
-"""The systems that are known by name: those that are built in, and whatever is registered."""
+"""Systems by name: those of the package, one row each, and whatever is registered."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Any
+
+import numpy as np
 
 from pirrht.errors import OptionError
 from sim.options.table import SPECIAL
-from sim.systems.built_in import SYSTEMS
-from sim.systems.record import System
+from sim.settings import Settings
+from sim.systems.record import POSE, System
 
+
+def _class(path: str) -> Any:
+    """Import the class MODULE:CLASS of `pirrht`."""
+    module, _, name = path.partition(":")
+    return getattr(import_module(f"pirrht.{module}"), name)
+
+
+def _dynamics(path: str) -> Callable[[Settings], Any]:
+    """Return what makes dynamics of a class with the noise of the settings; the class is imported only then."""
+    return lambda settings: _class(path)(b=settings.noise)
+
+
+def _steering(path: str) -> Callable[[Any], Any]:
+    """Return what makes the steering of a problem, of a class that is imported only then."""
+    return lambda problem: _class(path).of(problem)
+
+
+def _car(settings: Settings) -> Any:
+    from pirrht.systems.unicycle import Unicycle
+
+    return Unicycle(V=settings.speed, rho=settings.rho, b=settings.noise)
+
+
+def _at_speed(settings: Settings) -> float:
+    """Return the state cost rate at which a control cost v'v, of R = 2, asks for the speed of the settings."""
+    return settings.speed**2
+
+
+SYSTEMS = (
+    System(
+        name="single_integrator",
+        dynamics=_dynamics("systems.single_integrator:SingleIntegrator"),
+        steering=_steering("steering.straight_line:StraightLine"),
+        R=2.0 * np.eye(2),
+        urge=_at_speed,
+        heeds=("noise", "speed"),
+        paper_samples=200,
+        robots="puck",
+        noise_in="in m/sqrt(s)",
+    ),
+    System(
+        name="unicycle",
+        dynamics=_car,
+        steering=_steering("steering.dubins:Dubins"),
+        R=np.eye(1),
+        states=POSE,
+        defaults={
+            "noise": 0.03,
+            "phi": 1000.0,
+            "vertices": 2000,
+            "samples": 300,
+            "period": 0.1,
+            "limit": 0.8,
+            "max_time": 60.0,
+            "exploration": 10.0,  # with the robot's own noise tapes hardly move, and none of a few drives arrives
+        },
+        paper_samples=300,
+        heeds=("noise", "speed", "rho"),
+        robots="unicycle",
+        noise_in="in rad/sqrt(s)",
+    ),
+    System(
+        name="double_integrator",
+        dynamics=_dynamics("systems.double_integrator:DoubleIntegrator"),
+        steering=_steering("steering.double_integrator:MassSteering"),
+        R=2.0 * np.eye(2),
+        states=("x", "y", "vx", "vy"),
+        defaults={"vertices": 2000, "samples": 300, "period": 0.05},
+        paper_samples=300,
+        own=("noise", "vertices", "samples", "dt", "period"),  # its noise has a unit, its paths a pace of their own
+        robots="hover",
+        noise_in="in m/s/sqrt(s)",
+    ),
+    System(
+        name="rover",
+        dynamics=_dynamics("systems.rover:Rover"),
+        steering=_steering("steering.rover:RoverSteering"),
+        R=np.diag([2.0, 0.5]),
+        urge=_at_speed,
+        heeds=("noise", "speed"),
+        states=POSE,
+        defaults={"vertices": 2000, "samples": 300, "period": 0.05},
+        paper_samples=300,
+        own=("vertices", "samples", "dt", "period"),  # its paths have a pace of their own
+        robots="rover",
+        noise_in="in m/sqrt(s) of the speed, and the turn rate's is twice the number in rad/sqrt(s)",
+    ),
+    System(
+        name="second_order_car",
+        dynamics=_dynamics("systems.second_order_car:SecondOrderCar"),
+        R=np.eye(2),
+        q="pirrht.systems.second_order_car:cruising",
+        q_min=1.0,
+        states=(*POSE, "speed"),
+        defaults={"samples": 300, "period": 0.1, "phi": 1000.0, "max_time": 60.0},
+        twists=3,
+        paper_samples=300,
+        own=("noise", "vertices", "samples", "dt", "period"),
+        robots="car",
+        noise_in="in both rad/sqrt(s) and m/s/sqrt(s)",
+    ),
+)
 _known: dict[str, System] = {system.name: system for system in SYSTEMS}
 BUILT_IN = tuple(_known)
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.problem import Problem
-from sim.drive.executor import Advance, Analytic, Executor
+from sim.drive.executor import Executor
+from sim.drive.plant import Advance, Analytic
 from sim.mjcf import Loaded, load
 
 QUIET = 1e-12  # a noise level that is as good as none

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sim.sweeps.columns import RESULTS
 from sim.sweeps.dataset import Dataset
+from sim.sweeps.parts import RESULTS
 
 ASKED = {"methods": ["pi-rrht", "passive", "optimal"], "noise": {"slit": [0.1]}, "seeds": [0, 40]}
 SETTINGS = {"samples": 50, "plan_seed": 0}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim.sweeps.columns import KEY, RESULTS
+from sim.sweeps.parts import KEY, RESULTS
 
 SETTINGS = {"samples": 50, "robot": None, "start": (1.0, 2.0)}
 SCENES = {"slit": "0123"}

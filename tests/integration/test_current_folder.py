@@ -13,7 +13,7 @@ from repository import ROOT, environment
 from pirrht.errors import OptionError
 from sim import system_import
 from sim.cli import warm
-from sim.recording import read, viewer
+from sim.recording import export, viewer
 from sim.rehearsal import ROOM as BOX
 
 PACKAGES = ("sim", "pirrht", "rerun", "rerun_cli", "multiprocessing", "mujoco", "numpy")
@@ -94,7 +94,7 @@ def test_recordings_are_repaired_without_importing_anything_from_there(project: 
     file = project.parent / "broken.rrd"
     file.write_bytes(b"RRF2" + bytes(60))
     with pytest.raises(OptionError, match="no Rerun recording"):
-        read.read(file)
+        export.read(file)
     assert executed(project) == []
 
 

@@ -13,8 +13,8 @@ from mjcf_samples import WALL
 from sim.cli import main, sweep_commands
 from sim.mjcf import load
 from sim.sweeps import grid, runs
-from sim.sweeps.columns import RESULTS, key_of
 from sim.sweeps.dataset import Dataset
+from sim.sweeps.parts import RESULTS, key_of
 
 QUICK = ["--plant", "sde", "--period", "0.1", "--max-time", "1", "--samples", "20", "--vertices", "100"]
 

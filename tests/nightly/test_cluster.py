@@ -18,9 +18,9 @@ from tasks import Task, die_of_two, die_slowly_of_two, slow, weigh
 
 from pirrht.errors import OptionError, PirrhtError
 from sim.cli import main
-from sim.sweeps.columns import RESULTS, key_of
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.engine import Agenda, Stop
+from sim.sweeps.parts import RESULTS, key_of
 
 distributed = pytest.importorskip("distributed")
 

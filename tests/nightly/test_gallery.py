@@ -16,7 +16,7 @@ from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from sim.film import offscreen
 from sim.mjcf import load, models_folder
-from sim.recording.read import read
+from sim.recording.export import read
 from sim.scenario import prepare
 
 PAGES = {make().name: make for make in make_scenes.PAGES}

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from thoroughly import first
 
-from sim.recording import read, viewer
+from sim.recording import export, viewer
 
 pytestmark = [
     pytest.mark.live,
@@ -92,7 +92,7 @@ def test_what_is_served_listens_on_the_loopback_interface_alone_and_ends_with_th
     said = process.communicate(timeout=60)[0]
     assert process.returncode in (0, 1), said
     assert "0 of" in said
-    assert read.read(tmp_path / "a.rrd").whole
+    assert export.read(tmp_path / "a.rrd").whole
     assert all(gone(port) for port in ports)
 
 
@@ -139,7 +139,7 @@ def test_a_viewer_that_dies_or_hangs_neither_stops_nor_stalls_the_run(tmp_path, 
         assert "Traceback" not in said
         dropped, steps = map(int, re.search(r"(\d+) of (\d+) steps did not reach a viewer", said).groups())
         assert (blow == signal.SIGKILL) <= dropped <= steps
-        assert read.read(file).whole
+        assert export.read(file).whole
     finally:
         os.killpg(watcher.pid, signal.SIGKILL)
         watcher.wait()

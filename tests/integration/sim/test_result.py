@@ -14,13 +14,13 @@ from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
 from sim.cli import main, plan_command, warm
 from sim.drive.episode import Frame, Tally
-from sim.drive.executor import Advance
 from sim.drive.odometer import Odometer, ending
+from sim.drive.plant import Advance
 from sim.drive.result import FIGURES, DriveResult, explained
 from sim.rehearsal import rehearse, small_of
 from sim.scenario import Scenario, prepare
 from sim.sweeps import runs
-from sim.sweeps.columns import COLUMNS, row_of
+from sim.sweeps.parts import COLUMNS, row_of
 
 PERIOD = 0.01
 

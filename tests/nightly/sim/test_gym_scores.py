@@ -12,7 +12,7 @@ gymnasium = pytest.importorskip("gymnasium")
 from pirrht.errors import OptionError  # noqa: E402
 from sim import gym  # noqa: E402
 from sim.cli import main  # noqa: E402
-from sim.sweeps import columns, runs  # noqa: E402
+from sim.sweeps import parts, runs  # noqa: E402
 from sim.sweeps.dataset import Dataset  # noqa: E402
 
 
@@ -25,12 +25,12 @@ def test_scores_are_records_of_a_sweep():
     sweeps = runs.drive(job, planned)
     for seed, record in enumerate(records):
         assert record.keys() == sweeps.keys()
-        assert {name: type(value) for name, value in record.items() if name in columns.KEY} == {
-            name: type(sweeps[name]) if name != "scene_digest" else str for name in columns.KEY
+        assert {name: type(value) for name, value in record.items() if name in parts.KEY} == {
+            name: type(sweeps[name]) if name != "scene_digest" else str for name in parts.KEY
         }
         assert (record["seed"], record["method"], record["outcome"]) == (seed, "steering wheel", "goal")
         assert record["executed_class"] == "0,0"
-        assert columns.record_of(columns.row_of(record))["cost"] == record["cost"]
+        assert parts.record_of(parts.row_of(record))["cost"] == record["cost"]
     assert record["scene_digest"] == runs.digest(job)
 
 

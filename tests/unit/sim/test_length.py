@@ -10,7 +10,7 @@ from pirrht.arrays import Array
 from pirrht.problem import Problem
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.drive.length import Length
+from sim.drive.odometer import Length
 
 STEP, TIME = 0.002, 6.0
 SCENE = room().scene

@@ -15,7 +15,7 @@ from repository import ROOT
 import pirrht
 from pirrht.control import best_class, controller, mppi
 from pirrht.errors import OptionError
-from sim import memory
+from sim import settings
 from sim.cli import docs, main, parser
 from sim.options.record import Option
 from sim.options.settings import BETWEEN
@@ -97,26 +97,26 @@ def test_every_number_but_places_has_bounds_with_a_reason():
 
 def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made():
     scenario = prepare("slit")
-    size = memory.Size(
+    size = settings.Size(
         states=2, controls=2, obstacles=2, classes=3, distance=4.5, speed=1.0, temperature=0.02, rate=1.0
     )
-    memory.check(scenario.settings, size, 8 * memory.GIB)
+    settings.check(scenario.settings, size, 8 * settings.GIB)
     for changes, option in (({"samples": 1_000_000}, "--samples"), ({"vertices": 1_000_000}, "--vertices")):
         large = Settings(**changes)
         needed = size.tree(large) if option == "--vertices" else size.sampling(large)
-        memory.check(large, size, 2.1 * needed)
-        with pytest.raises(OptionError, match=rf"{needed / memory.GIB:.3g} GiB.*{option}"):
-            memory.check(large, size, 1.9 * needed)
+        settings.check(large, size, 2.1 * needed)
+        with pytest.raises(OptionError, match=rf"{needed / settings.GIB:.3g} GiB.*{option}"):
+            settings.check(large, size, 1.9 * needed)
 
 
 @pytest.mark.parametrize(("temperature", "remedy"), [(3e3, "raise --dt or lower --noise"), (3e6, "lower --noise")])
 def test_a_longer_step_is_asked_for_only_where_one_is_long_enough(temperature, remedy):
     """Paths of 40 lambda / q: 100 000 steps of 10 s at most are enough for 10^6 s."""
-    size = memory.Size(
+    size = settings.Size(
         states=2, controls=2, obstacles=2, classes=3, distance=4.5, speed=1.0, temperature=temperature, rate=1.0
     )
     with pytest.raises(OptionError, match=rf"are possible; {remedy}$"):
-        memory.check(Settings(dt=0.1), size, 8 * memory.GIB)
+        settings.check(Settings(dt=0.1), size, 8 * settings.GIB)
 
 
 @pytest.mark.parametrize(

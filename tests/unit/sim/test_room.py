@@ -8,7 +8,7 @@ import pytest
 from pirrht.errors import OptionError
 from sim.mjcf import load
 from sim.scenario import prepare
-from sim.scenario.room import DEVIATIONS, LEAST, REACTION
+from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
 
 GAP = """<mujoco><worldbody><site name="workspace" type="box" size="2 1.5 1" pos="2 1.5 .5"/>
 <geom name="low" type="box" size=".1 {half} .5" pos="2 {low} .5"/>

@@ -8,7 +8,7 @@ import pytest
 
 from pirrht.errors import NoReference
 from sim.scenario import Scenario, prepare
-from sim.scenario.trees import WIDER
+from sim.scenario.scenario import WIDER
 from sim.sweeps.runs import pack, unpack
 
 CLOSED = """<mujoco><worldbody><site name="workspace" type="box" size="4 3 1" pos="2 0 .5"/>

@@ -17,7 +17,7 @@ from pirrht.outcome import Outcome
 from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import main
 from sim.mjcf import load, scene_names
-from sim.play import builder, drive, events
+from sim.play import drive, driver, events
 from sim.play.drive import LATENCY, Play, first
 from sim.play.events import Event, Move, Noise, Push
 from sim.play.world import World
@@ -155,7 +155,7 @@ def test_where_no_way_is_left_the_drive_goes_on_as_planned_and_says_so(monkeypat
 
     known = scenario()
     built = first(known)
-    monkeypatch.setattr(builder, "build", nothing)
+    monkeypatch.setattr(driver, "build", nothing)
     said: list[str] = []
     script = [Move(at=0.1, what="goal", to=(5.0, 3.0))]
     play = Play(known.with_settings(max_time=0.6), built, script=script, real_time=False, tell=said.append)

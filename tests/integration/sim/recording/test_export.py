@@ -11,7 +11,7 @@ from drives import Drive
 
 from sim.cli import main
 from sim.drive.truth import Truth
-from sim.recording import export, read
+from sim.recording import export
 from sim.recording.columns import COLUMNS, Column, described, explained
 
 FAKE = Truth(value=9.0, control=np.array([0.5, -0.5]))
@@ -30,7 +30,7 @@ def drive(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def table(drive):
-    return export.table(read.read(drive[0]))
+    return export.table(export.read(drive[0]))
 
 
 def test_columns_hold_what_the_frames_held(drive, table):
@@ -97,7 +97,7 @@ def test_a_car_has_a_heading_and_one_control(tmp_path):
     small = ["--vertices", "80", "--samples", "20", "--noise", "0.1", "--max-time", "0.3"]
     record = str(tmp_path / "a.rrd")
     assert main(["run", "slit", "--robot", "unicycle", *small, "--record", record]) == 1
-    table = export.table(read.read(tmp_path / "a.rrd"))
+    table = export.table(export.read(tmp_path / "a.rrd"))
     assert {"heading", "end_heading", "control_1", "noise_1"} <= table.keys()
     assert not {"control_2", "noise_2", "exact_value"} & table.keys()
     assert all(described(name).text for name in table)
@@ -173,7 +173,7 @@ def test_what_was_there_stays_until_the_table_is_complete(folder, capsys, monkey
 )
 def test_columns_of_classes_bear_the_titles_of_tables_and_keep_the_whole_id_beside(tmp_path, ids, titles):
     cells = {"classes": ids, "weights": [0.5, 0.3, 0.2][: len(ids)], "ess": [5.0, 3.0, 2.0][: len(ids)]}
-    known = read.Recording(settings={}, steps=[(0, 0.0, {**cells, "state": [1.0, 2.0]})], plan_ms={})
+    known = export.Recording(settings={}, steps=[(0, 0.0, {**cells, "state": [1.0, 2.0]})], plan_ms={})
     table = export.table(known)
     assert [name for name in table if name.startswith(("weight:", "ess:"))] == [
         f"{kind}:{title}" for kind in ("weight", "ess") for title in titles
@@ -195,13 +195,13 @@ def test_one_more_row_in_the_table_of_columns_is_one_more_column_everywhere(tmp_
         frames = list(drive.frames(0.05))
         for frame in frames:
             recorder.log(frame)
-    table = export.table(read.read(file))
+    table = export.table(export.read(file))
     assert table["steps_taken"].tolist() == [len(frame.advance.states) for frame in frames]
     assert described("steps_taken").text in explained()
 
 
 def test_a_column_that_no_step_has_is_left_out_only_if_drives_may_do_without_it():
-    table = export.table(read.Recording(settings={}, steps=[(0, 0.0, {"state": [1.0, 2.0, 0.5, 7.0]})], plan_ms={}))
+    table = export.table(export.Recording(settings={}, steps=[(0, 0.0, {"state": [1.0, 2.0, 0.5, 7.0]})], plan_ms={}))
     assert table["state_4"] == 7.0
     assert np.isnan(table["end_state_4"])
     assert "exact_value" not in table
@@ -220,7 +220,7 @@ def test_a_column_that_no_step_has_is_left_out_only_if_drives_may_do_without_it(
 def test_states_are_columns_by_their_names_wherever_they_stand(states, names):
     order = states.split()
     row = {"state": [float(k) for k in range(len(order))], "end": [10.0 + k for k in range(len(order))]}
-    table = export.table(read.Recording(settings={"states": states}, steps=[(0, 0.0, row)], plan_ms={}))
+    table = export.table(export.Recording(settings={"states": states}, steps=[(0, 0.0, row)], plan_ms={}))
     assert [n for n in table if n in names or n.startswith("state_")] == names
     for name in names:
         at = order.index(name) if name in order else int(name.removeprefix("state_")) - 1

@@ -13,11 +13,10 @@ from pirrht.plotting.ground import outline
 from sim.drawing.labels import BELOW, CELL, HEIGHT, LETTER, PADDING
 from sim.drawing.strokes import lift
 from sim.mjcf import load
-from sim.recording.camera import pixels_per_metre
+from sim.recording.camera import from_above, pixels_per_metre
 from sim.recording.layout import layout
-from sim.recording.look import Look
+from sim.recording.options import Look
 from sim.recording.subject import Subject
-from sim.recording.views import from_above
 from sim.recording.writer import LINE
 
 

@@ -10,9 +10,9 @@ import pytest
 from drives import Drive, columns
 
 from pirrht.errors import OptionError
-from sim.drive.urgent import URGENT
+from sim.drive.clock import URGENT
 from sim.recording import viewer
-from sim.recording.sink import NAP, ROOM
+from sim.recording.recorder import NAP, ROOM
 from sim.recording.stream import Stream
 
 
@@ -42,7 +42,7 @@ def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
     frame = next(drive.frames())
     monkeypatch.setattr(viewer, "probe", lambda url: None)
     monkeypatch.setattr(Stream, "connect", lambda self, url, blueprint: release.wait())
-    monkeypatch.setattr("sim.recording.sink.GRACE", 0.1)
+    monkeypatch.setattr("sim.recording.recorder.GRACE", 0.1)
     recorder = drive.recorder(tmp_path / "both.rrd", connect=viewer.EXAMPLE)
     for _ in range(ROOM + 100):  # what waited for the viewer would wait for ever
         recorder.log(frame)
@@ -60,7 +60,7 @@ def test_a_file_is_written_after_a_drive_against_the_clock_and_misses_nothing(tm
             recorder.log(frame)
         time.sleep(5.0 * NAP)
         assert recorder.waiting == ROOM + 100
-        monkeypatch.setattr("sim.recording.sink.KEPT", 0)  # no more room for what is kept
+        monkeypatch.setattr("sim.recording.recorder.KEPT", 0)  # no more room for what is kept
         while recorder.waiting > ROOM:
             time.sleep(NAP)
     recorder.close()

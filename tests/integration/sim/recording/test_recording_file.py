@@ -15,8 +15,8 @@ from rerun import recording_stream
 
 from pirrht.errors import OptionError
 from sim.cli import main
-from sim.recording import read, relay, viewer
-from sim.recording.sinks import Sinks
+from sim.recording import export, outlet, viewer
+from sim.recording.options import Sinks
 from sim.recording.stream import Stream
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
@@ -32,10 +32,10 @@ def planned(monkeypatch):
 
 
 def test_without_descriptors_as_files_rerun_writes_the_draft_itself(tmp_path, monkeypatch):
-    monkeypatch.setattr(relay, "DOORS", tmp_path / "none")
+    monkeypatch.setattr(outlet, "DOORS", tmp_path / "none")
     file = tmp_path / "a.rrd"
     frames, _ = record(file)
-    assert len(read.read(file).steps) == len(frames)
+    assert len(export.read(file).steps) == len(frames)
     assert list(tmp_path.iterdir()) == [file]
 
 

@@ -17,12 +17,11 @@ from pirrht.plotting.ground import MOMENTS, outline
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import timed as in_time
 from sim.mjcf import load
-from sim.recording.bystanders import Bystanders
 from sim.recording.layout import layout
-from sim.recording.legend import legend
-from sim.recording.look import Look
-from sim.recording.reasons import reasons, words_of
+from sim.recording.options import Look
+from sim.recording.reasons import Bystanders, reasons, words_of
 from sim.recording.spacetime import SpaceTime
+from sim.recording.static import legend
 from sim.recording.subject import Subject
 from sim.scenario import prepare
 

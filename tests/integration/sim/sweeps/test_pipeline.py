@@ -14,13 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pirrht.errors import PirrhtError
-from sim.sweeps import pipeline, runs
-from sim.sweeps import progress as progress_module
-from sim.sweeps.columns import KEY
+from sim.sweeps import runs, sweep
 from sim.sweeps.engine import Agenda, Stop, in_turn
-from sim.sweeps.pipeline import Grown, Pipeline
-from sim.sweeps.progress import Progress
+from sim.sweeps.parts import KEY
 from sim.sweeps.runs import Errand, Job, Planned, Survey
+from sim.sweeps.sweep import Grown, Pipeline, Progress
 
 TREE = b"wood"
 
@@ -49,7 +47,7 @@ def name(item: Survey | Errand) -> str:
     return f"{item.job.scene}{'*' if isinstance(item, Survey) else ''}"
 
 
-def simulated(workers: int, seconds) -> pipeline.Crew:
+def simulated(workers: int, seconds) -> sweep.Crew:
     """A crew whose workers take as long as `seconds` says for each item."""
 
     def crew(work, agenda: Agenda, lost) -> Iterator:
@@ -141,8 +139,8 @@ def test_a_tree_that_cannot_be_had_costs_its_own_runs_only(monkeypatch):
 
 def test_what_ends_every_process_is_a_record_and_a_tree_that_does_an_error_of_its_runs():
     job = jobs(1)[0]
-    assert pipeline.given_up(Errand(job=job), "it died")["error"] == "it died"
-    lost = pipeline.given_up(Survey(job=job), "it died")
+    assert sweep.given_up(Errand(job=job), "it died")["error"] == "it died"
+    lost = sweep.given_up(Survey(job=job), "it died")
     assert (lost.place, lost.planned.error) == (job.place, "it died")
 
 
@@ -168,7 +166,7 @@ def test_a_terminal_sees_runs_done_goals_and_trees_and_a_pipe_nothing(terminal, 
 def test_the_clock_of_a_sweep_goes_on_while_one_run_takes_long(monkeypatch):
     stream = Terminal()
     monkeypatch.setattr("sys.stderr", stream)
-    monkeypatch.setattr(progress_module, "SECOND", 0.01)
+    monkeypatch.setattr(sweep, "SECOND", 0.01)
     with Progress(3, [], 1):
         before = len(stream.getvalue())
         deadline = time.monotonic() + 30.0

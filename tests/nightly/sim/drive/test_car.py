@@ -13,7 +13,8 @@ from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
-from sim.drive.executor import Analytic, Executor
+from sim.drive.executor import Executor
+from sim.drive.plant import Analytic
 from sim.mjcf import Loaded, load, models_folder
 from sim.scenario import prepare
 

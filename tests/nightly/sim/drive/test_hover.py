@@ -12,7 +12,8 @@ from pirrht.arrays import Array
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
-from sim.drive.executor import Analytic, Executor
+from sim.drive.executor import Executor
+from sim.drive.plant import Analytic
 from sim.mjcf import Loaded, load
 
 

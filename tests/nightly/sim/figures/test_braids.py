@@ -6,14 +6,15 @@ import gallery
 import numpy as np
 import pytest
 from discs import disc
+from figures import braids, ground, snapshots
+from figures.effort import Effort
 from moving import hall, moved
 
 from pirrht.plotting import ground as map_of
 from pirrht.plotting.ground import outline
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import tubes
-from sim.figures import braids, draw, ground, snapshots
-from sim.figures.effort import Effort
+from sim.figures import draw
 from sim.mjcf import load
 from sim.scenario import prepare
 

@@ -12,7 +12,7 @@ from matplotlib.patches import Polygon
 
 from pirrht.plotting.ground import MOVER
 from sim.drawing.colors import ClassColors
-from sim.figures import moments
+from sim.figures import draw
 from sim.scenario import Scenario, prepare
 
 
@@ -27,7 +27,7 @@ def drawn(scenario: Scenario, references: Any) -> Any:
     axes, colors = Figure().subplots(), ClassColors()
     axes.set_xlim(0.0, 6.0)
     colors.meet(reference.id for reference in references)
-    step = moments.draw(axes, scenario, references, colors)
+    step = draw.draw_moments(axes, scenario, references, colors)
     return axes, step
 
 
@@ -40,7 +40,7 @@ def test_no_number_covers_another(door):
     axes, _ = drawn(*door)
     places = np.array([text.xy for text in axes.texts])
     apart = np.hypot(*(places[:, None] - places[None]).T) + 9.0 * np.eye(len(places))
-    assert apart.min() >= moments.APART * np.ptp(axes.get_xlim())
+    assert apart.min() >= draw.APART * np.ptp(axes.get_xlim())
 
 
 def test_numbers_stand_where_references_are_at_these_seconds(door):
@@ -74,8 +74,8 @@ def test_of_long_ways_there_are_few_moments(door):
     path = SimpleNamespace(knots=knots)
     slow = SimpleNamespace(id="0,0", trajectory=SimpleNamespace(path=path, points=knots[:, :2]))
     axes, step = drawn(scenario, [slow])
-    assert step in moments.STEPS
-    assert 2 <= len(axes.texts) - len(within(axes)) <= moments.MOST
+    assert step in draw.STEPS
+    assert 2 <= len(axes.texts) - len(within(axes)) <= draw.MOST
 
 
 def test_without_references_nothing_is_drawn(door):

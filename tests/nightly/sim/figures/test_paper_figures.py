@@ -7,12 +7,12 @@ import sys
 
 import numpy as np
 import pytest
+from figures import gallery, lengths, lifted, shares, snapshots, style
+from figures.effort import Effort
 from repository import ROOT
 from thoroughly import first
 
 from sim.drawing.colors import ClassColors, title
-from sim.figures import gallery, lengths, lifted, shares, snapshots, style
-from sim.figures.effort import Effort
 
 SCRIPT = ROOT / "scripts" / "reproduce_figures.py"
 SMALL = Effort(vertices=250, samples=30, max_time=0.15, noises=(0.05, 0.3), draws=100, estimates=2, paths=20)
@@ -174,7 +174,8 @@ def test_bad_options_are_refused_in_one_line(arguments, told, tmp_path):
 
 def test_without_matplotlib_the_script_says_how_to_get_it(tmp_path):
     (tmp_path / "matplotlib.py").write_text("raise ImportError\n")
-    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.argv = ['x', '-o', {str(tmp_path / 'out')!r}]; "
+    code = f"import sys; sys.path[:0] = {[str(tmp_path), str(SCRIPT.parent)]}; "
+    code += f"sys.argv = ['x', '-o', {str(tmp_path / 'out')!r}];"
     code += f"import runpy; runpy.run_path({str(SCRIPT)!r}, run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.returncode == 2

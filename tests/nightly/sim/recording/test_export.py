@@ -8,7 +8,7 @@ from integration.sim.recording.test_export import drive, table  # noqa: F401
 from rerun.chunk import RrdReader
 
 from sim.cli import main
-from sim.recording import read
+from sim.recording import export
 
 
 @pytest.mark.thorough
@@ -24,7 +24,7 @@ def test_a_hover_is_recorded_without_a_heading_and_told_with_its_velocities(tmp_
     )
     assert table["vx"][0] == 0.0
     assert not {"heading", "state_3", "state_4"} & set(table.files)
-    assert read.read(file).settings["states"] == "x y vx vy"
+    assert export.read(file).settings["states"] == "x y vx vy"
     turned = [chunk for chunk in RrdReader(str(file)).stream() if chunk.entity_path == "/world/robot"]
     quaternions = [
         q

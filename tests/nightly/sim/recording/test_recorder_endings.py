@@ -11,7 +11,7 @@ import pytest
 from repository import environment
 from thoroughly import first
 
-from sim.recording import read
+from sim.recording import export
 
 KILLED = """
 import sys, time
@@ -38,7 +38,7 @@ def lost_when_killed(file: Path, pause: float, steps: int) -> float:
     process.kill()
     killed = time.monotonic()
     process.wait()
-    kept = [step for step, _, _ in read.read(file).steps]
+    kept = [step for step, _, _ in export.read(file).steps]
     assert kept == list(range(len(kept)))
     return killed - taken[len(kept)] if len(kept) < len(taken) else 0.0
 

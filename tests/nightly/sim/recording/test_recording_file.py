@@ -13,7 +13,7 @@ from repository import environment
 from thoroughly import first
 
 from sim.cli import main
-from sim.recording import read
+from sim.recording import export
 
 LIMITED = """
 import resource, sys
@@ -50,7 +50,7 @@ def test_a_recording_that_cannot_go_on_ends_and_the_old_file_is_there_again(tmp_
 def test_where_nothing_was_before_what_was_recorded_stays_readable(tmp_path):
     file = tmp_path / "a.rrd"
     assert "holds what was recorded until then" in limited(file, 600_000)
-    steps = read.read(file).steps
+    steps = export.read(file).steps
     assert [step for step, _, _ in steps] == list(range(len(steps)))
     assert len(steps) >= 10
     assert list(tmp_path.iterdir()) == [file]
@@ -82,7 +82,7 @@ def test_an_old_recording_is_replaced_and_nothing_is_left_beside_it(tmp_path):
     link.symlink_to(file)
     frames, _ = record(link)
     assert link.is_symlink()
-    assert len(read.read(file).steps) == len(frames)
+    assert len(export.read(file).steps) == len(frames)
     assert sorted(tmp_path.iterdir()) == [file, link]
     assert rerun("rrd", "verify", file).returncode == 0
 
@@ -100,6 +100,6 @@ def test_a_run_that_is_interrupted_leaves_a_whole_recording_of_what_it_drove(tmp
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    assert [step for step, _, _ in read.read(file).steps] == list(range(6))
+    assert [step for step, _, _ in export.read(file).steps] == list(range(6))
     assert list(tmp_path.iterdir()) == [file]
     assert rerun("rrd", "verify", file).returncode == 0

@@ -9,10 +9,9 @@ import pytest
 from drives import Drive
 
 from pirrht.outcome import Outcome
-from sim.drawing import averages, strokes
+from sim.drawing import strokes
 from sim.drawing.colors import EARLY, ClassColors, method_color, nth_color, place_of
-from sim.drawing.sides import passing, sides
-from sim.drawing.ways import worded
+from sim.drawing.sides import passing, sides, worded
 from sim.scenario import prepare
 
 WALLS = ("upper wall", "lower wall")
@@ -105,7 +104,7 @@ def planned():
 
 def test_the_average_way_of_a_class_is_free_and_of_that_class(planned):
     drive, plan, names = planned
-    ways = averages.ways(drive.controller.path_integral, plan.estimate, names)
+    ways = strokes.ways(drive.controller.path_integral, plan.estimate, names)
     heavy = {name for name, w in plan.estimate.class_weights.items() if w > 0.01}
     assert heavy
     assert heavy <= ways.keys()
@@ -119,10 +118,10 @@ def test_the_average_way_of_a_class_is_free_and_of_that_class(planned):
 def test_where_the_mean_runs_through_a_wall_a_sample_stands_for_it(planned, monkeypatch):
     drive, plan, names = planned
     integral, estimate = drive.controller.path_integral, plan.estimate
-    monkeypatch.setattr(averages, "_belongs", lambda space, line, key: False)
-    ways = averages.ways(integral, estimate, names)
+    monkeypatch.setattr(strokes, "_belongs", lambda space, line, key: False)
+    ways = strokes.ways(integral, estimate, names)
     arrived = np.flatnonzero(estimate.rollouts.paths.outcome == Outcome.GOAL)
-    every = averages._lines(integral, estimate, arrived)
+    every = strokes._lines(integral, estimate, arrived)
     for line in ways.values():
         assert min(np.abs(every - line).max(axis=(1, 2))) == 0.0
 

@@ -15,8 +15,8 @@ from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.drive.executor import Analytic, Executor, commanded_rate
-from sim.drive.room import Room
+from sim.drive.executor import Executor, commanded_rate
+from sim.drive.plant import Analytic, Room
 from sim.mjcf import Loaded, load
 from sim.scenario import prepare
 

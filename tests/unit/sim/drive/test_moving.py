@@ -14,7 +14,8 @@ from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.drive.executor import Advance, Analytic, Executor
+from sim.drive.executor import Executor
+from sim.drive.plant import Advance, Analytic
 from sim.mjcf import Loaded, load
 
 QUIET = 1e-12

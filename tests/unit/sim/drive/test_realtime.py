@@ -20,7 +20,7 @@ from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import main
 from sim.drive import realtime
 from sim.drive.episode import Frame, Tally
-from sim.drive.executor import Analytic
+from sim.drive.plant import Analytic
 from sim.drive.realtime_planner import BEHIND, MOST, Handover, Planner, Ready, foreseen
 from sim.scenario import Scenario, prepare
 

@@ -7,8 +7,8 @@ from contextlib import suppress
 
 import rerun as rr
 
-from sim.drive import urgent
-from sim.drive.urgent import URGENT, Urgent
+from sim.drive import clock
+from sim.drive.clock import URGENT, Urgent
 from sim.recording.stream import Stream
 
 
@@ -30,7 +30,7 @@ def test_nothing_waits_when_nothing_is_urgent():
 
 
 def test_what_gives_way_goes_on_as_soon_as_urgent_work_ends_or_fails(monkeypatch):
-    monkeypatch.setattr(urgent, "LONGEST", 60.0)
+    monkeypatch.setattr(clock, "LONGEST", 60.0)
     work = Urgent()
     with suppress(ValueError), work.work():
         _, done = waiter(work)
@@ -40,7 +40,7 @@ def test_what_gives_way_goes_on_as_soon_as_urgent_work_ends_or_fails(monkeypatch
 
 
 def test_work_that_never_ends_holds_nothing_up_for_ever(monkeypatch):
-    monkeypatch.setattr(urgent, "LONGEST", 0.01)
+    monkeypatch.setattr(clock, "LONGEST", 0.01)
     work = Urgent()
     with work.work():
         _, done = waiter(work)

@@ -15,8 +15,8 @@ from rerun.chunk import RrdReader
 
 from sim.mjcf import load, models_folder
 from sim.recording import geoms
-from sim.recording.bodies import Bodies
 from sim.recording.camera import HEIGHT, Following, above
+from sim.recording.geoms import Bodies
 
 DRAWN = {"unicycle": 4, "car": 4, "rover": 2, "diffdrive": 2, "puck": 0, "hover": 0}
 MESHES = models_folder() / "robots" / "meshes"

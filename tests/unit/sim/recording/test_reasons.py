@@ -10,10 +10,9 @@ import pytest
 from drives import Drive
 
 from pirrht.outcome import Outcome
-from sim.recording.happenings import Happenings
-from sim.recording.reasons import BORDER, Reason, arriving, met, reasons, words_of
+from sim.recording.reasons import BORDER, Reason, arriving, fate, met, page, reasons, sentence, share, words_of
+from sim.recording.step_row import Happenings
 from sim.recording.subject import called
-from sim.recording.words import fate, page, sentence, share
 
 WALLS = ("upper wall", "lower wall")
 

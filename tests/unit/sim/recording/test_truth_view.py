@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from pirrht.exact.desirability import Desirability
 from sim.drive.truth import Truth
 from sim.recording import truth_view
-from sim.recording.look import Look
+from sim.recording.options import Look
 from sim.recording.recorder import Recorder, Sinks
 
 

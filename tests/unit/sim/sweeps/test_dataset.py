@@ -14,9 +14,9 @@ from sweep_samples import ASKED, SCENES, SETTINGS, failed, record
 
 from pirrht.errors import OptionError
 from sim.sweeps import dataset as module
-from sim.sweeps.columns import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
-from sim.sweeps.dataset import Dataset, wished
-from sim.sweeps.manifests import wishes
+from sim.sweeps.dataset import Dataset
+from sim.sweeps.manifests import wished, wishes
+from sim.sweeps.parts import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
 
 
 def test_a_record_comes_back_as_it_was():

@@ -8,8 +8,8 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.sweeps.columns import COLUMNS, KEY, record_of, row_of
 from sim.sweeps.dataset import Dataset
+from sim.sweeps.parts import COLUMNS, KEY, record_of, row_of
 
 CELLS = {
     "string": st.text(st.characters(exclude_categories=["Cs"]), max_size=8),

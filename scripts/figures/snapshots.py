@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from figures import ground, style
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import OTHER
 from pirrht.estimation.sampler import PathIntegral
-from sim.drawing import averages, strokes
+from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, Color, title
 from sim.drive.odometer import Frame
-from sim.figures import ground, style
 from sim.scenario import Scenario
 
 POINTS = 9000  # of samples in a panel
@@ -106,7 +106,7 @@ def _chosen(one: Drive, frame: Frame) -> Array:
     """How the samples of the heaviest class went on average, (k, 2) [m]; in a fallback what is followed."""
     plan = frame.plan
     if plan.estimate is not None:
-        ways = averages.ways(one.path_integral, plan.estimate, plan.classes)
+        ways = strokes.ways(one.path_integral, plan.estimate, plan.classes)
         if plan.favourite in ways:
             return ways[plan.favourite]
     return strokes.ahead(plan, one.scenario.problem)

@@ -1,16 +1,53 @@
-"""Where a recording goes: asked for as a whole, and checked before any work is done."""
+"""Options of a recording: what it shows and where it goes, checked before any work is done."""
 
 from __future__ import annotations
 
+import math
 import os
 import stat
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pirrht.errors import OptionError
 from pirrht.files import shown, takes_as_it_comes
+from pirrht.freespace import FreeSpace
 from sim.files import check_writable
 from sim.recording import viewer
+
+SAMPLES = ("all", "some", "none")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """Amount of a run that is drawn, and obstacles by which the tree is lifted.
+
+    Raises:
+        OptionError: a rate that is not positive, or an unknown choice of samples.
+    """
+
+    hz: float = 5.0  # references and samples per simulated second [1/s]
+    samples: str = "some"  # sampled paths: "all", "some" or "none"
+    truth: bool = False  # whether every frame comes with the exact value and the optimal control
+    lift: Sequence[int] | None = None  # obstacles, from 1, whose H is the height of a tree; None: the telling ones
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.hz) and self.hz > 0):
+            raise OptionError(f"--record-hz is {self.hz:g}; it must be a positive number of pictures per second")
+        if self.samples not in SAMPLES:
+            raise OptionError(f"--record-samples is {self.samples!r}; it must be one of {', '.join(SAMPLES)}")
+
+    def check(self, space: FreeSpace) -> None:
+        """Make sure that the obstacles to lift by are there.
+
+        Raises:
+            OptionError: with the numbers that there are.
+        """
+        M = len(space.obstacles)
+        if not all(1 <= k <= M for k in self.lift or ()):
+            numbers = ",".join(map(str, self.lift or ()))
+            there = f"has the obstacles 1 to {M}; name one or two" if M else "has no obstacles to wind around; leave it"
+            raise OptionError(f"--record-lift {numbers}: {space.scene.name} {there}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +60,7 @@ class Sinks:
     serve: bool = False  # serve browsers of this machine
 
     def __bool__(self) -> bool:
-        """Whether there is any."""
+        """Return whether there is any."""
         return self.file is not None or self.connect is not None or self.view or self.serve
 
     def check(self) -> None:

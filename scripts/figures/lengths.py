@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from figures import ground, style
+from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.tree.convergence import Convergence, grow
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors, title
-from sim.figures import ground, style
-from sim.figures.effort import Effort, Tick
 from sim.scenario import Scenario
 
 VERTICES, NOTES = 1000, 250  # of the tree, as in the paper; notes of lengths taken on the way

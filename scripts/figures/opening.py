@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from figures import ground, snapshots, style
+from figures.snapshots import Drive
 from sim.drawing.colors import ClassColors, title
-from sim.figures import ground, snapshots, style
-from sim.figures.snapshots import Drive
 
 WIDTH, DPI = 7.6, 100  # of a picture [in], and its dots per inch
 MARGIN = 0.9  # of the workspace that is left out above and below [m]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.figures import ground, style
+from figures import ground, style
 from sim.scenario import Scenario
 
 CELLS, ARROWS = 220, 22  # along x

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from figures import style
 from pirrht.arrays import Array
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Scene
 from pirrht.plotting import ground
 from pirrht.plotting.ground import outline
-from sim.figures import style
 
 
 def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] = ()) -> None:

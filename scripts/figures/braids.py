@@ -11,17 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from figures import style
+from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.plotting.ground import MOVER, outline
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors
-from sim.drawing.sides import sides
+from sim.drawing.sides import sides, worded
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import Tube, tubes
-from sim.drawing.ways import worded
-from sim.figures import style
-from sim.figures.effort import Effort, Tick
 from sim.scenario import Scenario
 
 SCENES = ("crossing", "closing_door")

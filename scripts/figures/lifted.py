@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from figures import style
+from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.plotting.ground import outline
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, title
-from sim.figures import style
-from sim.figures.effort import Effort, Tick
 from sim.scenario import Scenario
 
 PANELS = 2

@@ -7,14 +7,16 @@ from typing import Any
 
 from pirrht.errors import OptionError
 from pirrht.files import replaced
-from sim.drawing.colors import DEAD_COLOR, Color, mix
+from sim.drawing.colors import DEAD_COLOR, mix
+from sim.drawing.colors import rgb as rgb
+from sim.figures.draw import INK as INK
 from sim.files import check_writable
 
 COLUMN, PAGE = 3.5, 7.16  # widths of a column and of a page [in]
 DPI = 300  # of PNG files
 FORMATS = ("png", "pdf", "svg")
 
-INK, WALL, FLOOR, BORDER = "#222222", "#5c6672", "#fbfbfa", "#8a8f96"
+WALL, FLOOR, BORDER = "#5c6672", "#fbfbfa", "#8a8f96"
 GOAL, GOAL_EDGE, ROBOT, LONGER = "#a9dab5", "#3c8f52", "#f28e1c", "#8c8c8c"
 DEAD = mix(DEAD_COLOR, (255, 255, 255), 0.45)
 
@@ -39,11 +41,6 @@ RULES = {
     "svg.hashsalt": "pirrht",
 }
 METADATA: dict[str, dict[str, None]] = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
-
-
-def rgb(color: Color) -> tuple[float, ...]:
-    """A recording's colour as matplotlib takes it."""
-    return tuple(channel / 255.0 for channel in color)
 
 
 def panel(axes: Any, index: int, text: str) -> None:

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from figures import ground, style
+from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact.desirability import Desirability
 from sim.drawing.colors import ClassColors, title
-from sim.figures import ground, style
-from sim.figures.effort import Effort, Tick
 from sim.scenario import Scenario
 
 DT = 0.03  # of the samples [s]; a longer step tells turns in the slit less sharply

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from figures import braids, lengths, lifted, shares, snapshots, style
+from figures.effort import Effort, Tick
 from pirrht.errors import OptionError
-from sim.figures import braids, lengths, lifted, shares, snapshots, style
-from sim.figures.effort import Effort, Tick
 
 NOISES = (0.1, 0.3)  # of the drives of Fig. 2
 MOMENTS, CAR_MOMENTS = (0.0, 0.3, 0.6, 0.85), (0.0, 0.35, 0.7)  # shares of the driven time
