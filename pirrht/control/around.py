@@ -14,8 +14,7 @@ from pirrht.control.guides import Guides, Wanted, Whole, kept
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.guidance.following import lead_of
-from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
+from pirrht.guidance.leads import Batch, Lead, Proposal, Tape, lead_of
 from pirrht.guidance.tracking import FEW
 from pirrht.problem import Problem
 from pirrht.steering.trajectory import Trajectory, running_cost

@@ -10,8 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Along, Batch
+from pirrht.guidance.leads import Along, Batch, Follow
 from pirrht.problem import Problem
 from pirrht.tree.reference import Reference
 

@@ -8,8 +8,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.leading import Leading
 from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch
+from pirrht.guidance.leads import Batch, Follow
 from pirrht.guidance.tracking import Guidance
 from pirrht.guidance.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
 from pirrht.guidance.ways import NODES

@@ -19,8 +19,7 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.course import Course
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
+from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
 from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.problem import Problem
 from pirrht.steering.double_integrator import MassSteering

@@ -16,7 +16,7 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.any_guides import AnyGuidance
 from pirrht.guidance.course import empty_course
-from pirrht.guidance.following import Follow
+from pirrht.guidance.leads import Follow
 from pirrht.guidance.priced import expand_price, price_of
 from pirrht.problem import Problem
 from pirrht.rollouts.records import FINER
