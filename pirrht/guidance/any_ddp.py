@@ -18,9 +18,8 @@ from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.listed import held_of
 from pirrht.guidance.backward_pass import backward_of
-from pirrht.guidance.car import class_of
 from pirrht.guidance.course import COURSE
-from pirrht.guidance.ddp import HALVINGS
+from pirrht.guidance.ddp import HALVINGS, class_of
 from pirrht.guidance.forward_pass import passes_of
 from pirrht.guidance.priced_among import touches
 from pirrht.guidance.step_map import step_of

@@ -22,8 +22,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import Curves
 from pirrht.geometry.field import clearance
-from pirrht.guidance.car import Car, Course, empty_course
-from pirrht.guidance.ddp import optimise
+from pirrht.guidance.ddp import Car, Course, empty_course, optimise
 from pirrht.problem import Problem
 from pirrht.rollouts.records import Setup
 from pirrht.steering.trajectory import Trajectory
