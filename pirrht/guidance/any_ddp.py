@@ -17,8 +17,8 @@ import numpy as np
 from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.listed import held_of
+from pirrht.guidance.any_guide import COURSE
 from pirrht.guidance.backward_pass import backward_of
-from pirrht.guidance.course import COURSE
 from pirrht.guidance.ddp import HALVINGS, class_of
 from pirrht.guidance.forward_pass import passes_of
 from pirrht.guidance.priced_among import touches

@@ -18,8 +18,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
 from pirrht.geometry.traffic import traffic_clearance
 from pirrht.guidance.any_ddp import optimiser
-from pirrht.guidance.any_guide import AnyGuide
-from pirrht.guidance.course import Course, Task
+from pirrht.guidance.any_guide import AnyGuide, Course, Task
 from pirrht.guidance.gates import CARELESS, gates_of, pushes_of
 from pirrht.guidance.probed import Noise, active_states, noise_of
 from pirrht.guidance.starts import Starts

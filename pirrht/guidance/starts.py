@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.guidance.any_guide import AnyGuide
-from pirrht.guidance.course import Course, Task, empty_course
+from pirrht.guidance.any_guide import AnyGuide, Course, Task, empty_course
 from pirrht.rollouts.records import MovingSetup, Setup
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics

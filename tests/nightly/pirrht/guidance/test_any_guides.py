@@ -16,9 +16,8 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.guidance.any_guide import AnyGuide
+from pirrht.guidance.any_guide import AnyGuide, Course
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.course import Course
 from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
 from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.problem import Problem

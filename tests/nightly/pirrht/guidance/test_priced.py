@@ -13,9 +13,8 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.guidance.any_guide import AnyGuide
+from pirrht.guidance.any_guide import AnyGuide, empty_course
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.course import empty_course
 from pirrht.guidance.leads import Follow
 from pirrht.guidance.priced import expand_price, price_of
 from pirrht.problem import Problem
