@@ -18,8 +18,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.guidance.any_guide import AnyGuide, Course
 from pirrht.guidance.any_guides import AnyGuidance
+from pirrht.guidance.backward_pass import diagonalise, recompose
 from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
-from pirrht.guidance.spectra import diagonalise, recompose
 from pirrht.problem import Problem
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import Trajectory, running_cost
