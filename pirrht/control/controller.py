@@ -10,7 +10,6 @@ import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
-from pirrht.control.around import Around, Moment
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.blocked import Brake, known_law
 from pirrht.control.feedback import ClassMixture, ClassPool
@@ -20,6 +19,7 @@ from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import Prediction, Way
+from pirrht.control.proposals import Around, Moment
 from pirrht.control.remembered import Remembered
 from pirrht.control.update import entered, heirs, renamed, renewed
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError

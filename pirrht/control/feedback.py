@@ -23,7 +23,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.control.guides import kept
+from pirrht.control.proposals import kept
 from pirrht.estimation.estimate import Estimate, normalised
 from pirrht.guidance.leads import Lead
 from pirrht.problem import Problem

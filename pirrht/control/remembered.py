@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.guides import Whole, kept
+from pirrht.control.proposals import Whole, kept
 from pirrht.errors import NoReference
 from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import SPACING, Trajectory

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.guides import Whole
+from pirrht.control.proposals import Whole
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
