@@ -10,8 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
-from pirrht.control.aside import Aside
-from pirrht.estimation.allocation import Allocation
+from pirrht.estimation.allocation import Allocation, Aside
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.any_guide import AnyGuide

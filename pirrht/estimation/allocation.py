@@ -1,21 +1,24 @@
-"""How the samples of a plan are shared out among references: by what those around each contributed so far.
+"""Allocation of a plan's samples to references and within each class, by what earlier samples contributed.
 
 The variance of psi is the sum over references of N_h var_h(w), so for a given total it is least with N_h proportional
 to the deviation of a weight around h (Neyman 1934). Estimated is the root mean square, which is no smaller: a
-reference whose samples hardly weigh anything gets few. Before anything is known, what ways promise stands for it; a
-class that is promised less than exp(-16) of another is worth only a few samples that hold its tape. The counts are
+reference whose samples hardly weigh anything gets few. Before anything is known, the promise of a way replaces it; a
+class that is promised less than exp(-16) of another gets only a few samples that hold its tape. The counts are
 fixed before the samples of a plan are drawn, so the estimate of psi stays unbiased.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
+from pirrht.guidance.leads import Batch, Lead, Proposal
+from pirrht.guidance.tracking import FEW
 
 PLANS = 5.0  # contributions are averaged over about so many plans
 LEAST = 0.15  # of N goes to every reference that is worth it, whatever it contributed
@@ -90,3 +93,38 @@ class Allocation:
             found = math.sqrt(float(np.mean(estimate.weight[start:stop] ** 2)))
             before = self._contribution.get(name, found)
             self._contribution[name] = before + (found - before) / PLANS
+
+
+LEAST = 0.15  # of the samples of a class go around its guide, and beside it
+
+
+@dataclass(slots=True)
+class Aside:
+    """Splits the samples of a class where there is something for them to follow besides its guide."""
+
+    shares: dict[str, float] = field(default_factory=dict)  # of samples beside the guide, by class
+
+    def split(self, proposals: Sequence[Proposal], beside: Callable[[int], Lead | None]) -> list[Proposal]:
+        """As many samples of each class as before, some of them around what goes beside its guide.
+
+        Args:
+            beside: what that is of the k-th proposal, None if there is nothing.
+        """
+        kept, more = [], []
+        few = min(FEW, max((one.count for one in proposals), default=0) - 1)
+        for k, one in enumerate(proposals):
+            other = beside(k) if one.count > few else None  # so few samples can hardly carry weight
+            count = 0 if other is None else min(round(self.shares.get(one.name, 0.5) * one.count), one.count - 1)
+            kept.append(replace(one, count=one.count - count))
+            if other is not None and count > 0:
+                more.append(replace(one, lead=other, count=count))
+        return kept + more
+
+    def learn(self, batch: Batch, estimate: Estimate) -> None:
+        """Note for each class what the samples beside its guide weighed."""
+        weights: dict[str, list[float]] = {}
+        for one, weight in zip(batch.proposals, estimate.proposal_weights, strict=True):
+            weights.setdefault(one.name, []).append(weight)
+        for name, found in weights.items():
+            if len(found) == 2 and sum(found) > 0.0:
+                self.shares[name] = float(np.clip(found[1] / sum(found), LEAST, 1.0 - LEAST))
