@@ -13,15 +13,22 @@ from pirrht.arrays import Array
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.blocked import Brake, known_law
 from pirrht.control.feedback import ClassMixture, ClassPool
-from pirrht.control.fitting import blame_speed, check_drives, check_fits
 from pirrht.control.hurry import Pace, enough_of, pressed_of
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import Prediction, Way
 from pirrht.control.proposals import Around, Moment
-from pirrht.control.remembered import Remembered
-from pirrht.control.update import entered, heirs, renamed, renewed
+from pirrht.control.references import (
+    Remembered,
+    blame_speed,
+    check_drives,
+    check_fits,
+    entered,
+    heirs,
+    renamed,
+    renewed,
+)
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
