@@ -13,10 +13,9 @@ from pirrht.arrays import Array
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.blocked import Brake, known_law
 from pirrht.control.feedback import ClassMixture, ClassPool
-from pirrht.control.hurry import Pace, enough_of, pressed_of
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
-from pirrht.control.policy import Policy
+from pirrht.control.policy import Pace, Policy, enough_of, pressed_of
 from pirrht.control.prediction import Prediction, Way
 from pirrht.control.proposals import Around, Moment
 from pirrht.control.references import (
