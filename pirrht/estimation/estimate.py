@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimation.sums import centred, grouped, scatter
-from pirrht.estimation.tails import heavy, tail_shape
+from pirrht.estimation.weights import centred, grouped, heavy, scatter, tail_shape
 from pirrht.guidance.near_walls import NearWalls
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem

@@ -20,7 +20,7 @@ from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate, deviation
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.estimation.sums import OUTLYING
+from pirrht.estimation.weights import OUTLYING
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
