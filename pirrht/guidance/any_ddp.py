@@ -19,9 +19,9 @@ from pirrht.compiled.jit import kernel
 from pirrht.geometry.listed import held_of
 from pirrht.guidance.any_guide import COURSE
 from pirrht.guidance.backward_pass import backward_of
+from pirrht.guidance.clearance_cost import touches
 from pirrht.guidance.ddp import HALVINGS, class_of
 from pirrht.guidance.forward_pass import passes_of
-from pirrht.guidance.priced_among import touches
 from pirrht.guidance.step_map import step_of
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.general.kind import Kind

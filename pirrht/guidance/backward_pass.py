@@ -15,10 +15,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import kernel, part
+from pirrht.guidance.clearance_cost import expand_among, expand_price
 from pirrht.guidance.ddp import LEAST_CURVATURE
 from pirrht.guidance.forward_pass import passes_of
-from pirrht.guidance.priced import expand_price
-from pirrht.guidance.priced_among import expand_among, expand_point
 from pirrht.guidance.step_map import NUDGE, step_of
 from pirrht.rollouts.general.kind import Kind, is_gated
 
@@ -280,10 +279,7 @@ def backward_of(kind: Kind) -> Any:
             velocity(setup, states[i + 1], other)
             bx, by = f[0] - other[0], f[1] - other[1]
         slope, bend = price.slope, price.bend
-        if point:
-            near = expand_point(setup.arena.field, task, x, y, dx, dy, dt, points, slope, bend)
-        else:
-            near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, slope, bend)
+        near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, point, slope, bend)
         if moving:
             near = expand_among(
                 setup.traffic, task, x, y, dx, dy, bx, by, times[i], dt, points, point, near, slope, bend

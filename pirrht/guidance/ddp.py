@@ -19,7 +19,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.guidance.barrier import price
+from pirrht.guidance.clearance_cost import price
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.homing import STEEP, homing
 from pirrht.rollouts.sweep import sweep_exit
@@ -145,8 +145,8 @@ def forward_pass(setup, car, times, course, length, step, tried):  # type: ignor
         for k in range(1, points + 1):
             t = dt * k / points
             aside = half * t * (1.0 - t / dt)
-            value, _, _, _, _, _ = price(field, car.margin, car.least, x + t * dx + aside * dy, y + t * dy - aside * dx)
-            priced += car.price * value * dt / points
+            at, to = x + t * dx + aside * dy, y + t * dy - aside * dx
+            priced += car.price * price(field, car.margin, car.least, at, to, False)[0] * dt / points
         x, y, theta = x + dx * dt, y + dy * dt, theta + car.gain * u * dt
         states[i + 1, 0], states[i + 1, 1], states[i + 1, 2] = x, y, theta
     return -1, np.inf, np.inf
@@ -208,9 +208,8 @@ def backward_pass(setup, car, times, course, length, damping):  # type: ignore[n
             t = dt * k / points
             bulge = t * (1.0 - t / dt)
             aside = half * bulge
-            value, px, py, xx, xy, yy = price(
-                field, car.margin, car.least, x + t * dx + aside * dy, y + t * dy - aside * dx
-            )
+            at, to = x + t * dx + aside * dy, y + t * dy - aside * dx
+            value, px, py, xx, xy, yy = price(field, car.margin, car.least, at, to, False)
             if value > 0.0:
                 w = car.price * dt / points
                 bowing += w * h * bulge * (px * dy - py * dx)

@@ -10,8 +10,7 @@ import numpy as np
 
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.guidance.priced import price_of
-from pirrht.guidance.priced_among import point_price, price_among
+from pirrht.guidance.clearance_cost import price_among, price_of
 from pirrht.guidance.step_map import step_of
 from pirrht.rollouts.general.kind import Kind, diffusion_of, is_gated
 from pirrht.systems.dynamics import no_homing
@@ -126,10 +125,7 @@ def passes_of(kind: Kind) -> Passes:
             for j in range(u.shape[0]):
                 running += 0.5 * task.temperature * u[j] * u[j] * dt
             cost, priced = cost + running, priced + running
-            if point:
-                priced += point_price(setup.arena.field, task, x[0], x[1], dx, dy, dt, points)
-            else:
-                priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points)
+            priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points, point)
             if moving:
                 now, bow_x, bow_y = times[i], bow[0], bow[1]
                 priced += price_among(setup.traffic, task, x[0], x[1], dx, dy, bow_x, bow_y, now, dt, points, point)
