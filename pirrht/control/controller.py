@@ -18,16 +18,7 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import Pace, Policy, enough_of, pressed_of
 from pirrht.control.prediction import Prediction, Way
 from pirrht.control.proposals import Around, Moment
-from pirrht.control.references import (
-    Remembered,
-    blame_speed,
-    check_drives,
-    check_fits,
-    entered,
-    heirs,
-    renamed,
-    renewed,
-)
+from pirrht.control.references import Remembered, check_drives, check_fits, heirs, renewed
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
@@ -39,6 +30,7 @@ from pirrht.guidance.leads import Batch, Lead
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
+from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
@@ -118,7 +110,7 @@ class Controller(Policy):
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling,
         homology: Homology | TimedHomology | None = None,
     ) -> None:  # fmt: skip
-        """Plan by these from now on; nothing is known of earlier plans."""
+        """Replace problem, space and tree; nothing is known of earlier plans."""
         if homology is None:
             homology = homology_of(problem, space) if tree is None else tree.homology
         self.path_integral = PathIntegral(problem, space, sampling, homology=homology)
@@ -145,10 +137,10 @@ class Controller(Policy):
     def update(self, scene: Scene, vertices: int | None = None) -> None:
         """Continue among other static obstacles; the path driven so far still counts.
 
-        A new tree grows. Classes keep their names: obstacles keep their numbers, and new ones come last, about which
-        turns count from where the robot is; a name gets another number only where its path turns about one of these.
-        Guides, control sequences and statistics of every class go on whose path is still free. An obstacle that has
-        moved off its own marker is another one. Nothing changes if the scene is as it was, or is refused.
+        A new tree grows. Classes keep their names: obstacles keep their numbers, and new ones come last; turns about
+        these count from where the robot is. Guides, control sequences and statistics of a class are kept while its
+        path is free. An obstacle that has moved off its own marker is another one. Nothing changes if the scene is
+        unchanged, or is refused.
 
         Args:
             scene: with the same goal; its start does not matter.
@@ -163,10 +155,12 @@ class Controller(Policy):
             return
         around, pool, homology = self.around, self.pool, self.homology
         self._enter(*new, self.path_integral.sampling)
-        path = entered(self.drive.path, self.space.homology)
+        path = self.drive.path
+        assert isinstance(path, Driven)
+        path.enter(self.space.homology)
         guides = heirs(self.space, path, around.guides.lines(self.drive.since_plan, scene.goal.center))
         classes = guides | heirs(self.space, path, self._ways.lines())
-        names = renamed(classes, homology, self.space.homology)
+        names = {homology.name(then): self.space.homology.name(now) for then, now in classes.items()}
         self.around.inherit(around, guides, names)
         self._ways.inherit(classes)
         self._followed = names.get(self._followed or "")
@@ -174,7 +168,7 @@ class Controller(Policy):
             self.pool.inherit(pool, names)
 
     def _aim(self, here: Array) -> None:
-        """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
+        """Grow a tree in space and time for a drive that begins elsewhere than it was grown for."""
         if self.tree is None or not isinstance(self.homology, TimedHomology):
             return
         scene = self.space.scene
@@ -208,7 +202,8 @@ class Controller(Policy):
         except NoReference:
             if not self._planned and not self.space.scene.movers:
                 self.drive.asked = None  # nothing was planned
-                blame_speed(self.tree, x)
+                if self.tree is not None and self.tree.too_fast(x):
+                    raise NoReference(x.tolist(), vertices=self.tree.size, limit=self.tree.limit, hasty=True) from None
                 raise
             references = self._kept(x, set())
             if not references:
@@ -233,7 +228,7 @@ class Controller(Policy):
         return f"Controller({self.name} for a {of} in {scene}: {self.path_integral.sampling.samples} samples, {tree})"
 
     def _blocked(self, x: Array, why: str, batch: Batch | None = None, references: Sequence[Reference] = ()) -> Plan:
-        """Brake at x (n,), and wait until there is a way; what is remembered of ways is not true any more."""
+        """Brake at x (n,), and wait until there is a path; forget earlier ones."""
         space = self.space if self._foreseen is None else self._foreseen.space
         known = None if batch is None or self.brake.stops else known_law(batch, references)
         halt = self.brake.halt(x, space, self.now, known)
@@ -242,52 +237,33 @@ class Controller(Policy):
             self.pool.forget()
         self.drive.since_plan = 0.0
         return Plan(
-            state=x,
-            times=halt.times,
-            references=tuple(references),
-            ids=() if batch is None else tuple(batch.classes.values()),
-            estimate=None,
-            fallback=why,
-            stops=self.brake.stops,
-            instead=halt.tape,
-            law=halt.law,
-            time=self.drive.time,
-            space=self.space,
+            state=x, times=halt.times, references=tuple(references),
+            ids=() if batch is None else tuple(batch.classes.values()), estimate=None, fallback=why,
+            stops=self.brake.stops, instead=halt.tape, law=halt.law, time=self.drive.time, space=self.space,
             movers=self.movers,
-        )
+        )  # fmt: skip
 
     def _plan(self, batch: Batch, references: list[Reference], estimate: Estimate) -> Plan:
-        """The plan that samples around references make."""
+        """Return the plan that samples around references make."""
         x = batch.state
         push = self.path_integral.leading.push(estimate.rollouts.leads, x, self.now)
         law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
         return Plan(
-            state=x,
-            times=batch.times,
-            references=tuple(references),
-            ids=tuple(batch.classes.values()),
-            estimate=estimate,
-            replay=self.path_integral.replay,
-            fallback=None,
-            law=law,
-            classes=batch.named,
-            time=self.drive.time,
-            push=push,
-            shares=None if law is None else law.weights(x, 0.0),
-            followed=self._followed,
-            space=self.space,
-            movers=self.movers,
-        )
+            state=x, times=batch.times, references=tuple(references), ids=tuple(batch.classes.values()),
+            estimate=estimate, replay=self.path_integral.replay, fallback=None, law=law, classes=batch.named,
+            time=self.drive.time, push=push, shares=None if law is None else law.weights(x, 0.0),
+            followed=self._followed, space=self.space, movers=self.movers,
+        )  # fmt: skip
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
-        """What a plan at x (n,) draws, over steps (T+1,) [s]: around references, or of passive dynamics if none."""
+        """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
         backwards = partial(self._ways.reversed, self.tree, self.homology.asked(x, self.now))
         moment = Moment(now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=backwards)
         batch = self.around.batch(x, references, self._from_start(references), moment)
         return replace(batch, others=self._ways.unseen)
 
     def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
-        """What samples say; None if none survives."""
+        """Sample and weigh a batch; None if no sample survives."""
         ids, seed = list(batch.classes.values()), int(self.rng.integers(2**63))
         try:
             least = self.path_integral.sampling.least if left is None and self.drive.begins else 0.0
@@ -301,7 +277,7 @@ class Controller(Policy):
         return None if guided and estimate.survivors == 0 else estimate
 
     def _alone(self, estimate: Estimate, ids: list[str], names: Mapping[int, str]) -> Estimate:
-        """What the samples of the best class say; what earlier ones said of another class is forgotten."""
+        """Estimate by the samples of the best class; forget those of earlier plans if it changes."""
         best = best_class(self.problem, estimate, ids, self._followed, consistency=self.consistency)
         if self._followed != ids[best] and self.pool is not None:
             self.pool.forget()
@@ -309,7 +285,7 @@ class Controller(Policy):
         return alone(self.problem, estimate, best, {key: name for key, name in names.items() if name == ids[best]})
 
     def _law(self, pool: ClassPool, estimate: Estimate, batch: Batch, push: Push) -> ClassMixture:
-        """Feedback until the next plan."""
+        """Return the feedback until the next plan."""
         rows = sorted(zip(batch.proposals, estimate.proposal_weights, strict=True), key=lambda row: row[1])
         leads: dict[str, Lead | None] = {one.name: None for one, _ in rows if one.key is not None}
         leads |= {one.name: one.lead for one, _ in rows if one.key is not None and one.lead.follows}
@@ -317,38 +293,30 @@ class Controller(Policy):
         return pool.law(estimate, leads, push, elapsed)
 
     def _references(self, x: Array, most: int | None = None) -> list[Reference]:
-        """The references at x (n,), cheapest first; those of so many classes, None: of all."""
+        """Return the references at x (n,), cheapest first; of `most` classes, None: of all."""
         if self.tree is None or self.method.most == 0:
             return []
         found = self._ways.references(
-            self.tree,
-            self.homology,
-            self.homology.asked(x, self.now),
-            self.driven_class(),
-            pressed=self._pressed,
+            self.tree, self.homology, self.homology.asked(x, self.now), self.driven_class(), pressed=self._pressed,
             most=most,
-        )
+        )  # fmt: skip
         kept = [] if self.method.most is not None else self._kept(x, set(self._from_start(found)))
         return self.method.around(found, kept)[:most]
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
-        """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""
+        """Return the last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""
         references, driven = [], np.array(self.driven_class())
+        homology = self.homology if self._foreseen is None else self._foreseen.homology
         for whole, rest in self.around.guides.left(self.drive.since_plan, self.space.scene.goal.center):
             winding = integers(np.asarray(whole) - driven)
-            signature = self._signature(x, winding)
+            signature = homology.signature(homology.asked(x, self.now), winding)
             allowed = self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit)
             if allowed and whole not in known:
-                references.append(
-                    Reference(winding=winding, signature=signature, trajectory=rest, named=self.homology.named)
-                )
+                named = self.homology.named
+                references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=named))
         return references
 
-    def _signature(self, x: Array, winding: tuple[int, ...]) -> Array:
-        homology = self.homology if self._foreseen is None else self._foreseen.homology
-        return homology.signature(homology.asked(x, self.now), winding)
-
     def _from_start(self, references: list[Reference]) -> list[tuple[int, ...]]:
-        """Classes of the driven path and each reference together."""
+        """Return the classes of the driven path and each reference together."""
         driven = np.array(self.driven_class())
         return [integers(driven + np.asarray(reference.winding)) for reference in references]

@@ -1,4 +1,4 @@
-"""What a controller decides at one state: a control now, open-loop controls for later, and why."""
+"""Decision of a controller at one state: a control now, open-loop controls for later, and their reasons."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""References of a drive: whether a tree fits the problem, its paths from plan to plan, and a new tree of other obstacles."""
+"""References of a drive: whether a tree fits the problem, its paths from plan to plan, and a tree in another scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import SPACING, Trajectory
-from pirrht.topology.driven import Driven, DrivenInTime
+from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
@@ -24,11 +24,7 @@ from pirrht.tree.reference import Reference
 
 
 def check_fits(problem: Problem, tree: HomologyTree) -> None:
-    """Refuse a tree of another kind of system, or of one without times where bodies move.
-
-    Raises:
-        OptionError: it says of which one the tree is, and of which it ought to be.
-    """
+    """Raise an OptionError for a tree of another kind of system, or one without times where obstacles move."""
     steering, dynamics = type(tree.steering).__name__, type(problem.dynamics).__name__
     if problem.scene.movers and not isinstance(tree.homology, TimedHomology):
         raise OptionError(
@@ -43,14 +39,7 @@ def check_fits(problem: Problem, tree: HomologyTree) -> None:
 
 
 def check_drives(problem: Problem, tree: HomologyTree, *, guided: bool) -> None:
-    """Refuse references without controls where samples would follow nothing but these.
-
-    Args:
-        guided: whether guides lead samples.
-
-    Raises:
-        OptionError: there is nothing to follow.
-    """
+    """Raise an OptionError for references without controls, unless samples are `guided` by something else."""
     if not (tree.steering.drives or guided):
         raise OptionError(
             f"{type(problem.dynamics).__name__} has no steering of its own, and its references no controls that "
@@ -58,25 +47,15 @@ def check_drives(problem: Problem, tree: HomologyTree, *, guided: bool) -> None:
         )
 
 
-def blame_speed(tree: HomologyTree | None, x: Array) -> None:
-    """Where a state x (n,) without references would have some at rest, say so.
-
-    Raises:
-        NoReference: the speed is the reason.
-    """
-    if tree is not None and tree.too_fast(x):
-        raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
-
-
 class Remembered:
-    """Asks a tree for references, and remembers their paths by class.
+    """Queries a tree for references; the paths of one plan, by class, are where the next one's shortening begins.
 
     Args:
         polished: shorten references inside their class.
-        threads: that do.
+        threads: for shortening.
 
     Attributes:
-        unseen: names of earlier classes by key, where the last plan has looked at some only.
+        unseen: names of earlier classes by key, where the last plan updated only some.
     """
 
     def __init__(self, *, polished: bool, threads: int) -> None:
@@ -89,11 +68,11 @@ class Remembered:
         return {whole: np.vstack(path.points(SPACING)) for whole, path in self._known.items()}
 
     def inherit(self, heirs: Mapping[Whole, Whole]) -> None:
-        """Keep them by the classes that theirs are now."""
+        """Rename classes to what they are now; drop the others."""
         self._known = kept(self._known, heirs)
 
     def reversed(self, tree: HomologyTree | None, x: Array) -> dict[Whole, Trajectory]:
-        """Paths from x (n,) that are driven backwards, by winding; none of a system that does not reverse."""
+        """Return paths from x (n,) driven backwards, by winding; none of a system that does not reverse."""
         turned = None if tree is None else tree.steering.backwards(x)
         if tree is None or turned is None:
             return {}
@@ -104,21 +83,15 @@ class Remembered:
         return {one.winding: tree.steering.reversing(one.trajectory) for one in found}
 
     def references(
-        self,
-        tree: HomologyTree,
-        homology: Homology | TimedHomology,
-        x: Array,
-        driven: Sequence[int],
-        *,
-        pressed: Callable[[], bool],
-        most: int | None,
-    ) -> list[Reference]:
-        """The references at x (n,), cheapest first.
+        self, tree: HomologyTree, homology: Homology | TimedHomology, x: Array, driven: Sequence[int], *,
+        pressed: Callable[[], bool], most: int | None,
+    ) -> list[Reference]:  # fmt: skip
+        """Return the references at x (n,), cheapest first.
 
         Args:
             driven: class (M,) of the driven path [turns].
             pressed: whether time is short (`HomologyTree.references`).
-            most: so many classes; None: all.
+            most: number of classes; None: all.
 
         Raises:
             NoReference: no allowed class reaches the goal from x.
@@ -136,13 +109,10 @@ class Remembered:
         return found
 
 
-Renewed = tuple[Problem, FreeSpace, HomologyTree | None]
-
-
 def renewed(
     problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
-) -> Renewed | None:
-    """Return the problem, the free space and a tree in another scene; None if it is as it was.
+) -> tuple[Problem, FreeSpace, HomologyTree | None] | None:
+    """Return the problem, the free space and a tree in another scene; None if the scene is unchanged.
 
     Args:
         vertices: of the tree; None: as many as the last one has.
@@ -151,8 +121,7 @@ def renewed(
         OptionError: the goal is another, or obstacles move.
         SceneError: the goal point is in collision, or the workspace is too large for the robot.
     """
-    before = space.scene
-    goal = problem.scene.goal
+    before, goal = space.scene, problem.scene.goal
     if not _same(goal, scene.goal):
         raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
     if before.movers or scene.movers:
@@ -173,13 +142,6 @@ def renewed(
     return replace(problem, scene=scene), now, grown
 
 
-def entered(driven: Driven | DrivenInTime, homology: Homology) -> Driven:
-    """Return the driven path among static obstacles, which counts turns about other markers from here on."""
-    assert isinstance(driven, Driven)
-    driven.enter(homology)
-    return driven
-
-
 def heirs(space: FreeSpace, driven: Driven, lines: Mapping[Whole, Array]) -> dict[Whole, Whole]:
     """Map earlier classes to what they are now, those whose path ahead, (k, 2) [m], is still free."""
     found = {}
@@ -190,12 +152,7 @@ def heirs(space: FreeSpace, driven: Driven, lines: Mapping[Whole, Array]) -> dic
     return found
 
 
-def renamed(classes: Mapping[Whole, Whole], before: Homology | TimedHomology, after: Homology) -> dict[str, str]:
-    """Map the earlier names of classes to the names now."""
-    return {before.name(then): after.name(now) for then, now in classes.items()}
-
-
 def _same(one: Any, other: Any) -> bool:
-    """Whether two records hold the same values."""
+    """Compare two records by value."""
     pairs = ((getattr(one, field.name), getattr(other, field.name)) for field in fields(one))
     return one is other or all(np.array_equal(mine, its) for mine, its in pairs)
