@@ -1,4 +1,4 @@
-"""Follow the best class only: what planners do that optimise one trajectory per topology and pick one of them.
+"""Follow the best class only, as planners that optimise one trajectory per topology and pick one of them.
 
 teb_local_planner (Roesmann, Hoffmann and Bertram, Robotics and Autonomous Systems 88, 2017) and T-MPC (de Groot,
 Ferranti, Gavrila and Alonso-Mora, IEEE T-RO 2025) hold several homotopy classes, optimise each on its own and execute
@@ -20,20 +20,16 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
 from pirrht.problem import Problem
 
-CONSISTENCY = 0.8  # the value of the class followed so far counts this much of what it is
+CONSISTENCY = 0.8  # factor on the value of the class followed so far
 
 
 def best_class(
-    problem: Problem,
-    estimate: Estimate,
-    names: Sequence[str],
-    followed: str | None,
-    *,
+    problem: Problem, estimate: Estimate, names: Sequence[str], followed: str | None, *,
     consistency: float = CONSISTENCY,
-) -> int:
-    """Number h of the reference to follow next, of those with class `names` (H,) in the order of their samples.
+) -> int:  # fmt: skip
+    """Return the number of the reference to follow next, of those with class `names` (H,) in sample order.
 
-    `consistency` is the share of v [cost] that `followed`, the class followed so far, counts.
+    The value v [cost] of `followed`, the class followed so far, is multiplied by `consistency`.
     """
     values = class_values(problem, estimate)[: len(names)]
     if followed in names:
@@ -42,7 +38,7 @@ def best_class(
 
 
 def class_values(problem: Problem, estimate: Estimate) -> Array:
-    """v (H,) from the samples around each reference alone, [cost]; infinite where none survived."""
+    """Estimate v (H,) [cost] by the samples around each reference alone; infinite where none survived."""
     number = sum(np.diff(part.leads.first) for part in estimate.parts)
     sums = [np.logaddexp.reduceat(_own(problem, part), part.leads.first[:-1]) for part in estimate.parts]
     values: Array = -problem.temperature * (np.logaddexp.reduce(sums) - np.log(number))
@@ -50,7 +46,7 @@ def class_values(problem: Problem, estimate: Estimate) -> Array:
 
 
 def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, str] | None = None) -> Estimate:
-    """What the samples around reference h say without the others: v [cost], u (m,) and their errors.
+    """Estimate v [cost], u (m,) and their errors by the samples around reference h alone.
 
     Args:
         classes: additive class keys to names, as `weigh` takes them.
@@ -62,7 +58,7 @@ def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, st
 
 
 def _own(problem: Problem, part: Rollouts) -> Array:
-    """Log weights (S,) of samples as if there were none but those around their own reference."""
+    """Return log weights (S,) as if there were no samples but those around their own reference."""
     number = np.diff(part.leads.first)
     averaged = log_weights(problem, "average", part.paths, part.leads.first)
     own: Array = averaged - np.repeat(np.log(part.size / (len(number) * number)), number)

@@ -25,25 +25,25 @@ from pirrht.tree.reference import Reference
 
 THOROUGH = 4  # cheapest classes for whose first guides all ways to begin are looked at
 
-Whole = tuple[int, ...]  # class of the driven path and the rest together
+Whole = tuple[int, ...]  # class of the driven path and the path ahead together
 K = TypeVar("K")
 V = TypeVar("V")
 
 
 def kept(known: Mapping[K, V], heirs: Mapping[K, K]) -> dict[K, V]:
-    """Return what is known of classes by what each is now; of several that became one, what came first."""
+    """Rename classes to what they are now; of several that became one, keep the first."""
     return {heirs[one]: value for one, value in reversed([*known.items()]) if one in heirs}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """A class that a guide is wanted of."""
+    """A class that a guide is required of."""
 
     whole: Whole
-    key: int  # of the rest alone, as kernels carry it
-    winding: tuple[int, ...]  # the same
+    key: int  # additive, of the path ahead
+    winding: tuple[int, ...]  # of the path ahead
     trajectory: Trajectory  # its reference
-    others: tuple[Trajectory, ...]  # of other valleys
+    others: tuple[Trajectory, ...]  # other local optima
 
 
 @dataclass(slots=True)
@@ -51,50 +51,35 @@ class Guides:
     """The guides of the last plan, for the next one."""
 
     last: dict[Whole, Any] = field(default_factory=dict)
-    rivals: dict[Whole, AnyGuide] = field(default_factory=dict)  # of another valley of the same class
-    strong: set[Whole] = field(default_factory=set)  # classes that were worth all N samples
+    rivals: dict[Whole, AnyGuide] = field(default_factory=dict)  # alternative optima
+    strong: set[Whole] = field(default_factory=set)  # classes that were given all N samples
 
     def improve(
-        self,
-        guidance: Any,
-        x: Array,
-        times: Array,
-        wanted: Sequence[Wanted],
-        *,
-        samples: int,
-        elapsed: float,
-        pressed: Callable[[], bool],
-        reversed: Callable[[], Mapping[tuple[int, ...], Trajectory]],
-        threads: int,
-        **clock: float,
-    ) -> tuple[list[Any], list[int]]:
-        """Guides from x (n,), None where there is none, and samples around each; what else to sample is in `rivals`.
+        self, guidance: Any, x: Array, times: Array, wanted: Sequence[Wanted], moment: Moment, *, samples: int,
+        threads: int, **clock: float,
+    ) -> tuple[list[Any], list[int]]:  # fmt: skip
+        """Improve guides from x (n,), None where there is none, and `rivals`; return them and samples around each.
 
-        The first of a drive are looked for thoroughly. If time is short there are none of new classes, the
-        first aside, which is improved as long as there is time.
+        The first guides of a drive start in several ways. If time is short, new classes get none, except the
+        cheapest, which is improved as long as there is time.
 
         Args:
             times: ends of the steps (T+1,) [s].
-            elapsed: since the last plan [s].
-            pressed: whether time is short.
-            reversed: paths that are driven backwards, by winding; asked where a drive begins.
-            clock: `time` now, where that matters [s].
+            clock: `time` now, where obstacles move [s].
         """
-
+        pressed = moment.pressed
         anew = isinstance(guidance, AnyGuidance) and not self.last and not pressed()
         thorough = {one.whole for one in wanted[:THOROUGH]} if anew else set()
-        backwards = reversed() if anew else {}
+        backwards = moment.reversed() if anew else {}
+        elapsed = moment.elapsed
 
-        def improved(one: Wanted) -> tuple[Any, Any]:
+        def improved(one: Wanted) -> Any:
             last, rival = self.last.get(one.whole), self.rivals.get(one.whole)
             if one.whole in thorough and (one is wanted[0] or not pressed()):
                 also = [*one.others, *([backwards[one.winding]] if one.winding in backwards else [])]
-                found: tuple[Any, Any] = guidance.first(
-                    x, times, one.key, one.trajectory, also, pressed=pressed, **clock
-                )
-                return found
+                return guidance.first(x, times, one.key, one.trajectory, also, pressed=pressed, **clock)
             if last is None and one is not wanted[0] and pressed():
-                return None, None  # made from nothing it takes ten times as long
+                return None, None  # a new one takes ten times as long
             guide = guidance.improve(x, times, one.key, one.trajectory, last, elapsed, pressed=pressed, **clock)
             if rival is None:
                 return guide, None
@@ -112,17 +97,17 @@ class Guides:
         return guides, counts
 
     def lines(self, elapsed: float, goal: Array) -> dict[Whole, Array]:
-        """Return what is left of paths after a time [s], (k, 2) [m] each, of those that have not arrived."""
+        """Return the paths left after a time [s], (k, 2) [m] each, of those that have not arrived."""
         rests = {whole: guide.rest(elapsed, goal) for whole, guide in self.last.items()}
         return {whole: rest.points for whole, rest in rests.items() if rest is not None}
 
     def inherit(self, before: Guides, heirs: Mapping[Whole, Whole]) -> None:
-        """Take over earlier guides, by the classes that theirs are now."""
+        """Take over earlier guides under the present classes."""
         self.last, self.rivals = kept(before.last, heirs), kept(before.rivals, heirs)
         self.strong = {heirs[whole] for whole in before.strong if whole in heirs}
 
     def left(self, elapsed: float, goal: Array) -> Iterator[tuple[Whole, Trajectory]]:
-        """What is left of the strong ones after a time [s], for those that have not arrived."""
+        """Return the strong guides left after a time [s], of those that have not arrived."""
         for whole, guide in self.last.items():
             rest = guide.rest(elapsed, goal) if whole in self.strong else None
             if rest is not None:
@@ -130,34 +115,25 @@ class Guides:
 
 
 def _cheaper(one: AnyGuide | None, other: AnyGuide | None) -> bool:
-    """Whether a guide is sound, and another is not or is dearer."""
-    if one is None or not one.valid:
-        return False
-    return other is None or not other.valid or one.priced < other.priced
+    """Check that a guide is valid, and that another is not or costs more."""
+    return one is not None and one.valid and (other is None or not other.valid or one.priced < other.priced)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """When a plan is made.
+    """Times of a plan, and reversed paths for the first one of a drive."""
 
-    Attributes:
-        now: on the clock of bodies that move [s].
-        elapsed: since the last plan [s].
-        pressed: whether time is short.
-        reversed: paths that are driven backwards, by winding; asked where a drive begins.
-    """
-
-    now: float
-    elapsed: float
-    pressed: Callable[[], bool]
-    reversed: Callable[[], Mapping[tuple[int, ...], Trajectory]]
+    now: float  # on the clock of moving obstacles [s]
+    elapsed: float  # since the last plan [s]
+    pressed: Callable[[], bool]  # whether time is short
+    reversed: Callable[[], Mapping[tuple[int, ...], Trajectory]]  # paths driven backwards, by winding
 
 
 class Around:
-    """Chooses leads and numbers of samples, and remembers from plan to plan what helps the next choice.
+    """Chooses leads and numbers of samples, and learns from plan to plan.
 
     Args:
-        mixes: whether samples of all classes are weighed together; else nothing is learnt of how they weigh.
+        mixes: whether samples of all classes are weighed together; else nothing is learnt from their weights.
     """
 
     def __init__(
@@ -176,11 +152,11 @@ class Around:
         self.guides, self.aside = Guides(), Aside()
 
     def inherit(self, before: Around, heirs: Mapping[Whole, Whole], names: Mapping[str, str]) -> None:
-        """Take over what an earlier one remembers of classes.
+        """Take over the memory of an earlier one.
 
         Args:
-            heirs: the class now of each guide that is kept.
-            names: the name now of each class that is.
+            heirs: present classes of guides that are kept.
+            names: present names of classes that are kept.
         """
         self.guides.inherit(before.guides, heirs)
         self.aside.shares = kept(before.aside.shares, names)
@@ -188,7 +164,7 @@ class Around:
             self.allocation.inherit(before.allocation, names)
 
     def batch(self, x: Array, references: Sequence[Reference], classes: Sequence[Whole], moment: Moment) -> Batch:
-        """What a plan at x (n,) draws: around references, or of passive dynamics if there is none.
+        """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none.
 
         Args:
             classes: of the driven path and each reference together.
@@ -214,9 +190,8 @@ class Around:
         ]
 
         def beside(k: int) -> Lead | None:
-            """Of the k-th class: another valley, or the way that a point climbs."""
-            rival = self.guides.rivals.get(classes[k])
-            if rival is not None:
+            """Return an alternative optimum of the k-th class, or the way that a point climbs."""
+            if (rival := self.guides.rivals.get(classes[k])) is not None:
                 return lead_of(rival, self.problem.dynamics)
             return integral.leading.beside(x, trajectories[k], moment.now)
 
@@ -225,14 +200,14 @@ class Around:
         return Batch(state=x, times=times, proposals=tuple(proposals), time=moment.now)
 
     def learn(self, batch: Batch, estimate: Estimate) -> None:
-        """Take in what the samples of a plan weighed."""
+        """Learn from the weights of a plan's samples."""
         if self.allocation is not None:
             self.allocation.learn([one.name for one in batch.proposals], estimate)
         if self.mixes:
             self.aside.learn(batch, estimate)
 
     def least_cost(self, x: Array, trajectories: Sequence[Trajectory]) -> float:
-        """Least cost of the references under q + u'Ru/2; without references that of the straight line."""
+        """Return the least cost of references under q + u'Ru/2; without any, that of the straight line."""
         if not trajectories:
             goal = self.problem.scene.goal.center
             return 4.0 * self.problem.least_rate * float(np.hypot(*(x[:2] - goal)))
@@ -241,14 +216,18 @@ class Around:
     def _leads(
         self, x: Array, times: Array, wanted: Sequence[Wanted], names: Sequence[str], moment: Moment
     ) -> tuple[list[Lead], list[int]]:
-        """What samples around each reference follow, and how many there are; guides start from the last ones."""
+        """Return what samples around each reference follow, and how many there are."""
         integral, shared = self.integral, self.allocation
         trajectories = [one.trajectory for one in wanted]
         known = None if shared is None or integral.guidance is not None else shared.shortfalls(names)
         leads = integral.leading.leads(x, times, trajectories, known)
         if integral.guidance is not None:
-            guides, counts = self._guided(integral.guidance, x, times, wanted, moment)
-            if shared is not None:  # prices of guides promise too little to go by
+            clock = {"time": moment.now} if isinstance(self.homology, TimedHomology) else {}
+            guides, counts = self.guides.improve(
+                integral.guidance, x, times, wanted, moment, samples=integral.sampling.samples,
+                threads=integral.threads, **clock,
+            )  # fmt: skip
+            if shared is not None:  # prices of guides are too inaccurate to allocate by
                 counts = shared.counts(names, [0.0] * len(names), [count > FEW for count in counts])
             d = self.problem.dynamics
             led = [one if guide is None else lead_of(guide, d) for one, guide in zip(leads, guides, strict=True)]
@@ -259,13 +238,3 @@ class Around:
         rows = zip(trajectories, promised, strict=True)
         shared.note(names, [integral.leading.bound(x, trajectory) - promise for trajectory, promise in rows])
         return list(leads), shared.counts(names, promised, [lead.follows for lead in leads])
-
-    def _guided(
-        self, guidance: Any, x: Array, times: Array, wanted: Sequence[Wanted], moment: Moment
-    ) -> tuple[list[Any], list[int]]:
-        """Guides, each from what is left of the last one of its class, and samples around each."""
-        clock = {"time": moment.now} if isinstance(self.homology, TimedHomology) else {}
-        return self.guides.improve(
-            guidance, x, times, wanted, samples=self.integral.sampling.samples, elapsed=moment.elapsed,
-            pressed=moment.pressed, reversed=moment.reversed, threads=self.integral.threads, **clock,
-        )  # fmt: skip
