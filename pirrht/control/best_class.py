@@ -17,7 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
+from pirrht.estimation.estimate import Estimate, Rollouts, weigh
+from pirrht.estimation.weights import log_weights
 from pirrht.problem import Problem
 
 CONSISTENCY = 0.8  # factor on the value of the class followed so far

@@ -24,7 +24,8 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.control.proposals import kept
-from pirrht.estimation.estimate import Estimate, normalised
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.weights import normalised
 from pirrht.guidance.leads import Lead
 from pirrht.problem import Problem
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Rollouts, normalised
+from pirrht.estimation.estimate import Rollouts
+from pirrht.estimation.weights import normalised
 from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup
 
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to a tape

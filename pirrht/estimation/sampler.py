@@ -18,11 +18,12 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
-from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
+from pirrht.estimation.estimate import Estimate, Rollouts, weigh
 from pirrht.estimation.leading import Leading
 from pirrht.estimation.replay import Replay
 from pirrht.estimation.sampling import Sampling
 from pirrht.estimation.tables import Tables
+from pirrht.estimation.weights import log_weights
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.geometry.traffic import Traffic

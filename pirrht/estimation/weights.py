@@ -1,9 +1,11 @@
-"""Weights of samples: the two rules that make them, sums of them by class, standard errors, and how heavy their tail is.
+"""Weights of samples: the rules that make them, their sums by class, standard errors and tails.
 
-The largest of S weights are distributed like a generalised Pareto's, whose shape k tells how many moments the weights
-have: from 1/2 on their variance is infinite, and the more k exceeds 0.7, the more samples it takes till errors that
-are estimated mean anything (Vehtari, Simpson, Gelman, Yao and Gabry, JMLR 2024). The fit is the one of that paper:
-Zhang and Stephens' (Technometrics 2009), drawn a little towards 1/2.
+Weights stay logarithms until they are normalised: phi/lambda can exceed a million.
+
+The largest of S weights are distributed like a generalised Pareto's, whose shape k gives the number of their moments:
+from 1/2 on their variance is infinite, and the more k exceeds 0.7, the more samples reliable errors take (Vehtari,
+Simpson, Gelman, Yao and Gabry, JMLR 2024). The fit is that paper's: Zhang and Stephens' (Technometrics 2009), drawn a
+little towards 1/2.
 """
 
 from __future__ import annotations
@@ -15,15 +17,64 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.rollouts.records import Paths
 
-LEAST = 25  # weights from which on a shape is told
-SHARE, ROOTS = 0.2, 3.0  # the tail is this share of all, or so many roots of their number, whichever is less
-MIDDLE, PULL = 0.5, 10  # a shape is drawn towards this as if by so many weights
-HEAVY = 0.7  # shapes from which on errors say little
+LEAST = 25  # weights from which on a shape is estimated
+SHARE, ROOTS = 0.2, 3.0  # the tail is the smaller of this share of all and so many roots of their number
+MIDDLE, PULL = 0.5, 10  # prior of a shape, and its weight in samples
+HEAVY = 0.7  # shapes from which on errors are unreliable
+
+
+def log_weights(
+    problem: Problem, rule: str, paths: Paths, first: NDArray[np.int64], part: tuple[int, int] | None = None
+) -> Array:
+    """Return the logarithm of each sample's contribution to psi, (S,) [nats], or of those from part[0] to part[1].
+
+    Args:
+        rule: one of WEIGHTS; "average" is the paper's (sections III-B and IV-C). Under "biased" samples weigh by their
+            cost alone, whatever drew them (Trevisan and Alonso-Mora, IEEE RA-L 2024): no estimate of psi.
+        first: (H+1,) first sample of each reference; the last entry is S.
+    """
+    number = np.diff(first)
+    H, S = len(number), int(first[-1])
+    chosen = slice(0, S) if part is None else slice(*part)
+    outcome = paths.outcome[chosen]
+    log_weight = paths.lasting[chosen] - paths.work[chosen] / problem.temperature
+    log_weight[outcome == Outcome.COLLISION] -= problem.phi / problem.temperature
+    if rule == "average":
+        samples = np.arange(S)[chosen]
+        own = np.searchsorted(first, samples, side="right") - 1
+        # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
+        log_weight += np.log(S / (H * number[own])) - paths.log_ratio[samples, own]
+    elif rule != "biased":
+        log_weight -= _log_mean(paths.log_ratio[chosen], number / S)
+    log_weight[outcome == Outcome.TIMEOUT] = -np.inf
+    return log_weight
+
+
+def _log_mean(log_ratio: Array, share: Array) -> Array:
+    """log sum_g share_g exp(log_ratio_g), row by row."""
+    top = log_ratio[:, 0].copy()
+    for column in log_ratio.T[1:]:  # few and long: several times as fast as a maximum along the rows
+        np.maximum(top, column, out=top)
+    mean: Array = top + np.log(np.einsum("sh,h->s", np.exp(log_ratio - top[:, None]), share))
+    return mean
+
+
+def normalised(log_weight: Array) -> tuple[Array, float]:
+    """Normalise weights given as logarithms (S,) [nats]; return their effective size too. Zeros and 0 without any."""
+    top = float(log_weight.max(initial=-np.inf))
+    if not np.isfinite(top):
+        return np.zeros(len(log_weight)), 0.0
+    relative = np.exp(log_weight - top)
+    weight: Array = relative / relative.sum()
+    return weight, float(1.0 / np.sum(weight**2))
 
 
 def tail_shape(log_weight: Array) -> float:
-    """Shape k of the tail of weights whose logarithms are (S,) [nats]; minus infinity is none, nan if there are few."""
+    """Estimate the tail shape k of weights from their logarithms (S,) [nats], -inf for zero; nan if there are few."""
     known = log_weight[np.isfinite(log_weight)]
     count = int(min(SHARE * len(log_weight), ROOTS * np.sqrt(len(log_weight)), len(known) - 1))
     if len(known) < LEAST or count < LEAST // 5:
@@ -37,12 +88,12 @@ def tail_shape(log_weight: Array) -> float:
 
 
 def heavy(shape: float, count: int) -> bool:
-    """Whether a tail of so many weights is too heavy for errors that are estimated from them."""
+    """Check for a tail too heavy for standard errors estimated from so many weights."""
     return bool(shape > min(HEAVY, 1.0 - 1.0 / np.log10(max(count, 11))))
 
 
 def _pareto(x: Array) -> float:
-    """Shape of a generalised Pareto distribution that sorted values (m,) above its threshold are drawn from."""
+    """Fit the shape of a generalised Pareto distribution to sorted values (m,) above its threshold."""
     m, points = len(x), 30 + int(np.sqrt(len(x)))
     quarter = x[int(m / 4 + 0.5) - 1]
     grid = 1.0 / x[-1] + (1.0 - np.sqrt(points / (np.arange(1, points + 1) - 0.5))) / (3.0 * quarter)
@@ -57,7 +108,7 @@ OUTLYING = 4.0  # calibrated on random scenes: with 0 a twentieth of plans near 
 
 
 class Groups(NamedTuple):
-    """What the samples of each of G groups sum to."""
+    """Sums over the samples of each of G groups."""
 
     weight: Array  # (G,) sum of weights
     square: Array  # (G,) of weights
@@ -66,7 +117,7 @@ class Groups(NamedTuple):
 
 
 def grouped(weight: Array, key: NDArray[np.int64], keys: NDArray[np.int64], now: Array, span: Array) -> Groups:
-    """Sums by key of samples, `now` (S, m), `span` (S,) [s]: a group for each of `keys`, the last for others."""
+    """Sum samples of controls `now` (S, m) over `span` (S,) [s] by key: one group per `keys`, the last for others."""
     G = len(keys) + 1
     sums = Groups(np.zeros(G), np.zeros(G), np.zeros((G, now.shape[1])), np.zeros(G))
     _group(weight, key, keys, now, span, sums)
@@ -90,7 +141,7 @@ def _group(weight, key, keys, now, span, sums):  # type: ignore[no-untyped-def]
 
 @kernel
 def centred(weight, now, span, control):  # type: ignore[no-untyped-def]
-    """What each sample adds to psi and, to first order (delta method), to the control, a ratio of sums: (S, 1+m).
+    """Return each sample's terms of psi and, to first order (delta method), of the control, (S, 1+m).
 
     Args: weights (S,), the control now integrated over a time, (S, m), that time (S,) [s], and the control (m,).
     """
@@ -105,11 +156,11 @@ def centred(weight, now, span, control):  # type: ignore[no-untyped-def]
 
 @kernel
 def scatter(terms, first, step):  # type: ignore[no-untyped-def]
-    """Standard deviations (k,) of sums of terms (S, k), those from first[h] on being distributed alike, h = 0..H-1.
+    """Return standard deviations (k,) of sums of terms (S, k), those from first[h] on being identically distributed.
 
-    `step` terms in a row are one: 2 for antithetic pairs, which are independent only together. What stands alone around
-    its reference says nothing about its spread; the term itself stands for it. The largest term counts `OUTLYING` times
-    more: where a sum rests on a handful of terms, larger ones are likely not to have been met.
+    `step` terms in a row count as one: 2 for antithetic pairs, which are independent only together. A single term
+    around a reference is its own deviation. The largest term counts `OUTLYING` times more: where a few terms dominate
+    a sum, larger ones are likely still unseen.
     """
     k = terms.shape[1]
     variance, mean, largest = np.zeros(k), np.empty(k), np.zeros(k)
@@ -130,3 +181,9 @@ def scatter(terms, first, step):  # type: ignore[no-untyped-def]
                 variance[j] += square
                 largest[j] = max(largest[j], square)
     return np.sqrt(variance + OUTLYING * largest)
+
+
+def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> Array:
+    """Return standard deviations (k,) of sums of terms (S, k), independent or in antithetic pairs (`scatter`)."""
+    spread: Array = scatter(np.ascontiguousarray(terms), first, 2 if paired else 1)
+    return spread
