@@ -1,4 +1,4 @@
-"""How paths are drawn and weighed: the settings of a sampler."""
+"""Settings of a sampler."""
 
 from __future__ import annotations
 
@@ -22,23 +22,20 @@ class Sampling:
 
     Attributes:
         dt: rollout step [s].
-        steps: with exit along the step, steps of dt are "fitted" to the place, split near walls and goal (where no
-            noise acts on the position they are whole ones, within which that moves as in continuous time), or
-            "uniform" (paper).
-        first: with exit along the step, the first dt is cut into steps of this length [s].
+        steps: with exit along the step, steps of dt are "fitted" to the place, split near walls and goal (without noise
+            on the position they are whole, and it moves as in continuous time), or "uniform" (paper).
+        first: with exit along the step, the first dt is split into steps of this length [s].
         samples: N, around each reference.
         exit: first exit judged along the step ("bridge") or at its end ("endpoint", the paper's).
-        weights: "balance" heuristic, plain "average" (the paper's), or "biased": no likelihood ratio, as in
-            Biased-MPPI.
-        guide: samples of a point climb psi of their class from where they are, those of other systems follow a guide's
-            "feedback"; or they hold the tape of their reference "open-loop" (paper).
+        weights: "balance" heuristic, plain "average" (the paper's), or "biased": no likelihood ratio (Biased-MPPI).
+        guide: "feedback": samples of a point climb psi of their class, those of other systems follow a guide; or they
+            follow the tape of their reference "open-loop" (paper).
         window: under feedback the control now is averaged over so long [s] where walls and goal are far.
         draws: "antithetic" pairs of samples with opposite noise, or "independent" ones (the paper's).
         target: sample on until the control's standard error is no larger [control]: consistent, not unbiased.
-        least: effective samples of the first plan of a drive: more are drawn until it has so many, 64 N at most.
+        least: effective samples of the first plan of a drive, with 64 N samples at most.
         budget: with a target, samples around each reference at most; None: 16 N.
-        allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper), as those of a
-            unicycle are anyway.
+        allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper; of a unicycle).
         threads: None for all cores this process may use; results do not depend on it.
 
     Raises:
@@ -91,15 +88,12 @@ class Sampling:
 
     @property
     def leading(self) -> float:
-        """Length of the steps that the first dt is cut into [s].
-
-        Exit at the end of a step belongs to the chain with steps of dt, which a finer one is not: there it is dt.
-        """
+        """Length of the steps that the first dt is split into [s]; dt with exits at ends of steps."""
         return self.dt if self.first is None or self.exit == "endpoint" else self.first
 
     @property
     def fitted(self) -> bool:
-        """Whether steps are split near walls and goal, or a car turns within them; not with exits at their ends."""
+        """Check whether steps are split near walls and goal, or turn; not with exits at their ends."""
         return self.exit == "bridge" and self.steps == "fitted"
 
     @property
