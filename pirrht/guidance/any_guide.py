@@ -13,7 +13,7 @@ from pirrht.systems.dynamics import Dynamics
 
 
 class Task(NamedTuple):
-    """The numbers of a problem that guides are optimised for."""
+    """Numbers of a problem that guides are optimised for."""
 
     temperature: float  # lambda [cost]
     margin: float  # clearance below which a point costs something [m]
@@ -56,7 +56,7 @@ COURSE: Any = Course
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """States that a system passes, with straight lines in between; a path that is only looked at."""
+    """Path of straight lines between the states of a guide."""
 
     states: Array  # (k+1, n)
     cost: Array  # (k,) [cost]
@@ -72,7 +72,7 @@ class Track:
         return np.asarray(self.states[1:])
 
     def points(self, spacing: float) -> list[Array]:
-        """Every piece as a line of two points (2, 2) [m]; `spacing` [m] is of no use to straight ones."""
+        """Return every piece as a line of two points (2, 2) [m], at any `spacing` [m]."""
         return [np.vstack(pair) for pair in zip(self.states[:-1, :2], self.states[1:, :2], strict=True)]
 
 
@@ -98,13 +98,13 @@ class AnyGuide:
     gates: Array | None = None  # (T FINER, GATES, GATE) of a point among what moves: walls it has yet to pass
 
     def input_of(self, x: Array, a: Array) -> Array:
-        """The control u (m,) at x (n,) of one in noise units (m,)."""
+        """Return the control u (m,) at x (n,) of one in noise units (m,)."""
         return self.dynamics.input_of(x, a)
 
     def unlike(self, other: AnyGuide) -> float:
-        """By how much another's path is less likely than its own under its own law [nats].
+        """Return how much less likely another's path is than its own under its own law [nats].
 
-        That is half the integral of |a - b|^2, a being what the law says at the other's states, b what is done there.
+        That is half the integral of |a - b|^2, a being the law at the other's states, b the other's controls.
         """
         most = min(other.length, len(other.modes))
         y, own = other.states[:most], self.states[: max(self.length, 1)]
@@ -120,7 +120,7 @@ class AnyGuide:
         return self.dynamics.inputs_of(self.states[:-1], self.modes[:, : self.dynamics.m])
 
     def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
-        """What is left of it after some time [s], into the goal around the centre (2,) [m]; None if nothing."""
+        """Return the trajectory left after some time [s], to the goal's centre (2,) [m]; None if nothing."""
         passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
         if passed >= self.length:
             return None
@@ -133,9 +133,18 @@ class AnyGuide:
         left = travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9)
         durations = np.append(steps, left)
         return Trajectory(
-            controls=np.vstack([self.tape[part], np.zeros(self.dynamics.m)]),
-            durations=durations,
-            path=Track(states, durations),
-            cost=float(durations.sum()),
-            length=float(travel.sum()),
-        )
+            controls=np.vstack([self.tape[part], np.zeros(self.dynamics.m)]), durations=durations,
+            path=Track(states, durations), cost=float(durations.sum()), length=float(travel.sum()),
+        )  # fmt: skip
+
+
+def remaining(last: Any, times: Array, elapsed: float) -> tuple[Array, Array, int]:
+    """Interpolate a guide after some time [s] on a new grid (T+1,) [s].
+
+    Returns: states (T+1, n), numbers (T,) of its steps there, and how many of them are before the goal.
+    """
+    then = times + elapsed
+    states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
+    at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.times) - 2)
+    length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
+    return states, at, min(length, len(times) - 1)
