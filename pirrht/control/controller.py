@@ -49,10 +49,10 @@ class Controller(Policy):
         method: one of `methods.SAMPLING`.
         rng: source of one seed per plan.
         polished: shorten references inside their class.
-        consistency: share of its value that the class followed so far counts under the method "best-class".
+        consistency: factor on the value of the class followed so far under the method "best-class".
         between: until the next plan follow the state by "classes", or "hold" the control (paper).
-        homology: tells classes apart where bodies move; None: that of the tree, or of the problem.
-        predict: what is taken to come of bodies that move; None: as they do.
+        homology: tells classes apart where obstacles move; None: that of the tree, or of the problem.
+        predict: predicts moving obstacles; None: their motions are known.
 
     Examples:
         >>> import numpy as np
@@ -78,20 +78,11 @@ class Controller(Policy):
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        space: FreeSpace,
-        tree: HomologyTree | None,
-        sampling: Sampling,
-        *,
-        method: str = "pi-rrht",
-        polished: bool = True,
-        consistency: float = CONSISTENCY,
-        between: str = "classes",
-        homology: Homology | TimedHomology | None = None,
-        predict: Prediction | None = None,
+        self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
+        method: str = "pi-rrht", polished: bool = True, consistency: float = CONSISTENCY, between: str = "classes",
+        homology: Homology | TimedHomology | None = None, predict: Prediction | None = None,
         rng: np.random.Generator,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if between not in BETWEEN:
             raise OptionError(f"unknown feedback {between!r} between plans; known are {', '.join(BETWEEN)}")
         if method not in SAMPLING:
@@ -122,7 +113,7 @@ class Controller(Policy):
         self.brake = Brake(problem)
 
     def begin(self, x: Array, time: float = 0.0) -> None:
-        """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
+        """Forget the drive so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
         super().begin(x, time)
         self._planned = False
         self._followed: str | None = None  # class, where only one is

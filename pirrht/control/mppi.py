@@ -57,17 +57,10 @@ class Mppi(Policy):
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        space: FreeSpace,
-        sampling: Sampling | None = None,
-        *,
-        horizon: float = HORIZON,
-        beyond: Callable[[Array], Array] | None = None,
-        homology: Homology | TimedHomology | None = None,
-        predict: Prediction | None = None,
-        rng: np.random.Generator,
-    ) -> None:
+        self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = HORIZON,
+        beyond: Callable[[Array], Array] | None = None, homology: Homology | TimedHomology | None = None,
+        predict: Prediction | None = None, rng: np.random.Generator,
+    ) -> None:  # fmt: skip
         if not (np.isfinite(horizon) and horizon > 0):
             raise OptionError(f"the horizon is {horizon:g} s; it must be a positive number")
         sampling = sampling or USUAL

@@ -41,9 +41,7 @@ class Wanted:
 
     whole: Whole
     key: int  # additive, of the path ahead
-    winding: tuple[int, ...]  # of the path ahead
-    trajectory: Trajectory  # its reference
-    others: tuple[Trajectory, ...]  # other local optima
+    reference: Reference
 
 
 @dataclass(slots=True)
@@ -74,13 +72,14 @@ class Guides:
         elapsed = moment.elapsed
 
         def improved(one: Wanted) -> Any:
-            last, rival = self.last.get(one.whole), self.rivals.get(one.whole)
+            last, rival, reference = self.last.get(one.whole), self.rivals.get(one.whole), one.reference
             if one.whole in thorough and (one is wanted[0] or not pressed()):
-                also = [*one.others, *([backwards[one.winding]] if one.winding in backwards else [])]
-                return guidance.first(x, times, one.key, one.trajectory, also, pressed=pressed, **clock)
+                turned = backwards.get(reference.winding)
+                also = [*reference.others, *([] if turned is None else [turned])]
+                return guidance.first(x, times, one.key, reference.trajectory, also, pressed=pressed, **clock)
             if last is None and one is not wanted[0] and pressed():
                 return None, None  # a new one takes ten times as long
-            guide = guidance.improve(x, times, one.key, one.trajectory, last, elapsed, pressed=pressed, **clock)
+            guide = guidance.improve(x, times, one.key, reference.trajectory, last, elapsed, pressed=pressed, **clock)
             if rival is None:
                 return guide, None
             rival = guidance.onward(x, times, one.key, rival, elapsed, **clock)
@@ -176,13 +175,8 @@ class Around:
             still = Tape(times, np.zeros((len(times) - 1, self.problem.dynamics.m)))
             return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),), time=moment.now)
         names = [self.homology.name(whole) for whole in classes]
-        wanted = [
-            Wanted(
-                whole=whole, key=self.homology.key(one.winding), trajectory=one.trajectory, winding=one.winding,
-                others=one.others,
-            )
-            for whole, one in zip(classes, references, strict=True)
-        ]  # fmt: skip
+        pairs = zip(classes, references, strict=True)
+        wanted = [Wanted(whole=whole, key=self.homology.key(one.winding), reference=one) for whole, one in pairs]
         leads, counts = self._leads(x, times, wanted, names, moment)
         proposals = [
             Proposal(lead=lead, count=count, name=name, key=one.key)
@@ -218,7 +212,7 @@ class Around:
     ) -> tuple[list[Lead], list[int]]:
         """Return what samples around each reference follow, and how many there are."""
         integral, shared = self.integral, self.allocation
-        trajectories = [one.trajectory for one in wanted]
+        trajectories = [one.reference.trajectory for one in wanted]
         known = None if shared is None or integral.guidance is not None else shared.shortfalls(names)
         leads = integral.leading.leads(x, times, trajectories, known)
         if integral.guidance is not None:

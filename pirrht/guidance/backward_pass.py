@@ -26,9 +26,9 @@ SWEEPS = 12  # of Jacobi's method at most; it converges quadratically
 
 @kernel
 def diagonalise(A, vectors):  # type: ignore[no-untyped-def]
-    """Turn symmetric A (m, m) into the diagonal of its eigenvalues, by Jacobi's rotations; `vectors` (m, m) in columns.
+    """Write the eigenvalues of symmetric A (m, m) to its diagonal, by Jacobi's rotations; `vectors` (m, m) in columns.
 
-    What stands off the diagonal of A afterwards means nothing.
+    The rest of A is scratch.
     """
     m = A.shape[0]
     for i in range(m):
@@ -72,18 +72,18 @@ def recompose(A, vectors, out):  # type: ignore[no-untyped-def]
 
 
 class Price(NamedTuple):
-    """What the clearance of a step costs, by six numbers: where it begins, how it moves, and its loss of velocity."""
+    """Clearance cost of a step as a function of six numbers: both positions and the loss of velocity."""
 
     slope: Array  # (6,)
     bend: Array  # (6, 6)
-    chain: Array  # (6, 2 n) how these numbers follow from the states before and after
+    chain: Array  # (6, 2 n) derivatives of these numbers in the states before and after
     bent: Array  # (6, 2 n) bend times chain
     cross: Array  # (n, n)
 
 
 @cache
 def composition(n: int) -> tuple[Any, Any, Any]:
-    """Kernels that make g and Q: the price of the state after a step, the step itself, the price of that before."""
+    """Build the kernels that compose g and Q: the price of the state after a step, the step, the price before it."""
 
     @part
     def add_after(price, costate, P):  # type: ignore[no-untyped-def]
@@ -103,7 +103,7 @@ def composition(n: int) -> tuple[Any, Any, Any]:
 
     @part
     def through_step(costate, P, J, S, lead, g, Q):  # type: ignore[no-untyped-def]
-        """By J' P J + S; only the lower half of Q is written."""
+        """Write J' P J + S to Q, its lower half alone."""
         N = J.shape[1]
         for j in range(n):
             for k in range(N):
@@ -123,7 +123,7 @@ def composition(n: int) -> tuple[Any, Any, Any]:
 
     @part
     def add_before(price, J, g, Q):  # type: ignore[no-untyped-def]
-        """And what the state before has to do with that after."""
+        """Add the price of the state before a step, and its coupling to the state after."""
         (slope, _, chain, bent, cross), N = price, J.shape[1]
         for j in range(n):
             for k in range(n):
@@ -147,11 +147,11 @@ def composition(n: int) -> tuple[Any, Any, Any]:
 
 @cache
 def response(n: int) -> tuple[Any, Any]:
-    """Kernels for the best response to g and Q of a step, and for the cost-to-go that it leaves."""
+    """Build the kernels of the best response to g and Q of a step, and of the cost-to-go that it leaves."""
 
     @part
     def respond(course, i, passive, damping, g, Q, work, expected):  # type: ignore[no-untyped-def]
-        """Write change, gains, share, inverse and volume of step i; the gain expected, with it [cost]."""
+        """Write change, gains, share, inverse and volume of step i; return the expected gain with it [cost]."""
         (stiff, vectors, inverted, bows), modes = work, work[0].shape[0]
         for j in range(modes):
             for k in range(modes):
@@ -185,7 +185,7 @@ def response(n: int) -> tuple[Any, Any]:
 
     @part
     def leave(course, i, g, Q, v, W):  # type: ignore[no-untyped-def]
-        """With the curvature above, the best response leaves the Schur complement."""
+        """Write the Schur complement, the cost-to-go that the best response leaves, to v and W."""
         modes = course.change.shape[1]
         for j in range(n):
             v[j] = g[j]
@@ -209,7 +209,7 @@ PRICE: Any = Price
 
 @cache
 def backward_of(kind: Kind) -> Any:
-    """The backward pass of one kind of dynamics; built once per kind."""
+    """Build the backward pass of one kind of dynamics."""
     velocity, _, expand = step_of(kind)
     arrival, n, m = passes_of(kind).arrival, kind.n, kind.m
     noisy_position, by_inputs = kind.noisy_position, kind.input_form
@@ -219,7 +219,7 @@ def backward_of(kind: Kind) -> Any:
 
     @kernel
     def _end(setup, task, x, v, W):  # type: ignore[no-untyped-def]
-        """Gradient v (n,) and Hessian W (n, n) of `arrival` at x (n,), by central differences if it has no kink."""
+        """Expand `arrival` at x (n,), to v (n,) and W (n, n), by central differences if it has no kink."""
         if noisy_position and not by_inputs:
             ax, ay = x[0] - setup.arena.goal[0], x[1] - setup.arena.goal[1]
             away = math.sqrt(ax * ax + ay * ay)
@@ -249,7 +249,7 @@ def backward_of(kind: Kind) -> Any:
 
     @kernel
     def _follow(setup, x, z, bends, chain):  # type: ignore[no-untyped-def]
-        """Write how positions and loss of velocity of a step follow from its states x, z (n,) to `chain` (6, 2 n)."""
+        """Write derivatives of positions and loss of velocity in the states x, z (n,) of a step to `chain` (6, 2 n)."""
         for k in range(2):
             chain[k, k] = chain[2 + k, n + k] = 1.0
         if not bends:
@@ -269,7 +269,7 @@ def backward_of(kind: Kind) -> Any:
 
     @part
     def priced(setup, task, states, i, times, points, price, bends, ends):  # type: ignore[no-untyped-def]
-        """Expand the price on clearance, a function of the states before and after a step; whether there is any."""
+        """Expand the clearance cost of a step in the states before and after it; return whether there is any."""
         dt, x, y = times[i + 1] - times[i], states[i, 0], states[i, 1]
         dx, dy = states[i + 1, 0] - x, states[i + 1, 1] - y
         bx, by = 0.0, 0.0
@@ -290,7 +290,7 @@ def backward_of(kind: Kind) -> Any:
 
     @part
     def add_noise(control, i, passive, g, Q):  # type: ignore[no-untyped-def]
-        """Add what the noise of a step costs by itself, and fill the upper half of Q."""
+        """Add the cost of control, and fill the upper half of Q."""
         for j in range(control.shape[1]):
             g[n + j] += passive * control[i, j]
             Q[n + j, n + j] += passive
@@ -300,10 +300,10 @@ def backward_of(kind: Kind) -> Any:
 
     @kernel
     def backward(setup, task, times, course, length, points, damping):  # type: ignore[no-untyped-def]
-        """Backward pass: the best change of each control and its feedback; returns the gain expected [cost].
+        """Find the best change of each control and its feedback; return the expected gain [cost].
 
-        Written are the first `length` rows of change, gains, share, inverse and volume; `times` (T+1,) are ends of
-        steps [s], `damping` is what is added to the controls' curvature, as a share of lambda dt.
+        It writes the first `length` rows of change, gains, share, inverse and volume; `times` (T+1,) are ends of steps
+        [s], `damping` is added to the controls' curvature, as a share of lambda dt.
         """
         states, control, aims = course.states, course.control, course.aims
         modes = control.shape[1]

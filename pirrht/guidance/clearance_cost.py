@@ -61,7 +61,7 @@ def price(field, margin, least, x, y, square):  # type: ignore[no-untyped-def]
 
 @kernel
 def price_of(field, task, x, y, dx, dy, bx, by, dt, points, square):  # type: ignore[no-untyped-def]
-    """Price [cost] of a step of dt [s] from (x, y) by (dx, dy) [m] whose velocity loses (bx, by) [m/s] on the way."""
+    """Return the price [cost] of a step of dt [s] from (x, y) by (dx, dy) [m] that loses a velocity (bx, by) [m/s]."""
     total = 0.0
     for k in range(1, points + 1):
         t = k / points
@@ -72,7 +72,7 @@ def price_of(field, task, x, y, dx, dy, bx, by, dt, points, square):  # type: ig
 
 @kernel
 def expand_price(field, task, x, y, dx, dy, bx, by, dt, points, square, g, H):  # type: ignore[no-untyped-def]
-    """Derivatives of `price_of` in both positions and b: gradient to g (6,), Gauss-Newton Hessian to H (6, 6).
+    """Differentiate `price_of` in both positions and b: gradient to g (6,), Gauss-Newton Hessian to H (6, 6).
 
     Returns: whether there are any; otherwise nothing is written.
     """
@@ -102,7 +102,7 @@ def expand_price(field, task, x, y, dx, dy, bx, by, dt, points, square, g, H):  
 
 @kernel
 def price_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square):  # type: ignore[no-untyped-def]
-    """Price [cost] of a step as `price_of` takes it that begins at a time [s]; of a point if `square`."""
+    """Return the price [cost] of moving obstacles for a step (`price_of`) that begins at a time [s]."""
     total = 0.0
     for k in range(1, points + 1):
         t = k / points
@@ -111,18 +111,14 @@ def price_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square): 
         for j in range(traffic.J):
             ox, oy, yaw, _, _, _, _ = piece_of(traffic, j, time + t * dt)
             if outside_of(traffic, j, ox, oy, px, py) < task.margin:
-                c, _, _, _, _ = wall_of_body(traffic, j, ox, oy, yaw, px, py)
-                value, _, _ = barrier(c, task.margin, task.least, square)
-                total += value
+                c = wall_of_body(traffic, j, ox, oy, yaw, px, py)[0]
+                total += barrier(c, task.margin, task.least, square)[0]
     return task.price * total * dt / points
 
 
 @kernel
 def expand_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square, found, g, H):  # type: ignore[no-untyped-def]
-    """Add its derivatives to those of `expand_price`, if it `found` any, or write them to g (6,) and H (6, 6).
-
-    Returns: whether there are any.
-    """
+    """Differentiate `price_among`: add to g (6,) and H (6, 6) if `found`, else write them; return whether any are."""
     for k in range(1, points + 1):
         t = k / points
         w = 0.5 * t * (1.0 - t) * dt
@@ -137,7 +133,7 @@ def expand_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square, 
                 continue
             if not found:
                 g[:], H[:, :], found = 0.0, 0.0, True
-            if nx == 0.0 and ny == 0.0:  # inside of it the way out is away from its middle
+            if nx == 0.0 and ny == 0.0:  # inside, away from its middle
                 size = math.sqrt((px - ox) * (px - ox) + (py - oy) * (py - oy)) + 1e-9
                 nx, ny = (px - ox) / size, (py - oy) / size
             _, rise, bend = barrier(c, task.margin, task.least, square)
@@ -156,9 +152,9 @@ def expand_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square, 
 
 @kernel
 def touches(traffic, x, y, mx, my, turn, t, dt, held, listed):  # type: ignore[no-untyped-def]
-    """Whether a step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] touches a body that moves.
+    """Check whether a step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] touches a moving obstacle.
 
-    It turns by so much in all [rad]; `held` is what earlier steps have left (`held_of`), `listed` (J,) is scratch.
+    It turns by `turn` in all [rad]; `held` is from earlier steps (`held_of`), `listed` (J,) is scratch.
     """
     way = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
     count = listing(traffic, x, y, t, way, held, listed)

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.guidance.clearance_cost import price
@@ -26,9 +27,13 @@ from pirrht.rollouts.sweep import sweep_exit
 from pirrht.systems.heading import wrapped
 from pirrht.topology.cuts import key_of_segment
 
+ACROSS = 1.0 / math.sqrt(3.0)  # turn of the path by sway, as a share of half a step's turn by as much control
+LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
+HALVINGS = 6  # of the step of a line search
+
 
 class Car(NamedTuple):
-    """The numbers of a problem with unicycle dynamics that guides are optimised for."""
+    """Numbers of a problem with unicycle dynamics that guides are optimised for."""
 
     speed: float  # V [m/s]
     gain: float  # g = 1/rho, turn rate per control [rad/s]
@@ -43,21 +48,21 @@ class Car(NamedTuple):
 
 
 class Course(NamedTuple):
-    """A trajectory of T steps and the feedback around it; kernels write into it."""
+    """Trajectory of T steps and the feedback around it; kernels write into it."""
 
     states: Array  # (T+1, 3) x, y [m] and theta [rad]; its first row is the start
     control: Array  # (T,) u, a turn rate in units of the car's gain
     gains: Array  # (T, 3) K of u = control + K (x - states) [1/m], [1/m], [1/rad]
-    spread: Array  # (T,) standard deviation left to the noise by what comes later, as a share of the passive one
+    spread: Array  # (T,) standard deviation left to the noise by the later cost, as a share of the passive one
     change: Array  # (T,) the best change of each control
     sway: Array  # (T,) r, by which the control rises over each step, over sqrt(12)
     sway_gains: Array  # (T, 4) of r = sway + sway_gains (x - states, u - control) [1/m], [1/m], [1/rad], [1]
-    sway_spread: Array  # (T,) what `spread` is, for the noise of r
+    sway_spread: Array  # (T,) share left of the standard deviation of the noise of r
     sway_change: Array  # (T,) the best change of each sway
 
 
 def empty_course(T: int) -> Course:
-    """A course of T steps from zeros, states (T+1, 3) [m], [rad] included; its noise is the passive one."""
+    """Return a course of T steps from zeros, states (T+1, 3) [m], [rad] included; its noise is the passive one."""
     none = np.zeros(T)
     return Course(
         states=np.zeros((T + 1, 3)), control=none.copy(), gains=np.zeros((T, 3)), spread=np.ones(T), change=none.copy(),
@@ -67,7 +72,7 @@ def empty_course(T: int) -> Course:
 
 @kernel
 def class_of(setup, states, length):  # type: ignore[no-untyped-def]
-    """Additive class key of the first `length` steps of states (T+1, 3) [m], counted at the cuts as the rollouts do."""
+    """Return the additive class key of the first `length` steps of states (T+1, 3) [m], by the cuts of rollouts."""
     key = np.int64(0)
     for i in range(length):
         key += key_of_segment(setup.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
@@ -76,7 +81,7 @@ def class_of(setup, states, length):  # type: ignore[no-untyped-def]
 
 @kernel
 def is_free(setup, car, states, length):  # type: ignore[no-untyped-def]
-    """Whether the first `length` steps of states (T+1, 3) [m], [rad], lines or arcs, touch nothing."""
+    """Check that the first `length` steps of states (T+1, 3) [m], [rad], lines or arcs, touch nothing."""
     for i in range(length):
         turn = states[i + 1, 2] - states[i, 2] if car.sways else 0.0
         outcome, _ = sweep_exit(setup.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1], turn)
@@ -85,20 +90,15 @@ def is_free(setup, car, states, length):  # type: ignore[no-untyped-def]
     return True
 
 
-ACROSS = 1.0 / math.sqrt(3.0)  # share of half a step's turn by which as much sway turns the way
-LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
-HALVINGS = 6
-
-
 @inlined
 def _points(car, dt):  # type: ignore[no-untyped-def]
-    """Points at which the clearance of a step is priced; its end is the last."""
+    """Return the number of points at which the clearance of a step is priced; its end is the last."""
     return max(1, math.ceil(car.speed * dt / car.spacing - 1e-9))
 
 
 @inlined
 def _way(car, theta, u, r, dt):  # type: ignore[no-untyped-def]
-    """Velocity (x, y) [m/s] along the chord of a step, and half the angle by which its arc turns [rad]."""
+    """Return the velocity (x, y) [m/s] along the chord of a step, and half the angle of its arc [rad]."""
     half = 0.5 * car.gain * u * dt
     if not car.sways:
         return car.speed * math.cos(theta + half), car.speed * math.sin(theta + half), 0.0
@@ -154,7 +154,7 @@ def forward_pass(setup, car, times, course, length, step, tried):  # type: ignor
 
 @kernel
 def _arrival(setup, car, x, y, theta):  # type: ignore[no-untyped-def]
-    """Cost q s / V of the way s to the goal's rim straight ahead: gradient (3) and Hessian (6) in x, y, theta."""
+    """Expand the cost q s / V of the way s to the goal's rim straight ahead: gradient (3), Hessian (6) in the state."""
     (gx, gy), radius = setup.arena.goal, setup.arena.radius
     tx, ty = math.cos(theta), math.sin(theta)
     along = (gx - x) * tx + (gy - y) * ty
@@ -182,8 +182,8 @@ def _arrival(setup, car, x, y, theta):  # type: ignore[no-untyped-def]
 def backward_pass(setup, car, times, course, length, damping):  # type: ignore[no-untyped-def]
     """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost].
 
-    Written are the first `length` rows of change (T,), gains (T, 3), spread (T,) and the like of the sway; `times`
-    (T+1,) are ends of steps [s], `damping` is what is added to the controls' curvature, as a share of R dt.
+    It writes the first `length` rows of change (T,), gains (T, 3), spread (T,) and those of the sway; `times` (T+1,)
+    are ends of steps [s], `damping` is added to the controls' curvature, as a share of R dt.
     """
     field = setup.arena.field
     states, control, gains, spread, change, sway, sway_gains, sway_spread, sway_change = course
@@ -262,7 +262,7 @@ COURSE: Any = Course
 
 @kernel
 def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
-    """Improve a trajectory of class `key` in place; once it is of its class, or touches nothing besides, it stays so.
+    """Improve a trajectory of class `key` in place; it never leaves its class, nor the free space in its class, again.
 
     Args:
         times: (T+1,) ends of the steps [s].
@@ -278,25 +278,16 @@ def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no
     T = control.shape[0]
     other, tried, swayed = np.zeros((T + 1, 3)), np.zeros(T), np.zeros(T)
     trial = COURSE(
-        other,
-        tried,
-        course.gains,
-        course.spread,
-        course.change,
-        swayed,
-        course.sway_gains,
-        course.sway_spread,
+        other, tried, course.gains, course.spread, course.change, swayed, course.sway_gains, course.sway_spread,
         course.sway_change,
-    )
-    for j in range(3):
-        other[0, j] = states[0, j]
+    )  # fmt: skip
+    copy_row(states[0], other[0])
     steps, cost, priced = forward_pass(setup, car, times, course, length, 0.0, trial)
     if steps < 0:
         return -1, np.inf, np.inf, 0, False
-    for i in range(T):
-        control[i], sway[i] = tried[i], swayed[i]
-        for j in range(3):
-            states[i + 1, j] = other[i + 1, j]
+    copy_row(tried, control)
+    copy_row(swayed, sway)
+    copy_rows(other, states)
     right = class_of(setup, states, steps) == key
     sound = right and is_free(setup, car, states, steps)
     damping, done, again = 0.0, 0, False
@@ -316,10 +307,9 @@ def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no
                     break
             step *= 0.5
         if better:
-            for i in range(T):
-                control[i], sway[i] = tried[i], swayed[i]
-                for j in range(3):
-                    states[i + 1, j] = other[i + 1, j]
+            copy_row(tried, control)
+            copy_row(swayed, sway)
+            copy_rows(other, states)
             damping = 0.0 if damping < 0.01 else damping / 8.0
             again = damping > 0.0
         else:
@@ -327,6 +317,6 @@ def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no
             if damping > 1e4:
                 if not again:
                     break
-                damping, again = 0.0, False  # what was too bold where the damping rose may not be so here
+                damping, again = 0.0, False  # steps that were too long where the damping rose may not be so here
     backward_pass(setup, car, times, course, steps, 0.0)
     return steps, cost, priced, done, sound

@@ -1,4 +1,4 @@
-"""Forward pass of the optimisation: driving from the start under a law, and what that costs."""
+"""Forward pass of the optimisation: simulating a law from the start, and its cost."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from pirrht.systems.heading import wrapped
 class Passes(NamedTuple):
     """Kernels of one kind of dynamics."""
 
-    arrival: Any  # cost of what is left to the goal's rim
+    arrival: Any  # cost of the rest to the goal's rim
     forward: Any
 
 
 @cache
 def passes_of(kind: Kind) -> Passes:
-    """Kernels that drive along trajectories of one kind of dynamics; built once per kind."""
+    """Build the kernels that simulate one kind of dynamics."""
     velocity, advance, _ = step_of(kind)
     n, m, noisy_position, angles, homing_of = kind.n, kind.m, kind.noisy_position, kind.angles, kind.homing
     rows, by_inputs = kind.rows, kind.input_form
@@ -37,7 +37,7 @@ def passes_of(kind: Kind) -> Passes:
 
     @kernel
     def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
-        """Cost of what is left to the goal's rim from x (n,): straight ahead, or where noise acts, per meter [cost]."""
+        """Return the cost of the rest to the goal's rim from x (n,), straight ahead, or per meter where noise acts."""
         gx, gy = setup.arena.goal[0] - x[0], setup.arena.goal[1] - x[1]
         if noisy_position:
             gap = math.sqrt(gx * gx + gy * gy) - setup.arena.radius
@@ -51,7 +51,7 @@ def passes_of(kind: Kind) -> Passes:
 
     @kernel
     def _enters(setup, x, y, dx, dy):  # type: ignore[no-untyped-def]
-        """Whether a straight way of (dx, dy) [m] from (x, y) [m] enters the goal."""
+        """Check whether a straight line of (dx, dy) [m] from (x, y) [m] enters the goal."""
         length, (gx, gy) = math.sqrt(dx * dx + dy * dy), setup.arena.goal
         radius = setup.arena.radius
         if math.sqrt((gx - x) ** 2 + (gy - y) ** 2) - radius >= length:
@@ -60,10 +60,10 @@ def passes_of(kind: Kind) -> Passes:
 
     @kernel
     def _control(setup, task, course, length, i, step, x, B, u):  # type: ignore[no-untyped-def]
-        """Write the modes of step i at x (n,) to u: the law's, or past its length what homes in on the goal."""
+        """Write the modes of step i at x (n,) to u: the law's, or past its length those of homing."""
         modes = u.shape[0]
         if i >= length:
-            for j in range(modes):  # what neither drifts nor knows its way home goes on as before
+            for j in range(modes):  # a system with neither drift nor homing goes on as before
                 u[j] = course.control[length - 1, j] if stranded and length > 0 else 0.0
             if through_inputs:
                 noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
@@ -83,9 +83,9 @@ def passes_of(kind: Kind) -> Passes:
 
     @kernel
     def forward(setup, task, times, course, length, step, points, tried):  # type: ignore[no-untyped-def]
-        """Drive from the start under a = control + step * change + K (x - states), and past `length` as `homing` does.
+        """Simulate a = control + step * change + K (x - states) from the start, and `homing` past `length`.
 
-        Where aims are held to (`Task.hold`) it ends after `length` steps, wherever that is.
+        Where aims are held to (`Task.hold`) it ends after `length` steps.
 
         States (T+1, n) and controls (T, modes) go to `tried`, whose first state is the start; `times` (T+1,) [s];
         the clearance of each step is priced at so many points.

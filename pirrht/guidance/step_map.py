@@ -1,7 +1,7 @@
-"""The step that rollouts take of any system, without noise, and its first two derivatives by central differences.
+"""Noise-free step of rollouts, for any system, and its first two derivatives by central differences.
 
 A step has m modes of control in noise units, a = B_c^-1 G_c u (in input form s^-1 u), or 2 m where it sways: with
-u + 2 sqrt(3) r (t/dt - 1/2) at t within a step, r ends nothing elsewhere but moves the mean over the step, as the noise
+u + 2 sqrt(3) r (t/dt - 1/2) at t within a step, r leaves the end of the step and moves the mean over it, as the noise
 of rollouts does (`rollouts.general.motion`).
 """
 
@@ -21,7 +21,7 @@ NUDGE = 1e-4  # of a state, for differences [m], [rad], [m/s] ..
 
 @cache
 def step_of(kind: Kind) -> tuple[Any, Any, Any]:
-    """Kernels of one kind of dynamics: `velocity`, `advance` and `expand`."""
+    """Build the kernels of one kind of dynamics: `velocity`, `advance` and `expand`."""
     drift, q, n, m, rows, midway = kind.drift, kind.q, kind.n, kind.m, kind.rows, kind.midway
     varying_rate, noisy_position = kind.varying_rate, kind.noisy_position
     varying = kind.diffusion_block is not None
@@ -30,7 +30,7 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
 
     @kernel
     def velocity(setup, x, f):  # type: ignore[no-untyped-def]
-        """Write the drift at x (n,) to f (n,) [state/s]; returns q there [cost/s]."""
+        """Write the drift at x (n,) to f (n,) [state/s]; return q there [cost/s]."""
         f[:] = 0.0
         drift(x, setup.parameters, f)
         return q(x, setup.parameters) if varying_rate else setup.rate
@@ -89,10 +89,10 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
 
     @kernel
     def expand(setup, x, a, dt, costate, active, curved, J, S):  # type: ignore[no-untyped-def]
-        """Derivatives of `advance` in (x, a), N = n + modes, where B is constant: by differences of drift and q alone.
+        """Differentiate `advance` in (x, a), N = n + modes, where B is constant: by differences of drift and q alone.
 
         Args, from `costate` on: (n,) weights of the next state's components; bits of the states that drift or q depend
-        on; whether second derivatives are asked for; J (n+1, N) and S (N, N), filled with the first derivatives of the
+        on; whether second derivatives are required; J (n+1, N) and S (N, N), filled with the first derivatives of the
         next state and of q dt, and the second ones of the weighted sum and q dt.
         """
         modes = a.shape[0]
@@ -184,10 +184,7 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
 
     @kernel
     def expand_any(setup, x, a, dt, costate, active, curved, J, S):  # type: ignore[no-untyped-def]
-        """Derivatives of `advance` in (x, a), N = n + modes.
-
-        What `expand` takes and writes, for any B.
-        """
+        """Differentiate `advance` in (x, a) for any B; arguments of `expand`."""
         modes = a.shape[0]
         N = n + modes
         z, c, nudge = np.empty(n), np.empty(modes), np.empty(N)

@@ -29,16 +29,21 @@ from pirrht.guidance.sections import sections_of
 from pirrht.rollouts.first_exit import two_walls
 from pirrht.rollouts.ways import KNOWN, PLACE
 
-WIDTH = 32  # room for the nodes of a cross-section, and the point on the reference after the last of them
-# Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), what is found there.
-# All are in one array: a compiler that does not know how far apart arrays are cannot tell whether vectors overlap.
+NODES = 24  # of a cross-section
+CLOSEST = 1e-3  # distance of a wall below which psi vanishes like the distance [m]
+ASIDE = 0.5  # cosine up to which a wall ahead or behind counts for either side
+MOST, LITTLE = 0.999, 1e-3  # greatest push in units of 1/c, and the least that counts
+ROUNDS = 4  # of Newton's method
+WIDTH = 32  # at least the nodes of a cross-section, and the point on the reference after the last of them
+# Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), psi there.
+# All are in one array: a compiler that does not know how far apart arrays are must assume that vectors overlap.
 PLACE_X, PLACE_Y, NEAR, NEAR_X, NEAR_Y, FAR, FAR_X, FAR_Y, LOG_PSI, SLOPE_X, SLOPE_Y, PUSH, PUSH_FAR, TOP, WHOLE = (
     WIDTH * row for row in range(15)
 )
 ROWS = 15 * WIDTH
-NEGLIGIBLE = np.float32(-25.0)  # nodes with so little psi are passed over [nats]
+NEGLIGIBLE = np.float32(-25.0)  # nodes with so little psi are skipped [nats]
 NOTHING, TINY, LEAST = np.float32(-1e30), np.float32(1e-6), np.float32(1e-30)
-GRAZING = np.float32(0.02)  # cosines of lines that graze a cross-section are not looked at
+GRAZING = np.float32(0.02)  # cosines of lines that graze a cross-section are skipped
 FOUR, THREE_QUARTERS, THREE_HALVES = np.float32(4.0), np.float32(0.75), np.float32(1.5)
 ABOVE, BELOW = np.float32(0.556), np.float32(0.655)
 PER_TURN = np.float32(0.5 / math.pi)
@@ -47,22 +52,22 @@ ALIKE = HALF  # cosine between the directions of one wall at two places
 
 @inlined
 def bend(z):  # type: ignore[no-untyped-def]
-    """K1(z)^2 2 z exp(2 z) / pi, by which it differs from its limit for great z, less one; within 2 %."""
+    """K1(z)^2 2 z exp(2 z) / pi - 1, the deviation of K1 from its limit for great z, within 2 %."""
     return THREE_QUARTERS * (z + ABOVE) / (z * (z + BELOW))
 
 
 @inlined
 def fall(k, per, bent):  # type: ignore[no-untyped-def]
-    """How fast the logarithm of K1(k r) / r falls with r [1/m]; per: 1/r, bent: `bend` there."""
+    """Return the decrease of log(K1(k r) / r) with r [1/m]; per: 1/r, bent: `bend` there."""
     return k + (THREE_HALVES + HALF * bent / (ONE + bent)) * per
 
 
 @inlined
 def wall(k, r, per, bent, steep, c, d):  # type: ignore[no-untyped-def]
-    """What a flat wall at distances c and d of both ends of a line of length r leaves: a share f of what passes.
+    """Return the share f of psi left by a flat wall at distances c and d of both ends of a line of length r.
 
-    The wall takes off what would come from the mirror image, which is farther away; `steep` is `fall` at r.
-    Returns: f, how fast log f grows with c [1/m], and how fast it falls with r [1/m].
+    The wall takes off psi of the mirror image, which is farther away; `steep` is `fall` at r.
+    Returns: f, the increase of log f with c [1/m], and its decrease with r [1/m].
     """
     square = FOUR * c * d
     far = math.sqrt(r * r + square)
@@ -75,10 +80,10 @@ def wall(k, r, per, bent, steep, c, d):  # type: ignore[no-untyped-def]
 
 @inlined
 def beyond(c, nx, ny, dx, dy, near, mx, my, far, ox, oy):  # type: ignore[no-untyped-def]
-    """How far a place (dx, dy) from here is from the wall that is c away here in the direction -(nx, ny).
+    """Return the distance of a place (dx, dy) from here to the wall that is c away here in the direction -(nx, ny).
 
-    That is what is known there of its own two walls, if one of them stands alike; else the distance to the wall's
-    plane, unless the wall is left behind around a corner.
+    It is that of one of the place's own two walls of the same direction; else that to the wall's plane, unless the wall
+    is left behind around a corner.
     """
     plane = c + dx * nx + dy * ny
     one, other = nx * mx + ny * my > ALIKE, nx * ox + ny * oy > ALIKE
@@ -157,31 +162,21 @@ def sight(k, goal, radius, f):  # type: ignore[no-untyped-def]
         f[LOG_PSI + i] = HALF * logarithm(radius / r) - k * (r - radius) + logarithm(one) + logarithm(two)
 
 
-NODES = 24  # of a cross-section
-CLOSEST = 1e-3  # nearer to a wall psi is taken to vanish like the distance [m]
-ASIDE = 0.5  # cosine up to which a wall ahead or behind counts for either side
-MOST = 0.999  # log psi grows hardly faster than log c
-LITTLE = 1e-3  # and a push of less than this share of 1/c is none
-ROUNDS = 4  # of Newton's method
-
-
 class Way(NamedTuple):
-    """What is known of psi along one reference, at J nodes on each of C cross-sections."""
+    """Desirability psi along one reference, at J nodes on each of C cross-sections."""
 
-    place: NDArray[np.float32]  # (C, 6) as a row of `Ways.place`
-    slope: NDArray[np.float32]  # (C, J, 4) as a row of `Ways.slope`
+    place: NDArray[np.float32]  # (C, 6) row of `Ways.place`
+    slope: NDArray[np.float32]  # (C, J, 4) row of `Ways.slope`
     decay: float  # k [1/m]
     goal: tuple[float, float]  # centre [m]
     log_psi: float  # of the class at the start [nats]
 
 
 def way_of(arena: Arena, line: Array, x: Array, decay: float, nodes: int = NODES) -> Way:
-    """The way of one reference.
+    """Compute the way of a reference from x (n,) over the corners of a line (k, 2) [m], the goal point as the last.
 
     Args:
         arena: of the world, with the goal's disc.
-        line: corners (k, 2) [m] after x, the goal point as the last.
-        x: state that the reference starts from, (n,).
         decay: k, of psi per meter [1/m].
         nodes: J.
     """
@@ -194,7 +189,7 @@ def way_of(arena: Arena, line: Array, x: Array, decay: float, nodes: int = NODES
 
 @inlined
 def _reach(c, push):  # type: ignore[no-untyped-def]
-    """Reach of a wall at a distance c whose push is known, the inverse of `push_of` [m]."""
+    """Return the reach of a wall at a distance c whose push is known, the inverse of `push_of` [m]."""
     share = min(push * c, MOST)
     if share < LITTLE:
         return 0.0
@@ -220,7 +215,7 @@ def _to_sides(f, j, tx, ty, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _lay(field, cut, c, J, step, f):  # type: ignore[no-untyped-def]
-    """Write where the J nodes of cross-section c are to rows f, and the point on the reference after the last."""
+    """Write the J nodes of cross-section c to rows f, and the point on the reference after the last."""
     point, ahead, ends = cut
     px, py, tx, ty = point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1]
     for j in range(WIDTH):
