@@ -21,7 +21,7 @@ NEARER = 0.01  # loss of clearance at a place to wait before others are tried [m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrakeSettings:
-    """How a robot brakes and waits."""
+    """Settings of braking and waiting."""
 
     within: float = 0.2  # time constant of braking and of holding a position [s]
     horizon: float = 3.0  # how long a law must be free [s]; many plans come before that

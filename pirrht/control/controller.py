@@ -18,7 +18,7 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import Pace, Policy, enough_of, pressed_of
 from pirrht.control.prediction import Prediction, Way
 from pirrht.control.proposals import Around, Moment
-from pirrht.control.references import Remembered, check_drives, check_fits, heirs, renewed
+from pirrht.control.references import Remembered, blame_speed, check_drives, check_fits, heirs, renewed
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
@@ -193,8 +193,7 @@ class Controller(Policy):
         except NoReference:
             if not self._planned and not self.space.scene.movers:
                 self.drive.asked = None  # nothing was planned
-                if self.tree is not None and self.tree.too_fast(x):
-                    raise NoReference(x.tolist(), vertices=self.tree.size, limit=self.tree.limit, hasty=True) from None
+                blame_speed(self.tree, x)
                 raise
             references = self._kept(x, set())
             if not references:

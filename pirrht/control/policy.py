@@ -73,7 +73,7 @@ class Drive:
         self.path = driven(homology, x, time)
         self.since_plan = 0.0  # [s]
         self.since_estimate = 0.0  # since the last plan that samples told anything [s]
-        self.time = time  # of the drive, which is that of bodies that move [s]
+        self.time = time  # of the drive and of moving obstacles [s]
         self.begun = time  # when it started [s]
         self.asked: Array | None = None  # the state of a plan since which no time has passed, (n,)
         self.known = time  # until when it is not only expected [s]
@@ -159,7 +159,7 @@ class Policy(ABC):
         return plan.control
 
     def begin(self, x: Array, time: float = 0.0) -> None:
-        """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
+        """Forget the drive so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
         self.drive = Drive(self.homology, x, time)
         self._foreseen, self.movers, self._held = None, self.space.scene.movers, None
         if self.predict is not None:

@@ -47,6 +47,12 @@ def check_drives(problem: Problem, tree: HomologyTree, *, guided: bool) -> None:
         )
 
 
+def blame_speed(tree: HomologyTree | None, x: Array) -> None:
+    """Raise a NoReference of its own at a state x (n,) that would have references at rest."""
+    if tree is not None and tree.too_fast(x):
+        raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
+
+
 class Remembered:
     """Queries a tree for references; the paths of one plan, by class, are where the next one's shortening begins.
 

@@ -18,7 +18,7 @@ STEPS = ("fitted", "uniform")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """How paths are drawn and weighed.
+    """Settings of drawing and weighing paths.
 
     Attributes:
         dt: rollout step [s].

@@ -28,8 +28,11 @@ class Tables:
     """Tables of one sampler; those of the last batch are kept for one that differs in numbers of samples only."""
 
     def __init__(self, leading: Leading, guidance: Guidance | AnyGuidance | None) -> None:
-        self.leading, self.guidance = leading, guidance
+        self.leading = leading
         self.problem, self.sampling = leading.problem, leading.sampling
+        general = guidance if isinstance(guidance, AnyGuidance) else None
+        self._finer, self._width = (1, LAW) if general is None else (FINER, general.law_width)  # of laws
+        self._pushes = leading.climbs or (general is not None and general.gated)
         self._last: tuple[Batch | None, Leads | None] = None, None
 
     def of(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> Leads:
@@ -49,18 +52,15 @@ class Tables:
         bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
         pointlike = self.leading.pointlike
         near = self.leading.nearest(x, batch.time) if pointlike else np.inf
-        laws = (T, LAW)
-        if isinstance(self.guidance, AnyGuidance):
-            laws = (T * FINER, self.guidance.law_width)
-        pushing = self.leading.climbs or (isinstance(self.guidance, AnyGuidance) and self.guidance.gated)
         leads = Leads(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, NODES, scales.decay), reach=scales.reach if pushing else 0.0,
+            ways=no_ways(H, C, NODES, scales.decay), reach=scales.reach if self._pushes else 0.0,
             beyond=self.leading.beyond, least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=self._window(batch, scales, near) if pointlike else 1,
-            mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, *laws)), led=np.zeros(H, np.int64),
+            mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * self._finer, self._width)),
+            led=np.zeros(H, np.int64),
             marks=NO_MARKS if homology is None else Marks.of(homology, x, times + batch.time),
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
         )  # fmt: skip

@@ -92,7 +92,7 @@ class AnyGuide:
     steep: float  # |a| stays below this [1/sqrt(s)]
     length: int  # steps until the one that enters the goal
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
-    priced: float  # the same with clearance priced [cost]
+    priced: float  # cost with clearance priced [cost]
     valid: bool  # whether it touches nothing and is of its class
     pushes: tuple[Array, Array] | None = None  # of walls beside it, (T FINER, 2) [1/m] and how they change, (.., 2, 2)
     gates: Array | None = None  # (T FINER, GATES, GATE) of a point among what moves: walls it has yet to pass
