@@ -1,13 +1,12 @@
 """Model predictive path integral control: one warm-started tape of controls, a finite horizon, no reference, no tree.
 
 Williams, Wagener, Goldfain, Drews, Rehg, Boots and Theodorou, "Information theoretic MPC for model-based
-reinforcement learning" (ICRA 2017), Algorithm 2. Around the tape u_0 .. u_T-1 noise eps is drawn, every path is charged
+reinforcement learning" (ICRA 2017), Algorithm 2. Around the tape u_0 .. u_T-1 noise eps is drawn; a path costs
 
     S = sum of q dt + phi at a collision + cost-to-go at the horizon + sum of u' lambda Sigma^-1 eps dt,
 
-where lambda Sigma^-1 = R for noise that enters with the control, and the tape moves by the mean of eps at the weights
-exp(-S / lambda). Its first control is applied, and after a period the tape is shifted by it. Paths that reach the goal
-before the horizon end there.
+where lambda Sigma^-1 = R for matched noise, and the tape moves by the mean of eps at the weights exp(-S / lambda). Its
+first control is applied, and after a period the tape is shifted by it. Paths end at the goal.
 
 First exit has no final cost, so the cost after the horizon must be guessed, as users of MPPI do: the straight line to
 the goal at the best speed without obstacles and noise. Behind a wall this misleads, which a reference would not.

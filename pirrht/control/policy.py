@@ -109,22 +109,15 @@ class Drive:
 
 
 class Policy(ABC):
-    """A feedback law that replans as it drives: `Controller`, `Mppi` or `Optimal`.
-
-    Attributes:
-        space: the scene, with its moving obstacles.
-        homology: tells classes of references and drives apart.
-        predict: predicts moving obstacles; None: their motions are known.
-        movers: moving obstacles as the next plan predicts them, on the drive's clock.
-    """
+    """A feedback law that replans as it drives: `Controller`, `Mppi` or `Optimal`."""
 
     problem: Problem
-    space: FreeSpace
-    homology: Homology | TimedHomology
+    space: FreeSpace  # the scene, with its moving obstacles
+    homology: Homology | TimedHomology  # of references and drives
     tree: HomologyTree | None = None  # None: it needs none
-    predict: Prediction | None = None
+    predict: Prediction | None = None  # None: motions are known
     drive: Drive
-    movers: tuple[Mover, ...]
+    movers: tuple[Mover, ...]  # moving obstacles as the next plan predicts them, on the drive's clock
     _foreseen: Foreseen | None = None
     _held: float | None = None  # how long the control of the last step is held [s]
 

@@ -69,18 +69,18 @@ class Sampling:
         return f"Sampling({', '.join(other) or 'defaults'})"
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.dt) and self.dt > 0):
-            raise OptionError(f"dt is {self.dt:g}; it must be a positive number of seconds")
-        if self.first is not None and not self.first > 0:
-            raise OptionError(f"first is {self.first:g}; it must be a positive number of seconds")
-        if not (np.isfinite(self.window) and self.window >= 0):
-            raise OptionError(f"window is {self.window:g}; it must be a number of seconds")
-        if self.target is not None and not self.target > 0:
-            raise OptionError(f"target is {self.target:g}; it must be a positive standard error of the control")
-        if self.budget is not None and (self.target is None or self.budget < self.samples):
-            raise OptionError(f"budget is {self.budget}; it needs a target and at least the {self.samples} samples")
-        if self.samples < 1:
-            raise OptionError(f"samples is {self.samples}; at least 1 is needed")
+        enough = self.budget is None or (self.target is not None and self.budget >= self.samples)
+        for name, valid, rule in (
+            ("dt", 0 < self.dt < np.inf, "it must be a positive number of seconds"),
+            ("first", self.first is None or self.first > 0, "it must be a positive number of seconds"),
+            ("window", 0 <= self.window < np.inf, "it must be a number of seconds"),
+            ("target", self.target is None or self.target > 0, "it must be a positive standard error of the control"),
+            ("budget", enough, f"it needs a target and at least the {self.samples} samples"),
+            ("samples", self.samples >= 1, "at least 1 is needed"),
+        ):
+            if not valid:
+                value = getattr(self, name)
+                raise OptionError(f"{name} is {value if isinstance(value, int) else format(value, 'g')}; {rule}")
         choices = {"exit": EXITS, "steps": STEPS, "weights": WEIGHTS, "guide": GUIDES}
         for name, known in (choices | {"allocation": ALLOCATIONS, "draws": DRAWS}).items():
             if getattr(self, name) not in known:

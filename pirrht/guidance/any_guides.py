@@ -256,7 +256,7 @@ class AnyGuidance:
 
     def _beside_walls(self, setup: Setup | MovingSetup, times: Array, states: Array, length: int) -> dict[str, Any]:
         """Return gates and pushes of a guide (T+1, 2) at times (T+1,) [s]; none past its length."""
-        rows = length * FINER + 1
+        count, rows = length * FINER, length * FINER + 1
         i, share = np.divmod(np.arange(rows) / FINER, 1.0)
         i = np.minimum(i.astype(np.int64), len(times) - 2)
         share = np.where(np.arange(rows) == (len(times) - 1) * FINER, 1.0, share)[:, None]
@@ -264,11 +264,10 @@ class AnyGuidance:
         when = (1.0 - share[:, 0]) * times[i] + share[:, 0] * times[i + 1]
         d = self.problem.dynamics
         noise = math.sqrt(float(np.trace(d.B_c(states[0]) @ d.B_c(states[0]).T)) / 2.0)
-        out = np.zeros(((len(times) - 1) * FINER, GATES, GATE))
-        found = gates_of(setup, places, when, noise, CARELESS * noise * math.sqrt(float(when[-1] - when[0])))
-        out[: rows - 1] = found[: rows - 1]
-        slopes, bends = np.zeros((len(out), 2)), np.zeros((len(out), 2, 2))
+        gates = np.zeros(((len(times) - 1) * FINER, GATES, GATE))
+        within = CARELESS * noise * math.sqrt(float(when[-1] - when[0]))
+        gates[:count] = gates_of(setup, places, when, noise, within)[:count]
+        slopes, bends = np.zeros((len(gates), 2)), np.zeros((len(gates), 2, 2))
         reach = Scales.of(self.problem, states[0]).reach
-        one, other = pushes_of(setup, places[: rows - 1], when[: rows - 1], reach)
-        slopes[: rows - 1], bends[: rows - 1] = one, other
-        return {"gates": out, "pushes": (slopes, bends)}
+        slopes[:count], bends[:count] = pushes_of(setup, places[:count], when[:count], reach)
+        return {"gates": gates, "pushes": (slopes, bends)}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.copies import copy_row, copy_rows
-from pirrht.compiled.jit import kernel
+from pirrht.compiled.jit import kernel, part
 from pirrht.rollouts.general.kind import SWAY, Kind, diffusion_of
 
 NUDGE = 1e-4  # of a state, for differences [m], [rad], [m/s] ..
@@ -35,6 +35,17 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
         drift(x, setup.parameters, f)
         return q(x, setup.parameters) if varying_rate else setup.rate
 
+    @part
+    def inside(setup, x, a, dt, B, z):  # type: ignore[no-untyped-def]
+        """Write the state at which the drift of a step from x (n,) is taken to z (n,), under noise B (rows, m)."""
+        for j in range(n):
+            z[j] = x[j]
+        if setup.bridge and not noisy_position:
+            for j in range(rows):
+                for k in range(m):
+                    mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
+                    z[fixed + j] += dt * B[j, k] * mean
+
     @kernel
     def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
         """Write the state after a step of dt [s] from x (n,) under modes a to out (n,).
@@ -43,22 +54,13 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
         Returns: cost of the states in it, q dt.
         """
         B, G = B[0], B[1]
-        sways = a.shape[0] > m
         if varying:
             noise_at(x, setup.parameters, setup.inverse, G, B)
         else:
             copy_rows(setup.diffusion, B)
         f[:] = 0.0
-        if noisy_position or not setup.bridge:
-            drift(x, setup.parameters, f)
-        else:
-            for j in range(n):
-                out[j] = x[j]
-            for j in range(rows):
-                for k in range(m):
-                    mean = 0.5 * a[k] - (SWAY * a[m + k] if sways else 0.0)
-                    out[fixed + j] += dt * B[j, k] * mean
-            drift(out, setup.parameters, f)
+        inside(setup, x, a, dt, B, out)
+        drift(out, setup.parameters, f)
         if midway:
             for j in range(n):
                 out[j] = x[j] + 0.5 * dt * f[j]
@@ -75,17 +77,6 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
             for k in range(m):
                 out[fixed + j] += dt * B[j, k] * a[k]
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
-
-    @kernel
-    def inside(setup, x, a, dt, B, z):  # type: ignore[no-untyped-def]
-        """Write the state at which the drift of a step from x (n,) is taken to z (n,); B (rows, m) is constant."""
-        for j in range(n):
-            z[j] = x[j]
-        if setup.bridge and not noisy_position:
-            for j in range(rows):
-                for k in range(m):
-                    mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
-                    z[fixed + j] += dt * B[j, k] * mean
 
     @kernel
     def expand(setup, x, a, dt, costate, active, curved, J, S):  # type: ignore[no-untyped-def]

@@ -28,13 +28,8 @@ def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
     axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
     axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec=INK, lw=1.2, zorder=5))
     margin = 0.02 * float((scene.upper - scene.lower).max())
-    axes.set(
-        aspect="equal",
-        xlim=(scene.lower[0] - margin, scene.upper[0] + margin),
-        ylim=(scene.lower[1] - margin, scene.upper[1] + margin),
-        xlabel="x [m]",
-        ylabel="y [m]",
-    )
+    (left, low), (right, high) = scene.lower - margin, scene.upper + margin
+    axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
 
 
 def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0) -> None:
