@@ -1,12 +1,10 @@
 """Follow the best class only, as planners that optimise one trajectory per topology and pick one of them.
 
 teb_local_planner (Roesmann, Hoffmann and Bertram, Robotics and Autonomous Systems 88, 2017) and T-MPC (de Groot,
-Ferranti, Gavrila and Alonso-Mora, IEEE T-RO 2025) hold several homotopy classes, optimise each on its own and execute
-the cheapest. Here each class is estimated on its own: psi_h is the mean over the samples around its reference, each
-weighed by dP/dQ_h alone, v_h = -lambda log psi_h, and the control is the mean that these samples make.
-
-Both planners can favour the class that is followed already: its cost is multiplied by `selection_cost_hysteresis` (1
-in teb_local_planner as it comes, so none) or by `selection_weights/consistency` (0.8 as T-MPC is configured).
+Ferranti, Gavrila and Alonso-Mora, IEEE T-RO 2025) optimise several homotopy classes and execute the cheapest. Here
+psi_h is the mean over the samples around reference h, each weighed by dP/dQ_h alone, v_h = -lambda log psi_h, and the
+control is the mean of these samples. Both planners can favour the class followed so far: its cost is multiplied by
+`selection_cost_hysteresis` (1 by default) or by `selection_weights/consistency` (0.8 as T-MPC is configured).
 """
 
 from __future__ import annotations

@@ -256,7 +256,8 @@ class Controller(Policy):
         """Sample and weigh a batch; None if no sample survives."""
         ids, seed = list(batch.classes.values()), int(self.rng.integers(2**63))
         try:
-            least = self.path_integral.sampling.least if left is None and self.drive.begins else 0.0
+            first = left is None and self.drive.time == self.drive.begun
+            least = self.path_integral.sampling.least if first else 0.0
             estimate = sample(self.path_integral, batch, seed, left=left, least=least)
         except NoSurvivingSample:
             return None

@@ -78,11 +78,6 @@ class Drive:
         self.asked: Array | None = None  # the state of a plan since which no time has passed, (n,)
         self.known = time  # until when it is not only expected [s]
 
-    @property
-    def begins(self) -> bool:
-        """Check that no time has passed."""
-        return self.time == self.begun
-
     def ask(self, x: Array) -> None:
         """Record a plan at x (n,); warn if the robot has moved since the last one and nothing was observed.
 

@@ -211,7 +211,7 @@ PRICE: Any = Price
 def backward_of(kind: Kind) -> Any:
     """Build the backward pass of one kind of dynamics."""
     velocity, _, expand = step_of(kind)
-    arrival, n, m = passes_of(kind).arrival, kind.n, kind.m
+    arrival, n, m = passes_of(kind)[0], kind.n, kind.m
     noisy_position, by_inputs = kind.noisy_position, kind.input_form
     moving, point = kind.moving, is_gated(kind)
     add_after, through_step, add_before = composition(n)

@@ -187,9 +187,8 @@ def backward_pass(setup, car, times, course, length, damping):  # type: ignore[n
     """
     field = setup.arena.field
     states, control, gains, spread, change, sway, sway_gains, sway_spread, sway_change = course
-    v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
-        setup, car, states[length, 0], states[length, 1], states[length, 2]
-    )
+    x, y, theta = states[length, 0], states[length, 1], states[length, 2]
+    v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(setup, car, x, y, theta)
     expected = 0.0
     for i in range(length - 1, -1, -1):
         dt = times[i + 1] - times[i]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,16 +17,9 @@ from pirrht.systems.dynamics import no_homing
 from pirrht.systems.heading import wrapped
 
 
-class Passes(NamedTuple):
-    """Kernels of one kind of dynamics."""
-
-    arrival: Any  # cost of the rest to the goal's rim
-    forward: Any
-
-
 @cache
-def passes_of(kind: Kind) -> Passes:
-    """Build the kernels that simulate one kind of dynamics."""
+def passes_of(kind: Kind) -> tuple[Any, Any]:
+    """Build the kernels of one kind of dynamics: `arrival`, the cost of the rest to the goal's rim, and `forward`."""
     velocity, advance, _ = step_of(kind)
     n, m, noisy_position, angles, homing_of = kind.n, kind.m, kind.noisy_position, kind.angles, kind.homing
     rows, by_inputs = kind.rows, kind.input_form
@@ -138,4 +131,4 @@ def passes_of(kind: Kind) -> Passes:
             return times.shape[0] - 1, cost, priced
         return -1, np.inf, np.inf
 
-    return Passes(arrival, forward)
+    return arrival, forward

@@ -198,25 +198,24 @@ class Follow(Lead):
         i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.modes) - 1)
         share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
         off = d.difference(x, guide.states[i] + share * d.difference(guide.states[i + 1], guide.states[i]))
-        a = self._bounded(self._gated(x, i, min(i * FINER + round(share * FINER), len(guide.modes) * FINER - 1), off))
+        a = self._law(x, i, min(i * FINER + round(share * FINER), len(guide.modes) * FINER - 1), off)
         mean, sway = a[: d.m], a[d.m :]
         return guide.input_of(x, mean + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway if len(sway) else mean)
 
     def held(self, x: Array) -> Array:
         """Return the mean control (m,) of the guide over its first step from x (n,)."""
         guide, d = self.guide, self.guide.dynamics
-        a = self._bounded(self._gated(x, 0, 0, d.difference(x, guide.states[0])))
-        return guide.input_of(x, a[: d.m])
+        return guide.input_of(x, self._law(x, 0, 0, d.difference(x, guide.states[0]))[: d.m])
 
-    def _gated(self, x: Array, i: int, row: int, off: Array) -> Array:
+    def _law(self, x: Array, i: int, row: int, off: Array) -> Array:
         """Evaluate the law of step i (modes,), with its row of gates and pushes, `off` (n,) from the guide."""
         guide = self.guide
-        modes, gains = guide.modes[i], guide.gains[i]
-        if guide.gates is None or guide.pushes is None:
-            return np.asarray(modes + gains @ off)
-        B = guide.dynamics.B_c(x)
-        modes, gains = modes - guide.pushes[0][row] @ B, gains - B.T @ guide.pushes[1][row]
-        return np.asarray(modes + gains @ off + beyond_linear(guide.gates[row], B, gains, off))
+        modes, gains, more = guide.modes[i], guide.gains[i], np.zeros(guide.modes.shape[1])
+        if guide.gates is not None and guide.pushes is not None:
+            B = guide.dynamics.B_c(x)
+            modes, gains = modes - guide.pushes[0][row] @ B, gains - B.T @ guide.pushes[1][row]
+            more = beyond_linear(guide.gates[row], B, gains, off)
+        return np.clip(modes + gains @ off + more, -guide.steep, guide.steep)
 
     def pack(self, leads: Leads, h: int) -> None:
         """Write the law to `Leads.law` (H, T FINER, law_width(n, modes)), and the number of its rows."""
@@ -255,9 +254,6 @@ class Follow(Lead):
         dt = np.diff(guide.times)[i][:, None]
         states[:, :2] += 0.5 * share * (1.0 - share) * dt * (pace[i] - pace[i + 1])
         return states
-
-    def _bounded(self, a: Array) -> Array:
-        return np.clip(a, -self.guide.steep, self.guide.steep)
 
 
 def lead_of(guide: Guide | AnyGuide, dynamics: Dynamics) -> Along | Follow:

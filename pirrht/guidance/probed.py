@@ -51,10 +51,8 @@ class Noise(NamedTuple):
 def noise_of(problem: Problem, setup: Setup | MovingSetup, expand: Any, active: int, width: int) -> Noise:
     """Measure the noise of a problem by the derivatives of its steps (`step_map`), with `width` modes.
 
-    Where inputs carry the noise, each in turn is at the strength that costs as much as time.
-
-    Raises:
-        OptionError: nothing of it reaches the position.
+    Where inputs carry the noise, each in turn is at the strength that costs as much as time. An OptionError is raised
+    if no noise reaches the position.
     """
     d, h = problem.dynamics, SPREADING / PIECES
     asked, at_once = math.sqrt(2.0 * problem.least_rate / problem.temperature), 0.0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.jit import kernel
 from pirrht.geometry.field import Field, clearance
 
 NEXT = 0.15  # between cross-sections with walls at their ends [m]
@@ -62,12 +62,6 @@ def _march(field, x, y, ux, uy, far):  # type: ignore[no-untyped-def]
     return far, False
 
 
-@inlined
-def _spread(s, whole, decay):  # type: ignore[no-untyped-def]
-    """Return the extent of a cross-section at s of a reference to either side [m]: noise is that of a bridge."""
-    return DEVIATIONS * math.sqrt(max(s * (whole - s) / whole, SHORTEST) / decay) + BESIDE
-
-
 @kernel
 def _write(field, spread, x, y, ux, uy, c, out):  # type: ignore[no-untyped-def]
     """Make cross-section c at (x, y) across (ux, uy), up to `spread` [m]; return whether walls end both sides."""
@@ -100,7 +94,8 @@ def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
         t = 0.0
         while t < end or (count == 0):
             if since >= apart or count == 0:
-                across = _spread(s + t, whole, decay)
+                here = s + t  # noise is that of a bridge
+                across = DEVIATIONS * math.sqrt(max(here * (whole - here) / whole, SHORTEST) / decay) + BESIDE
                 cx, cy = (bx, by) if t == 0.0 else (ux, uy)
                 channel = _write(field, across, x + t * ux, y + t * uy, cx, cy, count, out)
                 room = max(clearance(field, x + t * ux, y + t * uy) - across, 0.0)

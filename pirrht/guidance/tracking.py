@@ -54,7 +54,7 @@ class Guide:
     spread: Array  # (T,) standard deviation of the samples' noise as a share of the passive one
     sway: Array  # (T,) r, by which u rises over each step, over sqrt(12); zero where u is held
     sway_gains: Array  # (T, 4) of r = sway + sway_gains (x - states, u - control) [1/m], [1/m], [1/rad], [1]
-    sway_spread: Array  # (T,) what `spread` is, for the noise of r
+    sway_spread: Array  # (T,) share left of the standard deviation of the noise of r
     length: int  # steps until the one that enters the goal
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
     priced: float  # cost with clearance priced, off the value by about as much in every class [cost]
@@ -142,16 +142,12 @@ class Guidance:
         where noise has carried the robot into a wall's zone the last guide leads out of it.
         """
         guide = None if last is None else self._from(x, times, key, _shifted(last, times, elapsed), WARM)
-        if guide is not None and (guide.valid or not self.free(x)):
+        if guide is not None and (guide.valid or not clearance(self.setup.arena.field, x[0], x[1]) > 0.0):
             return guide
         guide = self._from(x, times, key, _along(trajectory, times), in_time(COLD, pressed))
         if guide is None or guide.valid:
             return guide
         return self._from(x, times, key, _along(trajectory, times), NONE)
-
-    def free(self, x: Array) -> bool:
-        """Check that the clearance at x (3,) exceeds 0 [m]; if not, no guide from there is valid."""
-        return bool(clearance(self.setup.arena.field, x[0], x[1]) > 0.0)
 
     def counts(self, guides: Sequence[Guide | None], samples: int) -> list[int]:
         """Return the samples around each reference, (H,): N, or FEW for a class of negligible weight (`worth`)."""
