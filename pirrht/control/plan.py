@@ -83,8 +83,8 @@ class Plan:
         else:
             value = f"blocked, {self.fallback}" if self.fallback else f"v {self.exact or np.nan:.4g}"
         which = f", {len(self.ids)} classes" if len(self.ids) != 1 else ", 1 class"
-        weight = self._weights().get(self.favourite or "")
-        most = f", most weight {shown.turns(self.favourite)} ({shown.share(weight)})" if weight is not None else ""
+        weight = self._weights().get(favourite := self.favourite or "")
+        most = f", most weight {shown.turns(favourite)} ({shown.share(weight)})" if weight is not None else ""
         return f"Plan(at {shown.vector(self.state)}: control {shown.vector(self.control)}, {value}{which}{most})"
 
     def _repr_html_(self) -> str:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
@@ -138,7 +138,7 @@ class AnyGuide:
         )  # fmt: skip
 
 
-def remaining(last: Any, times: Array, elapsed: float) -> tuple[Array, Array, int]:
+def remaining(last: Any, times: Array, elapsed: float) -> tuple[Array, IntArray, int]:
     """Interpolate a guide after some time [s] on a new grid (T+1,) [s].
 
     Returns: states (T+1, n), numbers (T,) of its steps there, and how many of them are before the goal.

@@ -215,7 +215,7 @@ class Follow(Lead):
             B = guide.dynamics.B_c(x)
             modes, gains = modes - guide.pushes[0][row] @ B, gains - B.T @ guide.pushes[1][row]
             more = beyond_linear(guide.gates[row], B, gains, off)
-        return np.clip(modes + gains @ off + more, -guide.steep, guide.steep)
+        return np.asarray(np.clip(modes + gains @ off + more, -guide.steep, guide.steep))
 
     def pack(self, leads: Leads, h: int) -> None:
         """Write the law to `Leads.law` (H, T FINER, law_width(n, modes)), and the number of its rows."""
