@@ -1,12 +1,10 @@
-"""Follow the best class only: what planners do that optimise one trajectory per topology and pick one of them.
+"""Follow the best class only, as planners that optimise one trajectory per topology and pick one of them.
 
 teb_local_planner (Roesmann, Hoffmann and Bertram, Robotics and Autonomous Systems 88, 2017) and T-MPC (de Groot,
-Ferranti, Gavrila and Alonso-Mora, IEEE T-RO 2025) hold several homotopy classes, optimise each on its own and execute
-the cheapest. Here each class is estimated on its own: psi_h is the mean over the samples around its reference, each
-weighed by dP/dQ_h alone, v_h = -lambda log psi_h, and the control is the mean that these samples make.
-
-Both planners can favour the class that is followed already: its cost is multiplied by `selection_cost_hysteresis` (1
-in teb_local_planner as it comes, so none) or by `selection_weights/consistency` (0.8 as T-MPC is configured).
+Ferranti, Gavrila and Alonso-Mora, IEEE T-RO 2025) optimise several homotopy classes and execute the cheapest. Here
+psi_h is the mean over the samples around reference h, each weighed by dP/dQ_h alone, v_h = -lambda log psi_h, and the
+control is the mean of these samples. Both planners can favour the class followed so far: its cost is multiplied by
+`selection_cost_hysteresis` (1 by default) or by `selection_weights/consistency` (0.8 as T-MPC is configured).
 """
 
 from __future__ import annotations
@@ -17,23 +15,20 @@ from dataclasses import replace
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
+from pirrht.estimation.estimate import Estimate, Rollouts, weigh
+from pirrht.estimation.weights import log_weights
 from pirrht.problem import Problem
 
-CONSISTENCY = 0.8  # the value of the class followed so far counts this much of what it is
+CONSISTENCY = 0.8  # factor on the value of the class followed so far
 
 
 def best_class(
-    problem: Problem,
-    estimate: Estimate,
-    names: Sequence[str],
-    followed: str | None,
-    *,
+    problem: Problem, estimate: Estimate, names: Sequence[str], followed: str | None, *,
     consistency: float = CONSISTENCY,
-) -> int:
-    """Number h of the reference to follow next, of those with class `names` (H,) in the order of their samples.
+) -> int:  # fmt: skip
+    """Return the number of the reference to follow next, of those with class `names` (H,) in sample order.
 
-    `consistency` is the share of v [cost] that `followed`, the class followed so far, counts.
+    The value v [cost] of `followed`, the class followed so far, is multiplied by `consistency`.
     """
     values = class_values(problem, estimate)[: len(names)]
     if followed in names:
@@ -42,7 +37,7 @@ def best_class(
 
 
 def class_values(problem: Problem, estimate: Estimate) -> Array:
-    """v (H,) from the samples around each reference alone, [cost]; infinite where none survived."""
+    """Estimate v (H,) [cost] by the samples around each reference alone; infinite where none survived."""
     number = sum(np.diff(part.leads.first) for part in estimate.parts)
     sums = [np.logaddexp.reduceat(_own(problem, part), part.leads.first[:-1]) for part in estimate.parts]
     values: Array = -problem.temperature * (np.logaddexp.reduce(sums) - np.log(number))
@@ -50,7 +45,7 @@ def class_values(problem: Problem, estimate: Estimate) -> Array:
 
 
 def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, str] | None = None) -> Estimate:
-    """What the samples around reference h say without the others: v [cost], u (m,) and their errors.
+    """Estimate v [cost], u (m,) and their errors by the samples around reference h alone.
 
     Args:
         classes: additive class keys to names, as `weigh` takes them.
@@ -62,7 +57,7 @@ def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, st
 
 
 def _own(problem: Problem, part: Rollouts) -> Array:
-    """Log weights (S,) of samples as if there were none but those around their own reference."""
+    """Return log weights (S,) as if there were no samples but those around their own reference."""
     number = np.diff(part.leads.first)
     averaged = log_weights(problem, "average", part.paths, part.leads.first)
     own: Array = averaged - np.repeat(np.log(part.size / (len(number) * number)), number)

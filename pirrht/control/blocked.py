@@ -1,4 +1,4 @@
-"""What a robot does while it has no way: it brakes within what is known to be free, and holds its position."""
+"""Braking and waiting while the robot has no path, within what is known to be free."""
 
 from __future__ import annotations
 
@@ -10,85 +10,62 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Along, Batch
+from pirrht.guidance.leads import Along, Batch, Follow
 from pirrht.problem import Problem
 from pirrht.tree.reference import Reference
 
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
-SOON, FINE = 1.0, 0.02  # [s], and the step in which room is compared [m]
-NEARER = 0.01  # so much nearer something may come than when a place to wait was chosen, before others are tried [m]
+SOON, FINE = 1.0, 0.02  # [s], and the step in which clearance is compared [m]
+NEARER = 0.01  # loss of clearance at a place to wait before others are tried [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrakeSettings:
-    """How a robot brakes and waits.
+    """Settings of braking and waiting."""
 
-    Attributes:
-        within: time constant of braking and of holding a position [s].
-        horizon: how long what it does must be free [s]; by then it is asked again many times.
-        step: between two states that are checked [s].
-        clearance: that is enough, from standing and moving obstacles [m].
-        rings: how far it gives way to have that [m], nearest first.
-        directions: to which it does.
-    """
-
-    within: float = 0.2
-    horizon: float = 3.0
-    step: float = 0.05
-    clearance: float = 0.1
-    rings: tuple[float, ...] = (0.0, 0.1, 0.2, 0.4, 0.8)
-    directions: int = 12
+    within: float = 0.2  # time constant of braking and of holding a position [s]
+    horizon: float = 3.0  # how long a law must be free [s]; many plans come before that
+    step: float = 0.05  # between two states that are checked [s]
+    clearance: float = 0.1  # sufficient, from static and moving obstacles [m]
+    rings: tuple[float, ...] = (0.0, 0.1, 0.2, 0.4, 0.8)  # how far to give way for it [m], nearest first
+    directions: int = 12  # in which to give way
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Halt:
-    """A law that brakes or, of a robot that cannot, leads along the longest free way; with what comes of it.
-
-    Attributes:
-        law: control (m,) at a state (n,), a time since it was chosen [s].
-        times: ends of steps, (T+1,) [s].
-        tape: the controls of those steps without noise, (T, m).
-        room: clearance from what stands once it has settled, as much as counts [m].
-        free: how long it touches nothing [s]; infinite if never within the horizon.
-        clearance: the least within the horizon, once it has settled [m].
-    """
+    """A law that brakes or, of a robot that cannot, follows the longest free path; with its outcome."""
 
     law: Law
-    times: Array
-    tape: Array
-    room: float
-    free: float
-    clearance: float
+    times: Array  # ends of steps, (T+1,) [s]
+    tape: Array  # controls of those steps without noise, (T, m)
+    room: float  # clearance from static obstacles once it has settled, at most the sufficient one [m]
+    free: float  # how long it touches nothing [s]; infinite if that is beyond the horizon
+    clearance: float  # the least within the horizon, once it has settled [m]
 
 
 class Brake:
-    """Chooses where to wait, and keeps to it while that stays free.
-
-    Args:
-        settings: how.
-    """
+    """Chooses where to wait, and keeps to it while that stays free."""
 
     def __init__(self, problem: Problem, settings: BrakeSettings | None = None) -> None:
         self.problem, self.settings = problem, settings or BrakeSettings()
         at_start = problem.dynamics.state_of(problem.scene.start)
         self.stops = problem.dynamics.brake(at_start, at_start[:2], self.settings.within) is not None
         self._last: Law | None = None
-        self._enough = 0.0  # clearance at which it goes on waiting where it waits [m]
+        self._enough = 0.0  # clearance that is sufficient where it waits [m]
 
     def begin(self) -> None:
-        """Forget where it waits: it goes on."""
+        """Forget where it waits."""
         self._last = None
 
     def halt(self, x: Array, space: FreeSpace, now: float, known: Law | None = None) -> Halt:
-        """What to do at x (n,) among the bodies of a space, at a time of its clock [s].
+        """Choose a law at x (n,) among the obstacles of a space, at a time of its clock [s].
 
-        The first that keeps enough clearance is taken: to go on waiting where it waits, to brake on the spot, to give
-        way ever farther. If none does, what touches nothing for SOON counts first, then room to what stands, since
-        noise uses it up, then how long it is free: what comes later may go elsewhere.
+        The first with sufficient clearance is taken: to go on waiting, to brake on the spot, to give way ever farther.
+        If none has, being free for SOON counts first, then clearance from static obstacles, since noise uses it up,
+        then how long it is free: what comes later may go elsewhere.
 
         Args:
-            known: what else a robot that cannot stop may do, and does rather than turn.
+            known: law that a robot which cannot stop prefers to turning.
         """
         chosen: Halt | None = None
         best: tuple[float, ...] = ()
@@ -108,7 +85,7 @@ class Brake:
         return chosen
 
     def _laws(self, x: Array, known: Law | None) -> Iterator[Law]:
-        """What may be done at x (n,), in the order of preference."""
+        """Yield candidate laws at x (n,), in the order of preference."""
         yield from (law for law in (known, self._last) if law is not None)
         if not self.stops:
             yield from (held(np.array([0.0, np.inf]), u[None]) for u in self._turns(x))
@@ -118,8 +95,7 @@ class Brake:
         angles = 2.0 * np.pi * np.arange(s.directions) / s.directions
         for ring in s.rings:
             for angle in angles if ring > 0.0 else angles[:1]:
-                place = spot + ring * np.array([np.cos(angle), np.sin(angle)])
-                yield self._to(place)
+                yield self._to(spot + ring * np.array([np.cos(angle), np.sin(angle)]))
 
     def _to(self, place: Array) -> Law:
         dynamics, within = self.problem.dynamics, self.settings.within
@@ -132,7 +108,7 @@ class Brake:
         return law
 
     def _turns(self, x: Array) -> Iterator[Array]:
-        """Steady controls (m,) of a robot that cannot stop: none, and up to four times what costs as much as time."""
+        """Yield steady controls (m,) of a robot that cannot stop: zero, and up to four times the usual effort."""
         m = self.problem.dynamics.m
         usual = np.sqrt(2.0 * self.problem.least_rate / np.diag(self.problem.control_cost(x)))
         yield np.zeros(m)
@@ -142,7 +118,7 @@ class Brake:
                     yield sign * times * usual * (np.arange(m) == i)
 
     def _tried(self, law: Law, x: Array, space: FreeSpace, now: float) -> Halt:
-        """What comes of a law without noise."""
+        """Simulate a law without noise."""
         d, s = self.problem.dynamics, self.settings
         count = round(s.horizon / s.step)
         still, controls, states = np.zeros(d.m), [], [x]
@@ -157,22 +133,19 @@ class Brake:
         met = np.flatnonzero(clearance <= 0.0 if clearance[0] > 0.0 else clearance < clearance[0])  # out of a margin
         settled = times >= 2.0 * s.within
         return Halt(
-            law=law,
-            times=np.asarray(times),
-            tape=np.array(controls),
-            room=min(float(standing[settled].min()), s.clearance),
-            free=float(times[met[0]]) if len(met) else inf,
+            law=law, times=np.asarray(times), tape=np.array(controls),
+            room=min(float(standing[settled].min()), s.clearance), free=float(times[met[0]]) if len(met) else inf,
             clearance=float(clearance[settled].min()),
-        )
+        )  # fmt: skip
 
 
 def held(times: Array, tape: Array) -> Law:
-    """Controls (T, m) of steps that end at `times` (T+1,) [s], and the last one from then on, whatever the state."""
+    """Return the law of controls (T, m) of steps that end at `times` (T+1,) [s], the last one from then on."""
     return lambda _, s: tape[min(int(np.searchsorted(times, s + 1e-9, side="right")), len(tape)) - 1]
 
 
 def known_law(batch: Batch, references: Sequence[Reference]) -> Law | None:
-    """What a robot that cannot stop knows of a path: the cheapest guide or reference, without feedback."""
+    """Return the law of the cheapest guide or reference, without feedback; None if there is none."""
     led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, Along | Follow)]
     if led:
         return held(batch.times, min(led, key=lambda guide: guide.priced).tape)

@@ -10,18 +10,15 @@ import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
-from pirrht.control.around import Around, Moment
 from pirrht.control.best_class import CONSISTENCY, alone, best_class
 from pirrht.control.blocked import Brake, known_law
 from pirrht.control.feedback import ClassMixture, ClassPool
-from pirrht.control.fitting import blame_speed, check_drives, check_fits
-from pirrht.control.hurry import Pace, enough_of, pressed_of
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
-from pirrht.control.policy import Policy
+from pirrht.control.policy import Pace, Policy, enough_of, pressed_of
 from pirrht.control.prediction import Prediction, Way
-from pirrht.control.remembered import Remembered
-from pirrht.control.update import entered, heirs, renamed, renewed
+from pirrht.control.proposals import Around, Moment
+from pirrht.control.references import Remembered, blame_speed, check_drives, check_fits, heirs, renewed
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
@@ -33,6 +30,7 @@ from pirrht.guidance.leads import Batch, Lead
 from pirrht.guidance.walls import Push
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
+from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
@@ -51,10 +49,10 @@ class Controller(Policy):
         method: one of `methods.SAMPLING`.
         rng: source of one seed per plan.
         polished: shorten references inside their class.
-        consistency: share of its value that the class followed so far counts under the method "best-class".
+        consistency: factor on the value of the class followed so far under the method "best-class".
         between: until the next plan follow the state by "classes", or "hold" the control (paper).
-        homology: tells classes apart where bodies move; None: that of the tree, or of the problem.
-        predict: what is taken to come of bodies that move; None: as they do.
+        homology: tells classes apart where obstacles move; None: that of the tree, or of the problem.
+        predict: predicts moving obstacles; None: their motions are known.
 
     Examples:
         >>> import numpy as np
@@ -80,20 +78,11 @@ class Controller(Policy):
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        space: FreeSpace,
-        tree: HomologyTree | None,
-        sampling: Sampling,
-        *,
-        method: str = "pi-rrht",
-        polished: bool = True,
-        consistency: float = CONSISTENCY,
-        between: str = "classes",
-        homology: Homology | TimedHomology | None = None,
-        predict: Prediction | None = None,
+        self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
+        method: str = "pi-rrht", polished: bool = True, consistency: float = CONSISTENCY, between: str = "classes",
+        homology: Homology | TimedHomology | None = None, predict: Prediction | None = None,
         rng: np.random.Generator,
-    ) -> None:
+    ) -> None:  # fmt: skip
         if between not in BETWEEN:
             raise OptionError(f"unknown feedback {between!r} between plans; known are {', '.join(BETWEEN)}")
         if method not in SAMPLING:
@@ -112,7 +101,7 @@ class Controller(Policy):
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling,
         homology: Homology | TimedHomology | None = None,
     ) -> None:  # fmt: skip
-        """Plan by these from now on; nothing is known of earlier plans."""
+        """Replace problem, space and tree; nothing is known of earlier plans."""
         if homology is None:
             homology = homology_of(problem, space) if tree is None else tree.homology
         self.path_integral = PathIntegral(problem, space, sampling, homology=homology)
@@ -124,7 +113,7 @@ class Controller(Policy):
         self.brake = Brake(problem)
 
     def begin(self, x: Array, time: float = 0.0) -> None:
-        """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
+        """Forget the drive so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
         super().begin(x, time)
         self._planned = False
         self._followed: str | None = None  # class, where only one is
@@ -139,10 +128,10 @@ class Controller(Policy):
     def update(self, scene: Scene, vertices: int | None = None) -> None:
         """Continue among other static obstacles; the path driven so far still counts.
 
-        A new tree grows. Classes keep their names: obstacles keep their numbers, and new ones come last, about which
-        turns count from where the robot is; a name gets another number only where its path turns about one of these.
-        Guides, control sequences and statistics of every class go on whose path is still free. An obstacle that has
-        moved off its own marker is another one. Nothing changes if the scene is as it was, or is refused.
+        A new tree grows. Classes keep their names: obstacles keep their numbers, and new ones come last; turns about
+        these count from where the robot is. Guides, control sequences and statistics of a class are kept while its
+        path is free. An obstacle that has moved off its own marker is another one. Nothing changes if the scene is
+        unchanged, or is refused.
 
         Args:
             scene: with the same goal; its start does not matter.
@@ -157,10 +146,12 @@ class Controller(Policy):
             return
         around, pool, homology = self.around, self.pool, self.homology
         self._enter(*new, self.path_integral.sampling)
-        path = entered(self.drive.path, self.space.homology)
+        path = self.drive.path
+        assert isinstance(path, Driven)
+        path.enter(self.space.homology)
         guides = heirs(self.space, path, around.guides.lines(self.drive.since_plan, scene.goal.center))
         classes = guides | heirs(self.space, path, self._ways.lines())
-        names = renamed(classes, homology, self.space.homology)
+        names = {homology.name(then): self.space.homology.name(now) for then, now in classes.items()}
         self.around.inherit(around, guides, names)
         self._ways.inherit(classes)
         self._followed = names.get(self._followed or "")
@@ -168,7 +159,7 @@ class Controller(Policy):
             self.pool.inherit(pool, names)
 
     def _aim(self, here: Array) -> None:
-        """Let a tree in space and time grow for a drive that begins elsewhere than it was grown for."""
+        """Grow a tree in space and time for a drive that begins elsewhere than it was grown for."""
         if self.tree is None or not isinstance(self.homology, TimedHomology):
             return
         scene = self.space.scene
@@ -227,7 +218,7 @@ class Controller(Policy):
         return f"Controller({self.name} for a {of} in {scene}: {self.path_integral.sampling.samples} samples, {tree})"
 
     def _blocked(self, x: Array, why: str, batch: Batch | None = None, references: Sequence[Reference] = ()) -> Plan:
-        """Brake at x (n,), and wait until there is a way; what is remembered of ways is not true any more."""
+        """Brake at x (n,), and wait until there is a path; forget earlier ones."""
         space = self.space if self._foreseen is None else self._foreseen.space
         known = None if batch is None or self.brake.stops else known_law(batch, references)
         halt = self.brake.halt(x, space, self.now, known)
@@ -236,55 +227,37 @@ class Controller(Policy):
             self.pool.forget()
         self.drive.since_plan = 0.0
         return Plan(
-            state=x,
-            times=halt.times,
-            references=tuple(references),
-            ids=() if batch is None else tuple(batch.classes.values()),
-            estimate=None,
-            fallback=why,
-            stops=self.brake.stops,
-            instead=halt.tape,
-            law=halt.law,
-            time=self.drive.time,
-            space=self.space,
+            state=x, times=halt.times, references=tuple(references),
+            ids=() if batch is None else tuple(batch.classes.values()), estimate=None, fallback=why,
+            stops=self.brake.stops, instead=halt.tape, law=halt.law, time=self.drive.time, space=self.space,
             movers=self.movers,
-        )
+        )  # fmt: skip
 
     def _plan(self, batch: Batch, references: list[Reference], estimate: Estimate) -> Plan:
-        """The plan that samples around references make."""
+        """Return the plan that samples around references make."""
         x = batch.state
         push = self.path_integral.leading.push(estimate.rollouts.leads, x, self.now)
         law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
         return Plan(
-            state=x,
-            times=batch.times,
-            references=tuple(references),
-            ids=tuple(batch.classes.values()),
-            estimate=estimate,
-            replay=self.path_integral.replay,
-            fallback=None,
-            law=law,
-            classes=batch.named,
-            time=self.drive.time,
-            push=push,
-            shares=None if law is None else law.weights(x, 0.0),
-            followed=self._followed,
-            space=self.space,
-            movers=self.movers,
-        )
+            state=x, times=batch.times, references=tuple(references), ids=tuple(batch.classes.values()),
+            estimate=estimate, replay=self.path_integral.replay, fallback=None, law=law, classes=batch.named,
+            time=self.drive.time, push=push, shares=None if law is None else law.weights(x, 0.0),
+            followed=self._followed, space=self.space, movers=self.movers,
+        )  # fmt: skip
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
-        """What a plan at x (n,) draws, over steps (T+1,) [s]: around references, or of passive dynamics if none."""
+        """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
         backwards = partial(self._ways.reversed, self.tree, self.homology.asked(x, self.now))
         moment = Moment(now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=backwards)
         batch = self.around.batch(x, references, self._from_start(references), moment)
         return replace(batch, others=self._ways.unseen)
 
     def _estimate(self, batch: Batch, left: Callable[[], float] | None) -> Estimate | None:
-        """What samples say; None if none survives."""
+        """Sample and weigh a batch; None if no sample survives."""
         ids, seed = list(batch.classes.values()), int(self.rng.integers(2**63))
         try:
-            least = self.path_integral.sampling.least if left is None and self.drive.begins else 0.0
+            first = left is None and self.drive.time == self.drive.begun
+            least = self.path_integral.sampling.least if first else 0.0
             estimate = sample(self.path_integral, batch, seed, left=left, least=least)
         except NoSurvivingSample:
             return None
@@ -295,7 +268,7 @@ class Controller(Policy):
         return None if guided and estimate.survivors == 0 else estimate
 
     def _alone(self, estimate: Estimate, ids: list[str], names: Mapping[int, str]) -> Estimate:
-        """What the samples of the best class say; what earlier ones said of another class is forgotten."""
+        """Estimate by the samples of the best class; forget those of earlier plans if it changes."""
         best = best_class(self.problem, estimate, ids, self._followed, consistency=self.consistency)
         if self._followed != ids[best] and self.pool is not None:
             self.pool.forget()
@@ -303,7 +276,7 @@ class Controller(Policy):
         return alone(self.problem, estimate, best, {key: name for key, name in names.items() if name == ids[best]})
 
     def _law(self, pool: ClassPool, estimate: Estimate, batch: Batch, push: Push) -> ClassMixture:
-        """Feedback until the next plan."""
+        """Return the feedback until the next plan."""
         rows = sorted(zip(batch.proposals, estimate.proposal_weights, strict=True), key=lambda row: row[1])
         leads: dict[str, Lead | None] = {one.name: None for one, _ in rows if one.key is not None}
         leads |= {one.name: one.lead for one, _ in rows if one.key is not None and one.lead.follows}
@@ -311,38 +284,30 @@ class Controller(Policy):
         return pool.law(estimate, leads, push, elapsed)
 
     def _references(self, x: Array, most: int | None = None) -> list[Reference]:
-        """The references at x (n,), cheapest first; those of so many classes, None: of all."""
+        """Return the references at x (n,), cheapest first; of `most` classes, None: of all."""
         if self.tree is None or self.method.most == 0:
             return []
         found = self._ways.references(
-            self.tree,
-            self.homology,
-            self.homology.asked(x, self.now),
-            self.driven_class(),
-            pressed=self._pressed,
+            self.tree, self.homology, self.homology.asked(x, self.now), self.driven_class(), pressed=self._pressed,
             most=most,
-        )
+        )  # fmt: skip
         kept = [] if self.method.most is not None else self._kept(x, set(self._from_start(found)))
         return self.method.around(found, kept)[:most]
 
     def _kept(self, x: Array, known: set[tuple[int, ...]]) -> list[Reference]:
-        """The last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""
+        """Return the last guides of classes that the tree, close to a wall, has no curve for from x (n,)."""
         references, driven = [], np.array(self.driven_class())
+        homology = self.homology if self._foreseen is None else self._foreseen.homology
         for whole, rest in self.around.guides.left(self.drive.since_plan, self.space.scene.goal.center):
             winding = integers(np.asarray(whole) - driven)
-            signature = self._signature(x, winding)
+            signature = homology.signature(homology.asked(x, self.now), winding)
             allowed = self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit)
             if allowed and whole not in known:
-                references.append(
-                    Reference(winding=winding, signature=signature, trajectory=rest, named=self.homology.named)
-                )
+                named = self.homology.named
+                references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=named))
         return references
 
-    def _signature(self, x: Array, winding: tuple[int, ...]) -> Array:
-        homology = self.homology if self._foreseen is None else self._foreseen.homology
-        return homology.signature(homology.asked(x, self.now), winding)
-
     def _from_start(self, references: list[Reference]) -> list[tuple[int, ...]]:
-        """Classes of the driven path and each reference together."""
+        """Return the classes of the driven path and each reference together."""
         driven = np.array(self.driven_class())
         return [integers(driven + np.asarray(reference.winding)) for reference in references]

@@ -1,18 +1,18 @@
-"""Feedback between plans: the samples of each class give a desirability of its own, and plans are pooled over time.
+"""Feedback between plans: the samples of each class estimate its desirability, and plans are pooled over time.
 
 Per class c the samples of a plan give log psi_c and u_c = lambda R^-1 G' grad log psi_c at one state. Both are carried
-along with the robot: u_c as what the class's guide does at the new state plus the rest that samples found on top of it,
-and log psi_c along its gradient, d log psi_c = (R u_c / lambda) G^-1 dx_c (Stratonovich). In input form that is
+along with the robot: u_c as the control of the class's guide plus what samples found on top of it, and log psi_c along
+its gradient, d log psi_c = (R u_c / lambda) G^-1 dx_c (Stratonovich). In input form that is
 (R u_c / lambda)' G^+ (dx - f dt), G^+ being the pseudoinverse. Where the state drifts, so that some of its gradient is
-not known, or where bodies move and psi changes with time, it is less by u_c'R u_c dt / 2 lambda: who has to hurry loses
-by waiting. That is the equation of log psi without its second derivatives, what the nearest walls add (they cancel) and
-q, which classes share. The control at any state between plans is then
+unknown, or where obstacles move and psi changes with time, it is less by u_c'R u_c dt / 2 lambda, the loss by waiting.
+That is the equation of log psi without its second derivatives, the wall drift (they cancel) and q, which classes share.
+The control at any state between plans is then
 
     u(x) = sum_c w_c(x) u_c(x),    w(x) = softmax(log psi_c(x)).
 
 Its slope holds the spread of the u_c times R/lambda, as the exact law's does; the gain that Thijssen & Kappen (2015)
 read off the samples' covariance is the linear part of it, and noisier. Since psi_c and psi_c u_c are sums over
-samples, those of earlier plans simply add to those of the last one once carried along, at a weight that fades.
+samples, those of earlier plans add to those of the last one once carried along, at a weight that fades.
 """
 
 from __future__ import annotations
@@ -23,57 +23,58 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.control.guides import kept
-from pirrht.estimation.estimate import Estimate, normalised
+from pirrht.control.proposals import kept
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.weights import normalised
 from pirrht.guidance.leads import Lead
 from pirrht.problem import Problem
 
 MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
-STALE = 0.05  # classes that no sample was of for so long are forgotten [s]
+STALE = 0.05  # classes without samples for so long are forgotten [s]
 BOUND = 2.0  # earlier plans count at most exp(BOUND) times as much as the last one
-NEGLIGIBLE = 25.0  # classes that a first look leaves so many nats behind add nothing to a control
+NEGLIGIBLE = 25.0  # classes that a linear model leaves so many nats behind add nothing to a control
 FADED = -60.0  # classes whose desirability is below the largest by so many nats are forgotten
 
 EVERY = slice(None)
-Push = Callable[[Array, float], Array]  # what the nearest walls add to the controls (m,) at (n,), s [s] after the plan
+Push = Callable[[Array, float], Array]  # wall drift (m,) at a state (n,), s [s] after the plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClassLaw:
-    """What is known of one class near the state where a plan was made."""
+    """Desirability and control of one class near the state of a plan."""
 
     log_psi: float  # up to a constant that all classes share [nats]
-    rest: Array  # (m,) what samples found on top of what is followed of the guide
-    lead: Lead | None  # None: what belongs to no class has none
+    rest: Array  # (m,) what samples found on top of the guide's share
+    lead: Lead | None  # None: samples of no class have none
     age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
     unseen: float = 0.0  # time since samples were last of this class [s]
     trust: float = 1.0  # share of the guide that is followed, as `Leads.trust`
 
     def control(self, x: Array, s: float) -> Array:
-        """Control (m,) of this class at state x (n,), s [s] after the plan; without what the nearest wall adds."""
+        """Return the control (m,) of this class at state x (n,), s [s] after the plan, without wall drift."""
         return self.rest + self.led(x, s)
 
     def led(self, x: Array, s: float) -> Array:
-        """The lead's part of it, (m,), at state x (n,), s [s] after the plan."""
+        """Return the lead's share of the control (m,) at state x (n,), s [s] after the plan."""
         return np.zeros(len(self.rest)) if self.lead is None else self.trust * self.lead(x, s + self.age)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClassMixture:
-    """The control at any state near the plan's."""
+    """Control at any state near the plan's."""
 
     problem: Problem
     state: Array  # (n,) of the plan
     classes: Mapping[str, ClassLaw]
     push: Push
-    laws: tuple[ClassLaw, ...] = field(init=False, repr=False)  # (C,) the same without names
-    known: Array = field(init=False, repr=False)  # (C,) log psi of every class at the plan's state [nats]
-    before: Array = field(init=False, repr=False)  # (C, m) controls there
-    free: Array = field(init=False, repr=False)  # (C, m) those without what the nearest walls add
-    stiff: Array = field(init=False, repr=False)  # R / lambda there, (m, m)
-    inverse: Array = field(init=False, repr=False)  # G_c^-1 there, or G^+, (m, rows)
-    waiting: Array = field(init=False, repr=False)  # (C,) what log psi loses there by waiting [nats/s]
-    drift: Array = field(init=False, repr=False)  # f there, of the states that G has rows for, (rows,)
+    laws: tuple[ClassLaw, ...] = field(init=False, repr=False)  # (C,) of all classes; below: at the plan's state
+    known: Array = field(init=False, repr=False)  # (C,) log psi of every class [nats]
+    before: Array = field(init=False, repr=False)  # (C, m) controls
+    free: Array = field(init=False, repr=False)  # (C, m) controls without wall drift
+    stiff: Array = field(init=False, repr=False)  # R / lambda, (m, m)
+    inverse: Array = field(init=False, repr=False)  # G_c^-1 or G^+, (m, rows)
+    waiting: Array = field(init=False, repr=False)  # (C,) loss of log psi by waiting [nats/s]
+    drift: Array = field(init=False, repr=False)  # f of the states that G has rows for, (rows,)
 
     def __post_init__(self) -> None:
         d, x = self.problem.dynamics, self.state
@@ -92,7 +93,7 @@ class ClassMixture:
         object.__setattr__(self, "waiting", self._loss(free) if self._loses else np.zeros(len(free)))
 
     def __call__(self, x: Array, s: float) -> Array:
-        """Control (m,) at state x (n,), s [s] after the plan was made."""
+        """Return the control (m,) at state x (n,), s [s] after the plan."""
         pull = self._pull(x, s)
         which = self._weighty(s, pull)
         if len(which) == 1:
@@ -103,21 +104,21 @@ class ClassMixture:
         return control
 
     def weights(self, x: Array, s: float) -> dict[str, float]:
-        """Weight of every class at state x (n,), s [s] after the plan."""
+        """Return the weight of every class at state x (n,), s [s] after the plan."""
         weight, _ = normalised(self._at(x, s, self._pull(x, s))[0])
         return dict(zip(self.classes, weight.tolist(), strict=True))
 
     def log_psi(self, x: Array, s: float) -> dict[str, float]:
-        """log psi of every class at state x (n,), s [s] after the plan [nats], up to a constant that all share."""
+        """Return log psi of every class at state x (n,), s [s] after the plan [nats], up to a common constant."""
         return dict(zip(self.classes, self._at(x, s, self._pull(x, s))[0].tolist(), strict=True))
 
     def _weighty(self, s: float, pull: Array) -> IntArray:
-        """Which classes may weigh anything, as far as their controls at the plan's state tell, (k,)."""
+        """Return the classes (k,) of some weight, by their controls at the plan's state."""
         log_psi = self.known + self.before @ pull - s * self.waiting
         return np.flatnonzero(log_psi >= log_psi.max() - NEGLIGIBLE)
 
     def _at(self, x: Array, s: float, pull: Array, which: IntArray | slice = EVERY) -> tuple[Array, Array]:
-        """log psi (k,) and control (k, m) of some classes."""
+        """Return log psi (k,) and control (k, m) of some classes."""
         free = self._free(x, s, which)
         controls = free + self.push(x, s)
         log_psi = self.known[which] + 0.5 * (self.before[which] + controls) @ pull
@@ -127,28 +128,28 @@ class ClassMixture:
 
     @property
     def _loses(self) -> bool:
-        """Whether who has to hurry loses by waiting."""
+        """Check whether log psi falls by waiting."""
         return self.problem.dynamics.drifting_away or bool(self.problem.scene.movers)
 
     def _loss(self, controls: Array) -> Array:
-        """How fast log psi falls of classes of such controls (k, m) while the robot waits, (k,) [nats/s]."""
+        """Return how fast log psi of classes with controls (k, m) falls by waiting, (k,) [nats/s]."""
         return np.asarray(0.5 * np.sum(controls @ self.stiff * controls, axis=1))
 
     def _pull(self, x: Array, s: float) -> Array:
-        """What log psi rises by per control of a class, since the robot has come to x, its drift aside, (m,)."""
+        """Return the rise of log psi per control of a class by moving to x, less drift, (m,)."""
         d, carried = self.problem.dynamics, self.state.copy()
         carried[-d.rows :] += s * self.drift
         return np.asarray(self.stiff @ (self.inverse @ d.difference(x, carried)[-d.rows :]))
 
     def _free(self, x: Array, s: float, which: IntArray | slice = EVERY) -> Array:
-        """Controls (k, m) of some classes without what the nearest walls add."""
+        """Return the controls (k, m) of some classes without wall drift."""
         laws = self.laws[which] if isinstance(which, slice) else [self.laws[k] for k in which.tolist()]
         return np.array([law.control(x, s) for law in laws])
 
 
 @dataclass(slots=True)
 class ClassPool:
-    """Pools what the plans of a drive find out about each class."""
+    """Pools the plans of a drive by class."""
 
     problem: Problem
     fade: float = MEMORY  # [s]; 0: only the last plan counts
@@ -159,12 +160,12 @@ class ClassPool:
         self._last = None
 
     def inherit(self, before: ClassPool, names: Mapping[str, str]) -> None:
-        """Take over what is known of earlier classes; `names` are theirs now."""
+        """Take over earlier classes under their present `names`."""
         laws = {} if before._last is None else kept(before._last.classes, names)
         self._last = replace(before._last, classes=laws) if before._last is not None and laws else None
 
     def law(self, estimate: Estimate, leads: Mapping[str, Lead | None], push: Push, elapsed: float) -> ClassMixture:
-        """The law, control (m,) at a state (n,), after one more plan, made `elapsed` [s] after the last one.
+        """Pool one more plan, made `elapsed` [s] after the last one.
 
         Args:
             leads: what samples around each class followed, by name; None where that does not depend on the state.
@@ -175,14 +176,10 @@ class ClassPool:
             kept = self._last.log_psi(x, elapsed)
             for name, old in self._last.classes.items():
                 fresh = leads.get(name)
-                carried = replace(
-                    old,
-                    log_psi=kept[name] - elapsed / self.fade,
-                    age=old.age + elapsed,
-                    unseen=old.unseen + elapsed,
-                )
-                if carried.unseen > STALE:  # its gradient is no longer known
+                age, unseen = old.age + elapsed, old.unseen + elapsed
+                if unseen > STALE:  # its gradient is no longer known
                     continue
+                carried = replace(old, log_psi=kept[name] - elapsed / self.fade, age=age, unseen=unseen)
                 if fresh is not None:  # another reference than before must not change what is known
                     rest = carried.control(x, 0.0) - trust * fresh(x, 0.0)
                     carried = replace(carried, rest=rest, lead=fresh, age=0.0, trust=trust)

@@ -1,9 +1,8 @@
-"""The methods that a drive can be controlled by, and what each makes of references and samples.
+"""Methods of control: how each uses references and samples.
 
-All of them steer the same robot under the same noise of the plant, and those with samples draw them with the same
-kernels and exit rule, so that what differs is what is said here. Around each of H references there are N samples;
-"best-class" has the same number in all, and "single", "passive" and "mppi" are given N times the classes that are
-allowed at the start (sim), at least as many.
+All steer the same robot under the same noise of the plant, and those with samples draw them with the same kernels and
+exit rule. Around each of H references there are N samples; "best-class" has as many in all, and "single", "passive" and
+"mppi" are given N times the classes that are allowed at the start (sim), at least as many.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Method:
-    """What `Controller` makes of the references at a state and of the samples around them."""
+    """Use of the references at a state and of the samples around them by `Controller`."""
 
     text: str  # one line for a person
     most: int | None = None  # references that are sampled around, cheapest first; None: all
@@ -26,11 +25,11 @@ class Method:
 
     @property
     def mixes(self) -> bool:
-        """Whether samples around several references make one estimate."""
+        """Check that samples around several references make one estimate."""
         return self.most is None and not self.alone
 
     def around(self, found: Sequence[Reference], kept: Sequence[Reference]) -> list[Reference]:
-        """What is sampled around, cheapest first: of what the tree found, and of guides kept from earlier plans."""
+        """Return the references to sample around, cheapest first, of those of the tree and of guides kept."""
         if self.most is not None:
             return list(found[: self.most])
         return sorted([*found, *kept], key=lambda reference: reference.cost) if kept else list(found)

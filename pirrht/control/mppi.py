@@ -1,18 +1,15 @@
 """Model predictive path integral control: one warm-started tape of controls, a finite horizon, no reference, no tree.
 
 Williams, Wagener, Goldfain, Drews, Rehg, Boots and Theodorou, "Information theoretic MPC for model-based
-reinforcement learning" (ICRA 2017), Algorithm 2. Around the tape u_0 .. u_T-1 noise eps is drawn, every path is charged
+reinforcement learning" (ICRA 2017), Algorithm 2. Around the tape u_0 .. u_T-1 noise eps is drawn; a path costs
 
     S = sum of q dt + phi at a collision + cost-to-go at the horizon + sum of u' lambda Sigma^-1 eps dt,
 
-where lambda Sigma^-1 = R for noise that enters with the control, and the tape moves by the mean of eps at the weights
-exp(-S / lambda). Its first control is applied, and after a period the tape is shifted by it. Paths that reach the goal
-before the horizon end there.
+where lambda Sigma^-1 = R for matched noise, and the tape moves by the mean of eps at the weights exp(-S / lambda). Its
+first control is applied, and after a period the tape is shifted by it. Paths end at the goal.
 
-First exit has no final cost, so that what follows the horizon must be guessed; without a guess no path that is still
-under way would prefer one direction to another. Charged is what users of MPPI charge: the straight way to the goal, at
-the cost of driving it at the best speed without obstacles or noise. Behind a wall this misleads; that is what a
-reference is for.
+First exit has no final cost, so the cost after the horizon must be guessed, as users of MPPI do: the straight line to
+the goal at the best speed without obstacles and noise. Behind a wall this misleads, which a reference would not.
 """
 
 from __future__ import annotations
@@ -42,16 +39,16 @@ USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
 
 
 class Mppi(Policy):
-    """MPPI where `Controller` stands in a drive.
+    """MPPI in place of `Controller`.
 
     Args:
         problem: of the samples. One with more noise than the robot's explores more widely: as R stays, lambda grows
             with Sigma, which is how MPPI is tuned.
-        sampling: `samples` counts all that a plan draws; they hold the tape open loop. None: 600 independent ones.
+        sampling: `samples` counts all of a plan; they follow the tape open loop. None: 600 independent ones.
         horizon: length of the tape [s].
-        beyond: what the way from states (k, n) at the horizon to the goal costs, (k,) [cost]; None: `straight_home`.
-        homology: tells classes of drives apart where bodies move; None: that of the problem.
-        predict: what is taken to come of bodies that move; None: as they do.
+        beyond: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: `straight_home`.
+        homology: tells classes of drives apart where obstacles move; None: that of the problem.
+        predict: predicts moving obstacles; None: their motions are known.
         rng: source of one seed per plan.
 
     Raises:
@@ -59,17 +56,10 @@ class Mppi(Policy):
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        space: FreeSpace,
-        sampling: Sampling | None = None,
-        *,
-        horizon: float = HORIZON,
-        beyond: Callable[[Array], Array] | None = None,
-        homology: Homology | TimedHomology | None = None,
-        predict: Prediction | None = None,
-        rng: np.random.Generator,
-    ) -> None:
+        self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = HORIZON,
+        beyond: Callable[[Array], Array] | None = None, homology: Homology | TimedHomology | None = None,
+        predict: Prediction | None = None, rng: np.random.Generator,
+    ) -> None:  # fmt: skip
         if not (np.isfinite(horizon) and horizon > 0):
             raise OptionError(f"the horizon is {horizon:g} s; it must be a positive number")
         sampling = sampling or USUAL
@@ -112,27 +102,19 @@ class Mppi(Policy):
         except NoSurvivingSample:
             estimate = None
         plan = Plan(
-            state=x,
-            times=self.times,
-            references=(),
-            ids=(),
-            estimate=estimate,
-            replay=self.path_integral.replay,
-            fallback="no survivor" if estimate is None else None,
-            instead=tape if estimate is None else None,
-            time=self.drive.time,
-            space=self.space,
-            movers=self.movers,
-        )
+            state=x, times=self.times, references=(), ids=(), estimate=estimate, replay=self.path_integral.replay,
+            fallback="no survivor" if estimate is None else None, instead=tape if estimate is None else None,
+            time=self.drive.time, space=self.space, movers=self.movers,
+        )  # fmt: skip
         self._tape, self.drive.since_plan = plan.tape, 0.0
         return plan
 
 
 def straight_home(problem: Problem) -> Callable[[Array], Array]:
-    """Cost of the straight way from states (k, n) to the goal disc, (k,) [cost], without obstacles and noise.
+    """Return the cost (k,) [cost] of straight lines from states (k, n) to the goal disc, without obstacles and noise.
 
-    A robot that is pushed about drives at the speed that balances q against u'Ru/2, helped by its drift if it has any,
-    in its best direction; one that only drifts, at the speed of its drift; and turning is free.
+    A robot whose position is controlled drives at the speed that balances q against u'Ru/2, helped by its drift, in its
+    best direction; any other at the speed of its drift; and turning is free.
 
     Raises:
         OptionError: a robot that only drifts stands still at the start.

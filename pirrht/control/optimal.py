@@ -1,8 +1,4 @@
-"""The best that any controller can do: the grid's feedback law, asked at every physics step.
-
-It stands where `Controller` stands in a drive, so that the share of runs that a sampler brings to the goal can be
-held against that of the optimal control under the same noise. It needs neither tree nor samples.
-"""
+"""Optimal feedback control by the solved grid, without tree and samples: the upper bound of any controller."""
 
 from __future__ import annotations
 
@@ -21,7 +17,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
 
-DRAWN = 0.5  # a recording draws where the control now would lead in this time [s]
+DRAWN = 0.5  # a recording draws the control now over this time [s]
 
 
 class Optimal(Policy):
@@ -46,11 +42,11 @@ class Optimal(Policy):
 
     @cached_property
     def path_integral(self) -> PathIntegral:
-        """What a recording reads problem and temperature from."""
+        """Sampler that a recording reads problem and temperature from."""
         return PathIntegral(self.problem, self.space, self._sampling)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """The law from state x (n,) on, and v there [cost]; where nothing moves it does not change with time."""
+        """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
         now = self.drive.time
 
         def law(state: Array, since: float = 0.0) -> Array:
@@ -58,16 +54,6 @@ class Optimal(Policy):
 
         value = self.desirability.value(x, now)
         return Plan(
-            state=x,
-            times=np.array([0.0, DRAWN]),
-            references=(),
-            ids=(),
-            estimate=None,
-            fallback=None,
-            instead=law(x)[None, :],
-            law=law,
-            time=now,
-            exact=float(value),
-            space=self.space,
-            movers=self.movers,
-        )
+            state=x, times=np.array([0.0, DRAWN]), references=(), ids=(), estimate=None, fallback=None,
+            instead=law(x)[None, :], law=law, time=now, exact=float(value), space=self.space, movers=self.movers,
+        )  # fmt: skip

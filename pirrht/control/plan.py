@@ -1,4 +1,4 @@
-"""What a controller decides at one state: a control now, open-loop controls for later, and why."""
+"""Decision of a controller at one state: a control now, open-loop controls for later, and their reasons."""
 
 from __future__ import annotations
 
@@ -9,43 +9,49 @@ from typing import Any
 
 import numpy as np
 
+from pirrht import shown
 from pirrht.arrays import Array
-from pirrht.control import plan_view
+from pirrht.errors import OptionError
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
+from pirrht.outcome import Outcome
+from pirrht.plotting import axes as axes_of
+from pirrht.plotting import ground, lines
 from pirrht.tree.reference import Reference
 
-DECIDED = 0.9  # a share this great is a decision: under the exact law shares are martingales, so 1 in 9 is taken back
+DECIDED = 0.9  # share of a decision; under the exact law shares are martingales, so 1 in 9 is reversed
+ALONG = 0.5  # time that the arrow of a control stands for [s]
+FAINT, STRONG = 0.08, 0.6  # opacity of samples, of the least and of the greatest weight
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """What was decided at one state; `Controller.plan` and its kin make it.
+    """Decision at one state, made by `Controller.plan`, `Mppi.plan` or `Optimal.plan`.
 
     Attributes:
         state: where it was made, (n,).
         times: ends of the tape's steps, from 0, (T+1,) [s].
         references: best known path of every class, cheapest first; empty for methods that have none.
         ids: class of each reference, relative to the start of the drive.
-        estimate: what the samples say; None in a fallback, and for methods without samples.
+        estimate: of psi, v and u by samples; None in a fallback, and for methods without samples.
         fallback: why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not.
-        stops: whether the robot can; one that cannot takes the longest free way where it is blocked.
-        replay: what makes the tape of an estimate, and paths that are shown.
-        instead: what becomes of the control in a fallback if there is no noise, (T, m) [control].
+        stops: whether the robot can; one that cannot takes the longest free path where it is blocked.
+        replay: simulates samples again for the tape and for pictures.
+        instead: controls of a fallback without noise, (T, m) [control].
         law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the tape is held.
-        push: what the nearest walls add to a held control, (m,) [control] at a state (n,), so long after [s].
+        push: wall drift (m,) [control] of a held control, at a state (n,) and a time since the plan [s].
         shares: weight of every class under the law, from 0 to 1.
-        followed: the class that the control is of, where it is of one alone.
+        followed: the one class that the control follows; None: all.
         classes: names of the references' classes by additive key.
-        time: of the drive when it was made, or for which [s].
+        time: of the drive, at which the plan starts [s].
         exact: v at the state [cost], where it is known without samples.
-        space: the free space in which it was made, for pictures.
-        movers: bodies as it took them to move, on the drive's clock.
+        space: the free space, for pictures.
+        movers: moving obstacles as predicted, on the drive's clock.
 
     Examples:
-        A plan says what to do now, `plan.control` (m,), and a little later, `plan.at(x, s)`:
+        The control now is `plan.control` (m,), a little later it is `plan.at(x, s)`:
 
         >>> plan = controller.plan(x)  # doctest: +SKIP
         >>> plan  # doctest: +SKIP
@@ -72,17 +78,33 @@ class Plan:
     movers: tuple[Mover, ...] = ()
 
     def __repr__(self) -> str:
-        return plan_view.line(self)
+        if self.estimate is not None:
+            value = f"v {self.estimate.value:.4g} +- {self.estimate.value_error:.2g}"
+        else:
+            value = f"blocked, {self.fallback}" if self.fallback else f"v {self.exact or np.nan:.4g}"
+        which = f", {len(self.ids)} classes" if len(self.ids) != 1 else ", 1 class"
+        weight = self._weights().get(favourite := self.favourite or "")
+        most = f", most weight {shown.turns(favourite)} ({shown.share(weight)})" if weight is not None else ""
+        return f"Plan(at {shown.vector(self.state)}: control {shown.vector(self.control)}, {value}{which}{most})"
 
     def _repr_html_(self) -> str:
-        return plan_view.table(self)
+        by, estimate, rows = self._weights(), self.estimate, []
+        for id, reference in zip(self.ids, self.references, strict=False):
+            ess = "" if estimate is None or id not in estimate.class_ess else f"{estimate.class_ess[id]:.1f}"
+            weight = shown.share(by[id]) if id in by else ""
+            rows.append([shown.turns(id), f"{reference.cost:.4g}", f"{reference.length:.3g}", weight, ess])
+        return shown.table(repr(self), ["class", "cost", "length [m]", "weight", "ESS"], rows)
+
+    def _weights(self) -> dict[str, float]:
+        """Return the weight of every class under the law, else in the estimate; empty without either."""
+        return {**({} if self.estimate is None else self.estimate.class_weights), **(self.shares or {})}
 
     def plot(self, *, samples: int = 60, axes: Any = None) -> Any:
         """Draw the state, the reference of every class, samples and the control on a map of the scene.
 
         Args:
-            samples: how many that arrived are drawn, the heaviest, and how many that died, in a lighter grey.
-            axes: of matplotlib, to draw on; without them a new figure is made.
+            samples: number of the heaviest that arrived, and of those that died, in a lighter grey.
+            axes: of matplotlib; None: those of a new figure.
 
         Returns:
             the axes.
@@ -90,7 +112,36 @@ class Plan:
         Raises:
             OptionError: matplotlib is not installed, or the plan does not know its scene.
         """
-        return plan_view.draw(self, samples, axes)
+        if self.space is None:
+            raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
+        axes = axes_of.on(axes, "plan.plot")
+        ground.draw(axes, self.space.scene, self.time)
+        ground.foreseen(axes, self.movers, self.time)
+        self._plot_samples(axes, samples)
+        by = self._weights()
+        labels = [f"{shown.turns(id)}: {shown.share(by[id]) if id in by else '-'}" for id in self.ids]
+        drawn = list(zip(self.references, labels, strict=False))
+        lines.classes(axes, [one.trajectory.points for one, _ in drawn], [label for _, label in drawn], "class: weight")
+        lines.dot(axes, self.state)
+        if len(self.control) == 2:
+            lines.arrow(axes, self.state[:2], self.state[:2] + ALONG * self.control)
+        axes.set_title(f"{self.space.scene.name} at {self.time:.2f} s", fontsize=10)
+        return axes
+
+    def _plot_samples(self, axes: Any, count: int) -> None:
+        """Draw the heaviest samples, stronger the more they weigh, then as many of those that died."""
+        if self.estimate is None or self.replay is None or count < 1:
+            return
+        rollouts, weight = self.estimate.rollouts, self.estimate.weight
+        arrived = np.flatnonzero(rollouts.paths.outcome == Outcome.GOAL)
+        died = np.flatnonzero(rollouts.paths.outcome == Outcome.COLLISION)[:count]
+        best = arrived[np.argsort(-weight[arrived], kind="stable")[:count]]
+        share = weight[best] / max(float(weight[best].max(initial=0.0)), 1e-300)
+        for chosen, opacity in ((died, FAINT), (best, FAINT + (STRONG - FAINT) * share)):
+            if len(chosen):
+                states, steps = self.replay.trace(rollouts, chosen)
+                paths = [path[: int(count) + 1, :2] for path, count in zip(states, steps, strict=True)]
+                lines.many(axes, paths, lines.SAMPLE, width=0.7, opacity=opacity, zorder=2)
 
     @property
     def tape(self) -> Array:
@@ -116,11 +167,7 @@ class Plan:
         return self.tape[0] if self.estimate is None else self.estimate.control
 
     def at(self, x: Array, s: float) -> Array:
-        """Control (m,) at time s [s] after the plan was made, at state x (n,).
-
-        With feedback between plans the control follows the state. Where it is held, under feedback
-        guidance the part that the nearest wall accounts for still follows the state.
-        """
+        """Return the control (m,) at state x (n,), s [s] after the plan; a held one still has the wall drift at x."""
         if self.law is not None:
             return self.law(x, s)
         if s + 1e-9 < self.times[1]:
@@ -136,11 +183,11 @@ class Plan:
         if self.followed is not None:
             return self.followed
         weights = self.shares or self.estimate.class_weights
-        return max(weights, key=lambda name: weights[name]) if weights else None
+        return max(weights, key=lambda name: weights[name], default=None)
 
     @property
     def decided(self) -> str | None:
-        """The favourite, if it has at least `DECIDED` of the weight or is followed alone; None if all is still open."""
+        """The favourite, if it has at least `DECIDED` of the weight or is followed alone; else None."""
         favourite = self.favourite
         if self.estimate is None or self.followed is not None or favourite is None:
             return favourite

@@ -1,9 +1,10 @@
-"""Who decides during a drive, and what every policy remembers of it."""
+"""Interface of all policies, the record of their drive, and the time budget of a plan."""
 
 from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -21,32 +22,64 @@ from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 
+PRESSED = 0.3  # share of the time for sampling that is left when time is short
+GROWN, FEW = 0.6, 100  # share left when a tree that had to be regrown is kept if it has so many vertices
+SPENT = 0.6  # share for what classes take before they are sampled
+EACH = 0.5  # share of a plan's time until then that is proportional to the number of its classes
+ALONE = 0.5  # share of the time that is counted on when only the first plan is known: nothing ran next to it
+RECENT = 5  # plans that the number of classes is predicted by
+
+Left = Callable[[], float]  # time left for sampling [s]
+
+
+def pressed_of(left: Left | None) -> Callable[[], bool]:
+    """Return whether time is short, measured by the time left now."""
+    if left is None:
+        return lambda: False
+    least = PRESSED * left()
+    return lambda: left() < least
+
+
+def enough_of(left: Left | None) -> Callable[[int], bool] | None:
+    """Return whether a tree of so many vertices is kept as it is; None: it never is."""
+    if left is None:
+        return None
+    whole = left()
+    return lambda vertices: left() < whole * (GROWN if vertices >= FEW else PRESSED)
+
+
+class Pace:
+    """Predicts the number of classes that a plan against a clock has time for, by how long the last ones took."""
+
+    def __init__(self) -> None:
+        self._recent: deque[tuple[int, float]] = deque(maxlen=RECENT)  # classes, and time until they were sampled [s]
+
+    def most(self, left: Left | None) -> int | None:
+        """Return the number of classes, cheapest first, that a plan has time for; None: all."""
+        if left is None or not self._recent:
+            return None
+        time = SPENT * left() * (ALONE if len(self._recent) == 1 else 1.0)
+        return max(1, int(min(classes * (1.0 + (time / taken - 1.0) / EACH) for classes, taken in self._recent)))
+
+    def note(self, classes: int, taken: float) -> None:
+        """Record how long a plan of so many classes took until samples were drawn [s]."""
+        self._recent.append((max(classes, 1), max(taken, 1e-6)))
+
 
 class Drive:
-    """A drive so far: its path, which gives classes their names, and the time since plans were made.
-
-    Args:
-        homology: of classes.
-        x: where it starts, (n,).
-        time: when, on the clock of bodies that move [s].
-    """
+    """A drive so far, from x (n,) at a time [s]: its path, which gives classes their names, and times of plans."""
 
     def __init__(self, homology: Homology | TimedHomology, x: Array, time: float = 0.0) -> None:
         self.path = driven(homology, x, time)
         self.since_plan = 0.0  # [s]
         self.since_estimate = 0.0  # since the last plan that samples told anything [s]
-        self.time = time  # of the drive, which is that of bodies that move [s]
+        self.time = time  # of the drive and of moving obstacles [s]
         self.begun = time  # when it started [s]
         self.asked: Array | None = None  # the state of a plan since which no time has passed, (n,)
         self.known = time  # until when it is not only expected [s]
 
-    @property
-    def begins(self) -> bool:
-        """Whether no time has passed."""
-        return self.time == self.begun
-
     def ask(self, x: Array) -> None:
-        """Take note of a plan at x (n,); a warning if the robot has moved since the last one and nobody says how.
+        """Record a plan at x (n,); warn if the robot has moved since the last one and nothing was observed.
 
         Raises:
             OptionError: x has entries that are no finite numbers.
@@ -71,31 +104,24 @@ class Drive:
 
 
 class Policy(ABC):
-    """A feedback law that plans anew as it drives: `Controller`, `Mppi` or `Optimal`.
-
-    Attributes:
-        space: the scene as it is, with the bodies in it as they move.
-        homology: tells classes apart, those of drives among the rest.
-        predict: what is taken to come of bodies that move; None: as they do.
-        movers: those bodies as the next plan takes them to move, on the drive's clock.
-    """
+    """A feedback law that replans as it drives: `Controller`, `Mppi` or `Optimal`."""
 
     problem: Problem
-    space: FreeSpace
-    homology: Homology | TimedHomology
+    space: FreeSpace  # the scene, with its moving obstacles
+    homology: Homology | TimedHomology  # of references and drives
     tree: HomologyTree | None = None  # None: it needs none
-    predict: Prediction | None = None
+    predict: Prediction | None = None  # None: motions are known
     drive: Drive
-    movers: tuple[Mover, ...]
+    movers: tuple[Mover, ...]  # moving obstacles as the next plan predicts them, on the drive's clock
     _foreseen: Foreseen | None = None
     _held: float | None = None  # how long the control of the last step is held [s]
 
     @abstractmethod
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """Decide at state x (n,); `left` tells the time left for sampling [s], where that is limited."""
+        """Decide at state x (n,); `left` returns the time left for sampling [s], where that is limited."""
 
     def step(self, x: Array, dt: float) -> Array:
-        """The control (m,) at x (n,) for the next dt [s]: what was driven since the last step is observed, and planned.
+        """Observe the last step, plan at x (n,) and return the control (m,) for the next dt [s].
 
         Args:
             dt: how long the control will be held, until the next step [s].
@@ -121,49 +147,49 @@ class Policy(ABC):
         return plan.control
 
     def begin(self, x: Array, time: float = 0.0) -> None:
-        """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
+        """Forget the drive so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
         self.drive = Drive(self.homology, x, time)
         self._foreseen, self.movers, self._held = None, self.space.scene.movers, None
         if self.predict is not None:
             self.predict.begin()
 
     def observe(self, states: Array, duration: float, until: float | None = None) -> None:
-        """Take note of the states (k, n) just driven through and the time it took [s].
+        """Record the states (k, n) just driven through and the time it took [s].
 
         Args:
-            until: when the last of them was reached [s], where time has passed already; None: it is now.
+            until: when the last of them was reached [s], if that is over; None: now.
         """
         self.drive.passed(duration)
         self.drive.known = self.drive.time if until is None else until
         self.drive.path.observe(states, self.drive.known - self.since)
 
     def expect(self, states: Array, duration: float) -> None:
-        """Suppose that the robot will drive through the states (k, n) next; `duration` [s] since the last plan's start.
+        """Plan for the end of states (k, n) to be driven through next, `duration` [s] after the last plan.
 
-        The next plan is made for the end of them. What is observed afterwards takes their place, at no duration.
+        Observations, of no duration, replace them.
         """
         self.drive.passed(duration)
         self.drive.path.expect(states, self.drive.time - self.since)
 
     def driven_class(self) -> tuple[int, ...]:
-        """Class (M,) of the driven path, completed by the straight line to the goal point [turns]."""
+        """Return the class (M,) of the driven path, completed by a straight line to the goal point [turns]."""
         return self.drive.path.winding()
 
     @property
     def since(self) -> float:
-        """When the clock starts that what is foreseen is told on [s]."""
+        """Start of the prediction's clock [s]."""
         return 0.0 if self._foreseen is None else self._foreseen.since
 
     @property
     def now(self) -> float:
-        """The time on that clock [s]."""
+        """Time on the prediction's clock [s]."""
         return self.drive.time - self.since
 
     def _look(self, x: Array, rest: Array | None, enough: Callable[[int], bool] | None = None) -> Foreseen | None:
-        """What is foreseen at x (n,), if that has changed; the class of a path keeps its name.
+        """Return the prediction at x (n,), if it has changed; the class of a path keeps its name.
 
         Args:
-            rest: what is left of it from x on, (k, 3) [m, m, s] on the drive's clock, of a drive under way.
+            rest: the path ahead of x, (k, 3) [m, m, s] on the drive's clock, of a drive under way.
             enough: whether time is too short for a tree of more vertices; None: it never is.
         """
         if self.predict is None:

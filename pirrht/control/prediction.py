@@ -1,7 +1,7 @@
-"""What a planner takes to come of bodies that move, where it does not know their motions.
+"""Prediction of moving obstacles whose motions are unknown.
 
-A robot sees where bodies are and how fast; it takes them to go straight on, turning as they do. That is foretold once
-and holds until what is seen is something else: then it is foretold anew, with a tree that is grown for it.
+A robot sees poses and velocities; it predicts constant velocities and turn rates. A prediction holds until an
+observation contradicts it: then it is updated, with a new tree.
 """
 
 from __future__ import annotations
@@ -23,52 +23,47 @@ from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.in_time import TimedHomology
 from pirrht.tree.homology_tree import HomologyTree
 
-OFF = 0.005  # a body that is farther from where it was foretold moves otherwise [m]
-SOON = 1.0  # and so does one that by its velocity will be ten times as far off after this time [s]
-AHEAD = 2.0  # times the time to cross the workspace at the best speed, for which bodies go on
+OFF = 0.005  # an obstacle that is farther from its prediction contradicts it [m]
+SOON = 1.0  # as does one that by its velocity will be ten times as far off after this time [s]
+AHEAD = 2.0  # horizon, in times to cross the workspace at the best speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Foreseen:
-    """What is foretold, on a clock of its own."""
+    """A prediction, on a clock of its own."""
 
     space: FreeSpace
     homology: TimedHomology
-    tree: HomologyTree | None  # None: nobody asks for one
+    tree: HomologyTree | None  # None: none is required
     since: float  # when its clock starts, on that of the drive [s]
 
 
 class Prediction(Protocol):
-    """Foretells how bodies move."""
+    """Predicts moving obstacles."""
 
     def begin(self) -> None:
-        """Forget what was foretold; a new drive begins."""
+        """Forget the last prediction; a new drive begins."""
 
     def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Foreseen:
-        """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,).
+        """Return the prediction of a robot that has seen all until `seen` [s] and plans at x (n,).
 
         Args:
-            enough: whether a tree of so many vertices stays as it is, since time is short; None: it never is.
+            enough: whether time is too short to grow a tree of so many vertices further; None: it never is.
         """
 
 
 class ByVelocity:
-    """Bodies go on as fast as they are seen to move.
+    """Predicts constant velocities.
 
     Args:
-        space: the scene, whose bodies are asked where they are and how fast, and for nothing else.
+        space: the scene, whose obstacles are queried for poses and velocities, and for nothing else.
         steering: of trees.
         grown: a tree that has its roots only, for a space; None: there are no trees.
         vertices: of each tree.
     """
 
     def __init__(
-        self,
-        space: FreeSpace,
-        steering: InTime,
-        grown: Callable[[FreeSpace], HomologyTree] | None,
-        *,
-        vertices: int,
+        self, space: FreeSpace, steering: InTime, grown: Callable[[FreeSpace], HomologyTree] | None, *, vertices: int
     ) -> None:
         self.space, self.steering, self.grown, self.vertices = space, steering, grown, vertices
         self.horizon = AHEAD * float(np.hypot(*(space.scene.upper - space.scene.lower))) / steering.pace
@@ -77,17 +72,17 @@ class ByVelocity:
         self._last: Foreseen | None = None
 
     def begin(self) -> None:
-        """Forget what was foretold; a new drive begins."""
+        """Forget the last prediction; a new drive begins."""
         self._last = None
 
     def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Foreseen:
-        """What is foretold to a robot that has seen all until `seen` [s] and plans at x (n,)."""
+        """Return the prediction of a robot that has seen all until `seen` [s] and plans at x (n,)."""
         if self._last is None or not self._holds(self._last, seen):
             self._last = self._foretold(x, seen, enough)
         return self._last
 
     def _holds(self, last: Foreseen, seen: float) -> bool:
-        """Whether bodies move as they were foretold to."""
+        """Check that obstacles move as predicted."""
         for actual, foretold in zip(self.space.scene.movers, last.space.scene.movers, strict=True):
             then = seen - last.since
             off = actual.motion.pose(seen) - foretold.motion.pose(then)
@@ -100,7 +95,7 @@ class ByVelocity:
         movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
         start = np.array([x[0], x[1], self.space.scene.start[2]])
         if self._shapes is None:
-            self._shapes = self.space.among(movers)  # FCL's of its own: a drive asks those of the scene meanwhile
+            self._shapes = self.space.among(movers)  # FCL's of its own: a drive queries those of the scene meanwhile
         space = replace(self._shapes, scene=replace(self.space.scene, start=start)).foretold(movers)
         homology, tree = self.steering.homology(space), self._tree(space, enough)
         return Foreseen(space=space, homology=homology, tree=tree, since=seen)
@@ -111,13 +106,13 @@ class ByVelocity:
         tree = self.grown(space)
         if self._passages is None:
             self._passages = tree.passages
-        tree.passages = self._passages  # of what stands
+        tree.passages = self._passages  # static
         tree.grow(self.vertices, enough=enough)
         return tree
 
 
 def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
-    """A body that from a time on goes straight on for as long as the horizon [s], on a clock that starts then."""
+    """Return an obstacle of constant velocity from a time on, up to the horizon [s], on a clock that starts then."""
     pose, velocity = np.array(mover.motion.pose_at(time)), mover.motion.velocity(time)
     rows = np.array([[0.0, *pose], [horizon, *(pose + horizon * velocity)]])
     return replace(mover, motion=Motion(rows=rows))
@@ -125,25 +120,25 @@ def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
 
 @dataclass(slots=True)
 class Way:
-    """Where the last plan's favourite leads, by which classes are known again when something else is foretold."""
+    """Path of the last plan's favourite, by which classes are identified under another prediction."""
 
     rows: Array | None = None  # (k, 3) [m, m, s] on the drive's clock
 
     def note(self, plan: Plan) -> None:
-        """Take the way of a plan's favourite."""
+        """Record the path of a plan's favourite."""
         chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
         if chosen is not None:
             self.rows = _timed(chosen.trajectory, plan.time)
 
     def left(self, x: Array, time: float) -> Array | None:
-        """What is left of it from x (n,) at a time [s] on, (k, 3) [m, m, s]."""
+        """Return the path ahead of x (n,) at a time [s], (k, 3) [m, m, s]."""
         if self.rows is None:
             return None
         return np.vstack([[*x[:2], time], self.rows[self.rows[:, 2] > time]])
 
 
 def _timed(way: Trajectory, begin: float) -> Array:
-    """Where a way that begins at a time [s] is when, its end included, (k, 3) [m, m, s]."""
+    """Return places and times of a path that begins at a time [s], its end included, (k, 3) [m, m, s]."""
     if isinstance(way.path, Legs):
         knots = way.path.knots
         shift = np.array([0.0, 0.0, begin - knots[0, 2]])

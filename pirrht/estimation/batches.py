@@ -1,9 +1,8 @@
-"""Sampling in several batches, as many as a target or the time left asks for.
+"""Sampling in several batches, as many as a target or the time left requires.
 
-The first batch alone is an unbiased estimate of psi. A number of batches that depends on what they found
-(`Sampling.target`) tends to stop when heavy samples have not been met yet, so that the estimate is consistent, for ever
-more samples exact, but not unbiased. So it is where time decides, as far as the time that samples take depends on what
-becomes of them.
+The first batch alone is an unbiased estimate of psi. A number of batches that depends on their samples
+(`Sampling.target`) tends to stop before heavy samples are met, so that the estimate is consistent but not unbiased; a
+time limit does so as far as the time that samples take depends on their outcome.
 """
 
 from __future__ import annotations
@@ -18,26 +17,21 @@ from pirrht.estimation.estimate import Estimate, Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.guidance.leads import Batch
 
-FILLED = 0.6  # of the time left is used by the next round, since the pace changes; with the last, it is all used
-FIRST = 0.1  # of the samples of a plan come first where bodies move, lest what else a plan needs makes them late
+FILLED = 0.6  # share of the time left that the next round takes, since the pace changes
+FIRST = 0.1  # share of a plan's samples that come first where obstacles move, since the rest of a plan takes time
 FIRST_MOST = 64  # times the samples of a plan that the first of a drive draws at most (`Sampling.least`)
-MOST = 150_000  # samples of a plan, however much time there is: weighing more of them takes longer than it is worth
+MOST = 150_000  # samples of a plan at any time limit: weighing more takes longer than it is worth
 
 
 def sample(
-    integral: PathIntegral,
-    batch: Batch,
-    seed: int,
-    *,
-    left: Callable[[], float] | None = None,
-    least: float = 0.0,
+    integral: PathIntegral, batch: Batch, seed: int, *, left: Callable[[], float] | None = None, least: float = 0.0
 ) -> Estimate:
-    """Sample the paths of a batch, more like them as settings or time ask for, and weigh all (Algorithm 4, line 4).
+    """Sample the paths of a batch in one or more rounds, and weigh all (Algorithm 4, line 4).
 
     Args:
         seed: of the plan; equal seeds give equal paths.
-        left: time left [s]; more batches are drawn until it is up.
-        least: more batches are drawn until so many effective samples are there.
+        left: time left [s]; rounds are drawn until it is up.
+        least: rounds are drawn up to so many effective samples.
 
     Raises:
         NoSurvivingSample: no sample has any weight.
@@ -69,13 +63,10 @@ def sample(
 
 
 def _until(
-    left: Callable[[], float],
-    pace: float,
-    drawn: float,
-    number: NDArray[np.int64],
+    left: Callable[[], float], pace: float, drawn: float, number: NDArray[np.int64],
     draw: Callable[[NDArray[np.int64]], None],
-) -> None:
-    """Draw rounds of samples while time is left: of `number` (H,) so many times as many are drawn, each `pace` [s]."""
+) -> None:  # fmt: skip
+    """Draw rounds while time is left; `drawn` times `number` (H,) samples are there, of `pace` [s] per `number`."""
     least, most = drawn, MOST / float(number.sum())
     while drawn < most:
         before = left()
@@ -87,7 +78,7 @@ def _until(
 
 
 def _so_far(integral: PathIntegral, parts: Sequence[Rollouts]) -> tuple[float, float]:
-    """The control's largest standard error [control] and effective samples; infinite and 0 if none survives."""
+    """Return the control's largest standard error [control] and effective samples; inf and 0 without survivors."""
     try:
         estimate = integral.weighed(parts)
     except NoSurvivingSample:
@@ -96,5 +87,5 @@ def _so_far(integral: PathIntegral, parts: Sequence[Rollouts]) -> tuple[float, f
 
 
 def _seed(seed: int, r: int) -> int:
-    """Seed of a round; that of the first is the plan's own."""
+    """Return the seed of a round; that of the first is the plan's own."""
     return seed if r == 0 else int(np.random.SeedSequence([seed, r]).generate_state(1, np.uint64)[0] >> np.uint64(1))

@@ -1,7 +1,4 @@
-"""What weighted samples say: psi, the value, the control, and how much of it each class accounts for.
-
-Weights stay logarithms throughout: phi/lambda can exceed a million.
-"""
+"""Estimates by weighted samples: psi, the value, the control, and the share of each class."""
 
 from __future__ import annotations
 
@@ -14,32 +11,31 @@ from numpy.typing import NDArray
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimation.sums import centred, grouped, scatter
-from pirrht.estimation.tails import heavy, tail_shape
+from pirrht.estimation.weights import centred, deviation, grouped, heavy, tail_shape
 from pirrht.guidance.near_walls import NearWalls
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.records import Leads, MovingSetup, Origin, Paths, Setup
 
 OTHER = "other"
-SHOWN, LEAST = 4, 0.005  # so many classes are told in a line, and none of less weight
-FEW = 10.0  # effective samples that are too few for standard errors to mean much
+SHOWN, LEAST = 4, 0.005  # number and least weight of classes in one line
+FEW = 10.0  # effective samples that are too few for reliable standard errors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rollouts:
-    """S sampled paths from one state; full states are simulated again for those that are shown."""
+    """S sampled paths from one state; their states are simulated again where needed (`Replay`)."""
 
     origin: Origin
     leads: Leads
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
-    setup: Setup | MovingSetup | None = None  # what they met; None: what a replay knows
-    rise: Array | None = None  # (H, m) what each lead is now above its mean over the first step [control]
+    setup: Setup | MovingSetup | None = None  # of the sampler; None: that of a replay
+    rise: Array | None = None  # (H, m) each lead now less its mean over the first step [control]
 
     @property
     def x0(self) -> Array:
-        """State that they start from, (n,)."""
+        """Initial state (n,)."""
         return self.origin.x
 
     @property
@@ -53,26 +49,24 @@ class Rollouts:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
-    """What the samples say about one state; `plan.estimate` of a `Plan`.
+    """Estimate at one state by samples; `plan.estimate` of a `Plan`.
 
     Attributes:
         control: u* now, (m,) [control].
         log_psi: logarithm of the desirability [nats].
         value: v = -lambda log psi [cost].
-        value_error: standard error of v [cost]; its largest term counts several times (`sums.scatter`).
-        control_error: standard error of the control, (m,) [control], with what its mean over leading steps may miss at
-            walls.
+        value_error: standard error of v [cost]; its largest term counts several times (`weights.scatter`).
+        control_error: standard error of the control, (m,) [control], with the bias of its mean near walls.
         ess: effective sample size (sum w)^2 / sum w^2 of all samples.
         weight: normalised, (S,), of the samples in `rollouts`; with others in `parts` they sum to less than 1.
         class_weights: weight, from 0 to 1, by the class of each sample's own path, "other" for the rest.
         class_ess: effective sample size within each class.
-        class_controls: mean of u* over the first step within each class, (m,) [control], without what the nearest wall
-            adds.
+        class_controls: mean of u* over the first step within each class, (m,) [control], without wall drift.
         proposal_weights: weight by the reference a sample was drawn around, (H,).
         survivors: number of samples that reached the goal.
         rollouts: the last samples that have any weight.
-        parts: all samples, in the rounds in which they were drawn.
-        walls: what the nearest ones do to `control`.
+        parts: all samples, by round.
+        walls: wall drift and its effect on `control`.
 
     Examples:
         >>> estimate = controller.plan(x).estimate  # doctest: +SKIP
@@ -98,7 +92,7 @@ class Estimate:
 
     @property
     def push(self) -> Array:
-        """The part of `control` that the nearest walls account for, (m,) [control]."""
+        """Wall drift, a part of `control`, (m,) [control]."""
         return self.walls.push
 
     def __repr__(self) -> str:
@@ -107,10 +101,10 @@ class Estimate:
         return f"Estimate({self._figures()}{f'; {classes}' if classes else ''})"
 
     def _repr_html_(self) -> str:
-        rows = [
-            [shown.turns(name), shown.share(weight), f"{self.class_ess[name]:.1f}", shown.vector(self._led_by(name))]
-            for name, weight in sorted(self.class_weights.items(), key=lambda one: -one[1])
-        ]
+        rows = []
+        for name, weight in sorted(self.class_weights.items(), key=lambda one: -one[1]):
+            control = shown.vector(self.class_controls[name] + self.push)
+            rows.append([shown.turns(name), shown.share(weight), f"{self.class_ess[name]:.1f}", control])
         return shown.table(self._figures(), ["class", "weight", "ESS", "control"], rows)
 
     def _figures(self) -> str:
@@ -118,54 +112,24 @@ class Estimate:
         control = f"control {shown.vector(self.control)} +- {shown.vector(self.control_error)}"
         return f"v {self.value:.4g} +- {self.value_error:.2g}, {control}, ESS {self.ess:.0f} of {drawn}"
 
-    def _led_by(self, name: str) -> Array:
-        return self.class_controls[name] + self.push
-
     @property
     def doubtful(self) -> bool:
-        """Whether it rests on so few effective samples that its errors say little."""
+        """Check for too few effective samples for reliable errors."""
         return self.ess < FEW
 
     @property
     def tail(self) -> float:
-        """Shape k of the tail of the weights (`tails.tail_shape`); nan where too few have any."""
+        """Shape k of the tail of the weights (`weights.tail_shape`); nan where too few have any."""
         return tail_shape(self._log_weight())
 
     @property
     def heavy_tailed(self) -> bool:
-        """Whether weights that were not drawn may outweigh all that were, so that its errors are too small."""
+        """Check whether weights that were not drawn may outweigh all that were, so that errors are too small."""
         log_weight = self._log_weight()
         return heavy(tail_shape(log_weight), len(log_weight))
 
     def _log_weight(self) -> Array:
         return np.concatenate([part.log_weight for part in self.parts])
-
-
-def log_weights(
-    problem: Problem, rule: str, paths: Paths, first: NDArray[np.int64], part: tuple[int, int] | None = None
-) -> Array:
-    """Logarithm of the contribution to psi of each sample, (S,) [nats], or of those from part[0] to part[1].
-
-    Args:
-        rule: one of WEIGHTS; "average" is the paper's (sections III-B and IV-C). Under "biased" samples weigh by their
-            cost alone, whatever drew them (Trevisan and Alonso-Mora, IEEE RA-L 2024): no estimate of psi.
-        first: (H+1,) first sample of each reference; the last entry is S.
-    """
-    number = np.diff(first)
-    H, S = len(number), int(first[-1])
-    chosen = slice(0, S) if part is None else slice(*part)
-    outcome = paths.outcome[chosen]
-    log_weight = paths.lasting[chosen] - paths.work[chosen] / problem.temperature
-    log_weight[outcome == Outcome.COLLISION] -= problem.phi / problem.temperature
-    if rule == "average":
-        samples = np.arange(S)[chosen]
-        own = np.searchsorted(first, samples, side="right") - 1
-        # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
-        log_weight += np.log(S / (H * number[own])) - paths.log_ratio[samples, own]
-    elif rule != "biased":
-        log_weight -= _log_mean(paths.log_ratio[chosen], number / S)
-    log_weight[outcome == Outcome.TIMEOUT] = -np.inf
-    return log_weight
 
 
 def weigh(
@@ -174,11 +138,11 @@ def weigh(
     """Weigh the samples: v and its error [cost], u (m,) and its error, and the share of every class in them.
 
     Args:
-        walls: what the nearest ones do to the control at the state.
+        walls: wall drift at the state.
         classes: additive class keys to the names of the references' classes.
 
     Each part is weighed by its own proposals. Where these were fixed before it was drawn, the mean over all samples is
-    an unbiased estimate of psi, even if they were chosen by what earlier parts found.
+    an unbiased estimate of psi, even if they depend on earlier parts.
 
     Raises:
         NoSurvivingSample: no sample has any weight.
@@ -186,10 +150,8 @@ def weigh(
     paths, log_weight, first = joined(parts)
     top = float(log_weight.max())
     if not np.isfinite(top):
-        raise NoSurvivingSample(
-            collisions=int(np.sum(paths.outcome == Outcome.COLLISION)),
-            timeouts=int(np.sum(paths.outcome == Outcome.TIMEOUT)),
-        )
+        lost = [int(np.sum(paths.outcome == one)) for one in (Outcome.COLLISION, Outcome.TIMEOUT)]
+        raise NoSurvivingSample(collisions=lost[0], timeouts=lost[1])
     relative = np.exp(log_weight - top)
     total = float(relative.sum())
     weight = relative / total
@@ -229,38 +191,10 @@ def weigh(
     )
 
 
-def normalised(log_weight: Array) -> tuple[Array, float]:
-    """Weights (S,) that sum to 1, from logarithms [nats], and their effective size; zeros and 0 where none has any."""
-    top = float(log_weight.max(initial=-np.inf))
-    if not np.isfinite(top):
-        return np.zeros(len(log_weight)), 0.0
-    relative = np.exp(log_weight - top)
-    weight: Array = relative / relative.sum()
-    return weight, float(1.0 / np.sum(weight**2))
-
-
 def joined(parts: Sequence[Rollouts]) -> tuple[Paths, Array, NDArray[np.int64]]:
-    """All paths, their log weights (S,) [nats], and where those around each reference of a part begin, S at last."""
-    paths = (
-        parts[0].paths if len(parts) == 1 else Paths(*map(np.concatenate, zip(*(p.paths for p in parts), strict=True)))
-    )
+    """Join all paths, their log weights (S,) [nats], and the first sample of each reference of a part, S at last."""
+    paths = parts[0].paths
+    if len(parts) > 1:
+        paths = Paths(*map(np.concatenate, zip(*(part.paths for part in parts), strict=True)))
     number = np.concatenate([np.diff(part.leads.first) for part in parts])
     return paths, np.concatenate([part.log_weight for part in parts]), np.concatenate([[0], np.cumsum(number)])
-
-
-def _log_mean(log_ratio: Array, share: Array) -> Array:
-    """log sum_g share_g exp(log_ratio_g), row by row."""
-    top = log_ratio[:, 0].copy()
-    for column in log_ratio.T[1:]:  # few and long: several times as fast as a maximum along the rows
-        np.maximum(top, column, out=top)
-    mean: Array = top + np.log(np.einsum("sh,h->s", np.exp(log_ratio - top[:, None]), share))
-    return mean
-
-
-def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> Array:
-    """Standard deviations (k,) of sums of terms (S, k), those around one reference being distributed alike.
-
-    Terms are independent, or those of antithetic pairs are only so together; `first` is as `joined` gives it.
-    """
-    spread: Array = scatter(np.ascontiguousarray(terms), first, 2 if paired else 1)
-    return spread

@@ -1,4 +1,4 @@
-"""What samples around references follow, and how hard walls push them: tapes, or climbing the desirability of a way."""
+"""Leads of samples around references, tapes or climbs of a way's desirability, and their wall drift."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.records import Leads
 from pirrht.steering.trajectory import Trajectory
 
-UNSURE = 3.0  # by so many nats a shortfall may change before it is found anew
-HOPELESS = 16.0  # classes that promise so many nats less than another are worth only a few samples
+UNSURE = 3.0  # nats by which a shortfall may change before it is updated
+HOPELESS = 16.0  # classes that promise so many nats less than another get only a few samples
 BEHIND = 0.5826  # deviations of a step; minus zeta(1/2) / sqrt(2 pi)
-SMALLEST = 0.2  # of the goal's disc is left of it at least
-STRAIGHT = 1e-3  # bends of a way that are less are none: a way that cuts corners by more leads into them [m]
+SMALLEST = 0.2  # share of the goal's radius that is left at least
+STRAIGHT = 1e-3  # bends of a way below this are dropped; one that cuts corners by more leads into them [m]
 
 
 class Leading:
-    """Leads for one problem, sampled in one manner.
+    """Leads for one problem and sampling.
 
     Attributes:
-        arena: what rollouts judge exits by.
-        traffic: what is taken to move, on the clock of plans; None: nothing does.
+        arena: of the rollouts' exits.
+        traffic: predicted moving obstacles, on the clock of plans; None: there are none.
         beyond: how far behind walls psi vanishes [m].
         steady: whether the optimal control is a martingale (`is_steady`).
     """
@@ -52,66 +52,59 @@ class Leading:
 
     @property
     def climbs(self) -> bool:
-        """Whether samples climb the desirability of references' ways, pushed off walls, instead of following tapes."""
+        """Check whether samples climb the desirability of references' ways instead of following tapes."""
         return self.sampling.guide == "feedback" and self.problem.dynamics.even and self.traffic is None
 
     @property
     def climbs_too(self) -> bool:
-        """Whether some samples climb beside others that follow guides: those of a point among bodies that move."""
+        """Check whether some samples climb next to others that follow guides: of a point among moving obstacles."""
         return self.traffic is not None and self.pointlike and self.problem.dynamics.even
 
     @property
     def pointlike(self) -> bool:
-        """Whether samples are led by feedback and it is positions that controls move."""
+        """Check whether samples follow feedback and controls move positions."""
         d = self.problem.dynamics
         return self.sampling.guide == "feedback" and d.n == d.m == 2
 
     def leads(
         self, x: Array, times: Array, trajectories: Sequence[Trajectory], shortfalls: Sequence[float] | None = None
     ) -> Sequence[Lead]:
-        """What samples from x (n,) follow: ways of references if it `climbs`, else tapes over the steps (T+1,) [s].
+        """Return leads from x (n,): climbs of references' ways if it `climbs`, else tapes over the steps (T+1,) [s].
 
         Args:
             trajectories: the references, (H,), cheapest first.
-            shortfalls: how much less than without walls they are expected to promise, (H,) [nats]; if given, those
-                that promise less than exp(-HOPELESS) of another's psi hold their tapes.
+            shortfalls: expected losses of log psi to walls, (H,) [nats]; if given, classes that promise less than
+                exp(-HOPELESS) of another's psi get their tapes.
         """
         found: list[Lead] = []
         goal, most = self.space.scene.goal, -math.inf
         for h, trajectory in enumerate(trajectories):
-            foretold, lead = -math.inf, None
-            expected = math.inf
+            promise, lead, expected = -math.inf, None, math.inf
             if shortfalls is not None:
                 expected = self.bound(x, trajectory) - max(0.0, shortfalls[h] - UNSURE)
             if self.climbs and expected >= most - HOPELESS:
                 lead = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
-                foretold = lead.promise
-            if lead is None or (shortfalls is not None and foretold < most - HOPELESS):
-                found.append(Tape(times, trajectory.tape(times), foretold))
-            else:
-                found.append(lead)
-            most = max(most, foretold)
+                promise = lead.promise
+            hopeless = lead is None or (shortfalls is not None and promise < most - HOPELESS)
+            found.append(Tape(times, trajectory.tape(times), promise) if lead is None or hopeless else lead)
+            most = max(most, promise)
         return found
 
     def bound(self, x: Array, trajectory: Trajectory) -> float:
-        """About the most that log psi of a reference's class can be from x (n,) [nats]: what it is without walls."""
+        """Return log psi of a reference's class from x (n,) without walls [nats], about an upper bound."""
         return -self.scales(x).decay * trajectory.length
 
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> Climb:
-        """Climbing the desirability of the way from x (n,) over the corners of a line (k, 2) [m] to the goal point.
-
-        Args:
-            time: now, on the clock of what moves [s].
-        """
+        """Return the climb from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
         push = self._push(scales.reach, self.sampling.leading, time=time)
         return Climb(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
 
     def beside(self, x: Array, trajectory: Trajectory, time: float) -> Climb | None:
-        """What samples of a point may follow besides a guide among bodies that move; None of other systems.
+        """Return the climb of a point next to its guide among moving obstacles; None of other systems.
 
-        Walls that stand bend psi more than a law that is linear around one trajectory tells, and a way knows how. It
-        knows nothing of bodies, but those that are near push.
+        Static walls bend psi more than a law that is linear around one trajectory, and a way knows how. It ignores
+        moving obstacles, but those nearby add to the wall drift.
         """
         if not self.climbs_too:
             return None
@@ -119,26 +112,21 @@ class Leading:
         return self.climbing(x, _bends(line)[1:], time)
 
     def push(self, leads: Leads, x: Array | None = None, time: float = 0.0) -> Push:
-        """What the nearest walls add to the control (m,) near samples that followed these leads, for any state (n,).
+        """Return the wall drift (m,) near samples that followed these leads, for any state (n,).
 
         Args:
             x: the state (n,) that they start from; close to it FCL's clearance is used, not the field's lower bound.
-            time: when they do, on the clock of what moves [s].
+            time: when they start, on the clock of moving obstacles [s].
         """
         slack = 0.0
         if x is not None and leads.reach > 0.0:
             known = float(clearance(self.space.field, x[0], x[1]))
-            slack = (
-                max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known) if known < leads.reach else 0.0
-            )
+            if known < leads.reach:
+                slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known)
         return self._push(leads.reach, float(leads.times[1]), slack, time)
 
     def near_walls(self, leads: Leads, x: Array, time: float) -> NearWalls:
-        """What the nearest walls do at x (n,) to the control now of samples that followed these leads.
-
-        Args:
-            time: when they start, on the clock of what moves [s].
-        """
+        """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these leads."""
         push = self.push(leads, x, time)
         if self.steady and leads.reach > 0.0:
             return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
@@ -152,30 +140,30 @@ class Leading:
         )  # fmt: skip
 
     def scales(self, x: Array) -> Scales:
-        """Those at x (n,), which are the same everywhere if G, B and R are."""
+        """Return the scales at x (n,), which are constant if G, B and R are."""
         return Scales.of(self.problem, x) if self._everywhere is None else self._everywhere
 
     def nearest(self, x: Array, time: float) -> float:
-        """Distance of x (n,) from the nearest wall or the goal's disc at a time [s], [m]."""
+        """Return the distance of x (n,) from the nearest wall or the goal's disc at a time [s], [m]."""
         return min(self.room(x, time), float(self.from_goal(x)))
 
     def room(self, x: Array, time: float) -> float:
-        """Distance of x (n,) from the nearest wall at a time [s], [m]."""
+        """Return the distance of x (n,) from the nearest wall at a time [s], [m]."""
         near = float(clearance(self.arena.field, x[0], x[1]))
         if self.traffic is None:
             return near
         return min(near, float(traffic_clearance(self.traffic, x[0], x[1], time)))
 
     def from_goal(self, x: Array) -> Array:
-        """Distances of x (..., n) from the goal's disc, (...) [m], negative inside."""
+        """Return the distances of x (..., n) from the goal's disc, (...) [m], negative inside."""
         gx, gy = self.arena.goal
         return np.asarray(np.hypot(x[..., 0] - gx, x[..., 1] - gy) - self.arena.radius)
 
     def _set_back(self, x: Array) -> tuple[float, Arena]:
-        """How far behind walls psi vanishes where exits are judged at the ends of steps [m], and an arena without them.
+        """Return how far behind walls psi vanishes where exits are judged at the ends of steps [m], and that arena.
 
-        A path that is looked at every dt meets a wall like one that is always looked at meets a wall 0.5826 deviations
-        of a step behind it (Broadie, Glasserman and Kou, Mathematical Finance 1997); so it does the goal's rim.
+        A path judged every dt meets a wall like one judged always meets a wall 0.5826 deviations of a step behind it
+        (Broadie, Glasserman and Kou, Mathematical Finance 1997); so it does the goal's rim.
         """
         arena = self.arena
         if self.sampling.exit == "bridge" or not self.climbs:
@@ -186,7 +174,7 @@ class Leading:
 
 
 def _bends(line: Array) -> Array:
-    """Corners (j, 2) of a line (k, 2) [m] that is off them by STRAIGHT at most [m]."""
+    """Simplify a line (k, 2) [m] to corners (j, 2) that it is off by STRAIGHT at most [m]."""
     if len(line) < 3:
         return line
     along = line[-1] - line[0]

@@ -1,4 +1,4 @@
-"""Samples simulated once more: a path is a function of seed and number alone, so that its steps are not kept."""
+"""Replay of samples: a path is a function of seed and number alone, so that its steps are not kept."""
 
 from __future__ import annotations
 
@@ -9,27 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Rollouts, normalised
+from pirrht.estimation.estimate import Rollouts
+from pirrht.estimation.weights import normalised
 from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup
 
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to a tape
 
 
 class Replay(NamedTuple):
-    """Makes tapes and shown paths of the samples that an estimate rests on."""
+    """Makes tapes and paths of the samples of an estimate."""
 
     kernels: Kernels
     setup: Setup | MovingSetup
 
     def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
-        """States (c, T+1, n) of chosen samples (c,), and the number of steps each took, (c,)."""
+        """Return states (c, T+1, n) of chosen samples (c,), and the number of steps of each, (c,)."""
         T = rollouts.leads.control.shape[1]
         states, steps = np.zeros((len(chosen), T + 1, len(rollouts.x0))), np.zeros(len(chosen), np.int64)
         self.kernels.trace(rollouts.setup or self.setup, rollouts.leads, rollouts.origin, chosen, states, steps)
         return states, steps
 
     def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
-        """Open-loop controls of groups of samples, each with weights normalised within the group.
+        """Return open-loop controls of groups of samples, with weights normalised within each group.
 
         Args:
             groups: disjoint masks (S,) of samples.
@@ -49,7 +50,7 @@ class Replay(NamedTuple):
         return total, alive, ess
 
     def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:
-        """Open-loop controls (T, m) of all samples (paper, end of IV-C), and the weight under way (T,)."""
+        """Return open-loop controls (T, m) of all samples (paper, end of IV-C), and the weight under way (T,)."""
         top = max(float(part.log_weight.max()) for part in parts)
         share = np.array([float(np.exp(part.log_weight - top).sum()) for part in parts])
         share /= share.sum()

@@ -3,9 +3,8 @@
 With S samples drawn around H references, psi = E_P[W]. The paper averages H estimators, each weighing its samples
 by dP/dQ_h. The balance heuristic weighs every sample by dP / (1/S sum_g N_g dQ_g) instead: with finitely many
 samples the plain average is too high by up to lambda ln H, since samples around one reference practically never
-visit the classes of the others. Only the estimate of psi is unbiased, for the chain that is sampled, and only where
-numbers of samples were fixed beforehand; u is a ratio and v a logarithm, which are consistent. Within a step walls are
-flat: what that biases shrinks with the steps, which are split near walls and goal.
+visit the classes of the others. Within a step walls are flat: that bias shrinks with the steps, which are split near
+walls and goal.
 """
 
 from __future__ import annotations
@@ -18,11 +17,12 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.threads import mapped
-from pirrht.estimation.estimate import Estimate, Rollouts, log_weights, weigh
+from pirrht.estimation.estimate import Estimate, Rollouts, weigh
 from pirrht.estimation.leading import Leading
 from pirrht.estimation.replay import Replay
 from pirrht.estimation.sampling import Sampling
 from pirrht.estimation.tables import Tables
+from pirrht.estimation.weights import log_weights
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.geometry.traffic import Traffic
@@ -45,20 +45,15 @@ class PathIntegral:
     """Draws and weighs samples around references; the problem and its scene stay fixed.
 
     Args:
-        beyond: costs (k,) [cost] of going on from states (k, n) at the end of the grid; None: a path that has not
-            arrived by then weighs nothing.
-        homology: of the problem's paths; None: where bodies move, with bases at the best speed.
+        beyond: terminal costs (k,) [cost] of states (k, n) at the end of the grid; None: a path that has not arrived
+            by then weighs nothing.
+        homology: of the problem's paths; None: where obstacles move, with bases at the best speed.
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        space: FreeSpace,
-        sampling: Sampling,
-        *,
-        beyond: Callable[[Array], Array] | None = None,
-        homology: Homology | TimedHomology | None = None,
-    ) -> None:
+        self, problem: Problem, space: FreeSpace, sampling: Sampling, *,
+        beyond: Callable[[Array], Array] | None = None, homology: Homology | TimedHomology | None = None,
+    ) -> None:  # fmt: skip
         self.problem, self.space, self.sampling, self.beyond = problem, space, sampling, beyond
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
@@ -67,13 +62,11 @@ class PathIntegral:
         self.homology = found if isinstance(found, TimedHomology) else None
         self.setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
         self.guidance: Guidance | AnyGuidance | None = None
-        if sampling.guide == "feedback" and self.moving:
-            self.guidance = AnyGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
-        elif sampling.guide == "feedback" and Guidance.suits(problem):
+        if sampling.guide == "feedback" and not self.moving and Guidance.suits(problem):
             assert isinstance(self.setup, Setup)
             self.guidance = Guidance(problem, self.setup, sways=sampling.fitted)
-        elif sampling.guide == "feedback" and AnyGuidance.suits(problem):
-            self.guidance = AnyGuidance(problem, self.setup, sways=sampling.fitted)
+        elif sampling.guide == "feedback" and (self.moving or AnyGuidance.suits(problem)):
+            self.guidance = AnyGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
         self.replay = Replay(self.kernels, self.setup)
         traffic = self.setup.traffic if isinstance(self.setup, MovingSetup) else None
         self.leading = Leading(problem, space, sampling, self.setup.arena, traffic)
@@ -81,10 +74,7 @@ class PathIntegral:
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
     def foresee(self, traffic: Traffic, homology: TimedHomology) -> None:
-        """From now on bodies are taken to move otherwise, as `homology` of the same motions has them.
-
-        Both are on the clock that times of batches and guides are told on.
-        """
+        """Replace the prediction of moving obstacles and its homology, on the clock of batches and guides."""
         assert isinstance(self.setup, MovingSetup)
         self.setup, self.homology = self.setup._replace(traffic=traffic), homology
         self.leading.traffic = traffic
@@ -92,12 +82,12 @@ class PathIntegral:
             self.guidance.setup, self.guidance.homology = self.setup, homology
 
     def warm_up(self) -> None:
-        """Compile what guides and samples need, so that the first plan takes no longer than the others."""
+        """Compile the kernels of guides and samples, so that the first plan takes no longer than the others."""
         self.warm_up_guides()
         self.warm_up_samples()
 
     def warm_up_guides(self) -> None:
-        """Compile what makes guides of references."""
+        """Compile the kernels of guides."""
         x = self.problem.dynamics.state_of(self.problem.scene.start)
         if self.guidance is not None:
             self.guidance.warm_up(x)
@@ -105,27 +95,26 @@ class PathIntegral:
             self.leading.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)
 
     def warm_up_samples(self) -> None:
-        """Compile what sampling, weighing and tracing need."""
+        """Compile the kernels of sampling, weighing and tracing."""
         d = self.problem.dynamics
         x, times = d.state_of(self.problem.scene.start), np.arange(3.0)
         proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
         rollouts = self.rollout(Batch(state=x, times=times, proposals=(proposal,)), 0)
-        self.weighed([replace(rollouts, log_weight=np.zeros(1))])  # whatever became of the sample
+        self.weighed([replace(rollouts, log_weight=np.zeros(1))])  # whatever the outcome of the sample
         self.replay.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.replay.trace(rollouts, np.zeros(1, dtype=np.int64))
         clearance(self.space.field, x[0], x[1])
 
     def grid(self, reference_cost: float) -> Array:
-        """Ends of the rollout steps (T+1,) [s], up to T_max = (c_ref + 40 lambda) / q_min where a path weighs nothing.
-
-        A control read off the first step is the mean over that step. Where the plan is made anew more often than
-        every dt, the first dt is cut finer (`Sampling.leading`), since near a wall the mean over dt is much weaker than
-        the control now.
-        """
+        """Return the ends of the rollout steps (T+1,) [s] up to T_max = (c_ref + 40 lambda) / q_min."""
         return self.steps((reference_cost + TAIL * self.temperature) / self.problem.least_rate)
 
     def steps(self, horizon: float) -> Array:
-        """Ends of the rollout steps (T+1,) [s] up to a horizon [s], the first dt cut finer where it is to be."""
+        """Return the ends of the rollout steps (T+1,) [s] up to a horizon [s].
+
+        The control of the first step is the mean over that step, near a wall much weaker than the control now. Where
+        plans follow each other more often than every dt, the first dt is therefore split (`Sampling.leading`).
+        """
         dt = self.sampling.dt
         steps = max(1, int(np.ceil(horizon / dt)))
         parts = max(1, round(dt / self.sampling.leading))
@@ -134,16 +123,16 @@ class PathIntegral:
 
     @property
     def leads_itself(self) -> bool:
-        """Whether what samples follow is made here, so that references need no controls."""
+        """Check whether samples follow guides or climbs, so that references need no controls."""
         return self.guidance is not None or self.leading.climbs
 
     @property
     def shares(self) -> bool:
-        """Whether references may have unequal numbers of samples, by what those of earlier plans contributed."""
+        """Check whether references may have unequal numbers of samples, by contributions in earlier plans."""
         return self.guidance is None or isinstance(self.guidance, AnyGuidance)
 
     def prepare(self, batch: Batch) -> None:
-        """Make the tables by which the paths of a batch are sampled, whatever the numbers of samples."""
+        """Make the tables of a batch, for any numbers of samples."""
         self.tables.of(batch, self.setup, self.homology)
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
@@ -159,18 +148,15 @@ class PathIntegral:
             log_weight[slice(*part)] = log_weights(self.problem, self.sampling.weights, paths, first, part)
 
         _in_parallel(work, S, self.threads if self.kernels.alone < S else 1)
-        rollouts = Rollouts(
-            origin=origin,
-            leads=leads,
-            paths=paths,
-            log_weight=log_weight,
-            setup=self.setup,
-            rise=None if self.guidance is None else _rise(batch, leads.trust),
-        )
+        rise = None
+        if self.guidance is not None:
+            x = batch.state
+            rise = np.array([leads.trust * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals])
+        rollouts = Rollouts(origin=origin, leads=leads, paths=paths, log_weight=log_weight, setup=self.setup, rise=rise)
         return rollouts if self.beyond is None else self._completed(rollouts, self.beyond)
 
     def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Rollouts:
-        """The same, with paths that are under way at the end of the grid charged what the rest costs."""
+        """Charge paths that are under way at the end of the grid their terminal cost."""
         paths = rollouts.paths
         under_way = np.flatnonzero(paths.outcome == Outcome.TIMEOUT)
         if len(under_way) == 0:
@@ -178,10 +164,8 @@ class PathIntegral:
         work, outcome = paths.work.copy(), paths.outcome.copy()
         work[under_way] += beyond(self.replay.trace(rollouts, under_way)[0][:, -1])
         outcome[under_way] = Outcome.GOAL
-        arrived = paths._replace(work=work, outcome=outcome)
-        return replace(
-            rollouts, log_weight=log_weights(self.problem, self.sampling.weights, arrived, rollouts.leads.first)
-        )
+        arrived, first = paths._replace(work=work, outcome=outcome), rollouts.leads.first
+        return replace(rollouts, log_weight=log_weights(self.problem, self.sampling.weights, arrived, first))
 
     def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
         """Weigh the samples: v [cost], u (m,); `classes` maps additive class keys to names of references' classes.
@@ -201,14 +185,8 @@ class PathIntegral:
         return weigh(self.problem, parts, self.leading.near_walls(first.leads, first.x0, first.origin.time), classes)
 
 
-def _rise(batch: Batch, trust: float) -> Array:
-    """What leads of a batch are now above their means over the first step, (H, m) [control]."""
-    x = batch.state
-    return np.array([trust * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals])
-
-
 def _in_parallel(work, count: int, threads: int) -> None:  # type: ignore[no-untyped-def]
-    """Split a range of samples over threads; what a sample is does not depend on the split."""
+    """Split a range of samples over threads; samples do not depend on the split."""
     if threads == 1:
         work((0, count))
         return

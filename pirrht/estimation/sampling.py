@@ -1,4 +1,4 @@
-"""How paths are drawn and weighed: the settings of a sampler."""
+"""Settings of a sampler."""
 
 from __future__ import annotations
 
@@ -18,27 +18,24 @@ STEPS = ("fitted", "uniform")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """How paths are drawn and weighed.
+    """Settings of drawing and weighing paths.
 
     Attributes:
         dt: rollout step [s].
-        steps: with exit along the step, steps of dt are "fitted" to the place, split near walls and goal (where no
-            noise acts on the position they are whole ones, within which that moves as in continuous time), or
-            "uniform" (paper).
-        first: with exit along the step, the first dt is cut into steps of this length [s].
+        steps: with exit along the step, steps of dt are "fitted" to the place, split near walls and goal (without noise
+            on the position they are whole, and it moves as in continuous time), or "uniform" (paper).
+        first: with exit along the step, the first dt is split into steps of this length [s].
         samples: N, around each reference.
         exit: first exit judged along the step ("bridge") or at its end ("endpoint", the paper's).
-        weights: "balance" heuristic, plain "average" (the paper's), or "biased": no likelihood ratio, as in
-            Biased-MPPI.
-        guide: samples of a point climb psi of their class from where they are, those of other systems follow a guide's
-            "feedback"; or they hold the tape of their reference "open-loop" (paper).
+        weights: "balance" heuristic, plain "average" (the paper's), or "biased": no likelihood ratio (Biased-MPPI).
+        guide: "feedback": samples of a point climb psi of their class, those of other systems follow a guide; or they
+            follow the tape of their reference "open-loop" (paper).
         window: under feedback the control now is averaged over so long [s] where walls and goal are far.
         draws: "antithetic" pairs of samples with opposite noise, or "independent" ones (the paper's).
         target: sample on until the control's standard error is no larger [control]: consistent, not unbiased.
-        least: effective samples of the first plan of a drive: more are drawn until it has so many, 64 N at most.
+        least: effective samples of the first plan of a drive, with 64 N samples at most.
         budget: with a target, samples around each reference at most; None: 16 N.
-        allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper), as those of a
-            unicycle are anyway.
+        allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper; of a unicycle).
         threads: None for all cores this process may use; results do not depend on it.
 
     Raises:
@@ -72,18 +69,18 @@ class Sampling:
         return f"Sampling({', '.join(other) or 'defaults'})"
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.dt) and self.dt > 0):
-            raise OptionError(f"dt is {self.dt:g}; it must be a positive number of seconds")
-        if self.first is not None and not self.first > 0:
-            raise OptionError(f"first is {self.first:g}; it must be a positive number of seconds")
-        if not (np.isfinite(self.window) and self.window >= 0):
-            raise OptionError(f"window is {self.window:g}; it must be a number of seconds")
-        if self.target is not None and not self.target > 0:
-            raise OptionError(f"target is {self.target:g}; it must be a positive standard error of the control")
-        if self.budget is not None and (self.target is None or self.budget < self.samples):
-            raise OptionError(f"budget is {self.budget}; it needs a target and at least the {self.samples} samples")
-        if self.samples < 1:
-            raise OptionError(f"samples is {self.samples}; at least 1 is needed")
+        enough = self.budget is None or (self.target is not None and self.budget >= self.samples)
+        for name, valid, rule in (
+            ("dt", 0 < self.dt < np.inf, "it must be a positive number of seconds"),
+            ("first", self.first is None or self.first > 0, "it must be a positive number of seconds"),
+            ("window", 0 <= self.window < np.inf, "it must be a number of seconds"),
+            ("target", self.target is None or self.target > 0, "it must be a positive standard error of the control"),
+            ("budget", enough, f"it needs a target and at least the {self.samples} samples"),
+            ("samples", self.samples >= 1, "at least 1 is needed"),
+        ):
+            if not valid:
+                value = getattr(self, name)
+                raise OptionError(f"{name} is {value if isinstance(value, int) else format(value, 'g')}; {rule}")
         choices = {"exit": EXITS, "steps": STEPS, "weights": WEIGHTS, "guide": GUIDES}
         for name, known in (choices | {"allocation": ALLOCATIONS, "draws": DRAWS}).items():
             if getattr(self, name) not in known:
@@ -91,15 +88,12 @@ class Sampling:
 
     @property
     def leading(self) -> float:
-        """Length of the steps that the first dt is cut into [s].
-
-        Exit at the end of a step belongs to the chain with steps of dt, which a finer one is not: there it is dt.
-        """
+        """Length of the steps that the first dt is split into [s]; dt with exits at ends of steps."""
         return self.dt if self.first is None or self.exit == "endpoint" else self.first
 
     @property
     def fitted(self) -> bool:
-        """Whether steps are split near walls and goal, or a car turns within them; not with exits at their ends."""
+        """Check whether steps are split near walls and goal, or turn; not with exits at their ends."""
         return self.exit == "bridge" and self.steps == "fitted"
 
     @property

@@ -1,4 +1,4 @@
-"""The tables that kernels read of a batch: its leads, its steps, and how they are to be cut."""
+"""Tables of a batch for the kernels: its leads, its steps, and how these are split."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.leading import Leading
 from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch
+from pirrht.guidance.leads import Batch, Follow
 from pirrht.guidance.tracking import Guidance
 from pirrht.guidance.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
 from pirrht.guidance.ways import NODES
@@ -19,27 +18,25 @@ from pirrht.rollouts.ways import no_ways
 from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.marks import NO_MARKS, Marks
 
-MOMENTS = np.arange(1, 9) / 8.0  # of the window at which one looks where a guide is
-LEAST = 1.0 / 300.0  # of a step that is split near walls and goal remains at least
+MOMENTS = np.arange(1, 9) / 8.0  # shares of the window at which a guide's clearance is evaluated
+LEAST = 1.0 / 300.0  # least share of a step that is split near walls and goal
 DEVIATIONS, FASTER = 6.0, 1.5  # of noise, and of the longest step of a guide, that steps hardly ever exceed
-SMALL = 0.01  # among bodies that move no step is split over which noise carries a point by so many radii of the robot
+SMALL = 0.01  # among moving obstacles no step is split over which noise carries a point by so many robot radii
 
 
 class Tables:
     """Tables of one sampler; those of the last batch are kept for one that differs in numbers of samples only."""
 
     def __init__(self, leading: Leading, guidance: Guidance | AnyGuidance | None) -> None:
-        self.leading, self.guidance = leading, guidance
+        self.leading = leading
         self.problem, self.sampling = leading.problem, leading.sampling
+        general = guidance if isinstance(guidance, AnyGuidance) else None
+        self._finer, self._width = (1, LAW) if general is None else (FINER, general.law_width)  # of laws
+        self._pushes = leading.climbs or (general is not None and general.gated)
         self._last: tuple[Batch | None, Leads | None] = None, None
 
     def of(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> Leads:
-        """The tables of a batch.
-
-        Args:
-            setup: what rollouts meet.
-            homology: of paths in space and time, where bodies move.
-        """
+        """Return the tables of a batch; `homology` is that of paths in space and time, where obstacles move."""
         known, leads = self._last
         first = np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64)
         if leads is None or not _alike(known, batch):
@@ -56,23 +53,17 @@ class Tables:
         pointlike = self.leading.pointlike
         near = self.leading.nearest(x, batch.time) if pointlike else np.inf
         leads = Leads(
-            control=np.zeros((H, T, m)),
-            drift=np.zeros((H, T, m)),
-            times=np.ascontiguousarray(times, dtype=float),
-            active=np.zeros(H, dtype=np.int64),
-            first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, NODES, scales.decay),
-            reach=self._reach(scales),
-            beyond=self.leading.beyond,
-            least=self._least(scales) if self.sampling.fitted else np.inf,
+            control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
+            active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
+            ways=no_ways(H, C, NODES, scales.decay), reach=scales.reach if self._pushes else 0.0,
+            beyond=self.leading.beyond, least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=self._window(batch, scales, near) if pointlike else 1,
-            mirrored=self.sampling.draws == "antithetic",
-            law=self._laws(H, T),
+            mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * self._finer, self._width)),
             led=np.zeros(H, np.int64),
             marks=NO_MARKS if homology is None else Marks.of(homology, x, times + batch.time),
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
-        )
+        )  # fmt: skip
         leads = leads._replace(counted=self._counted(batch, leads, scales), nearby=self._nearby(batch, leads, setup))
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(leads, h)
@@ -86,10 +77,9 @@ class Tables:
         return self.leading.traffic is not None
 
     def _window(self, batch: Batch, scales: Scales, near: float) -> int:
-        """Leading steps over which the control of a point is averaged, `near` [m] to walls and goal.
+        """Return the number of leading steps over which the control of a point is averaged, `near` [m] to an exit.
 
-        A mean of all that paths apply is of those that are still under way, which stop short of the goal otherwise than
-        those that have arrived: it ends before these are many.
+        Arrived paths apply no control and would bias a mean over all: it ends before they are many.
         """
         shortest = AMONG if self._moving else AVERAGED
         most = window(scales.noise, near, batch.times, self.sampling.window, shortest)
@@ -101,9 +91,9 @@ class Tables:
         return max(most, window(scales.noise, 0.0, batch.times, self.sampling.window, shortest))
 
     def _counted(self, batch: Batch, leads: Leads, scales: Scales) -> float:
-        """Share of a law that counts in the control now as it is at the start.
+        """Return the share of a law that counts in the control now by its value at the start.
 
-        Of a steady point none, unless it comes so near walls meanwhile that the mean misses more than near ones take.
+        For a steady point it is zero, unless it comes near other walls meanwhile, whose bias is not corrected.
         """
         if not self.leading.steady:
             return leads.trust
@@ -116,7 +106,7 @@ class Tables:
         return leads.trust * squeezed(scales.noise, np.array(room), times)
 
     def _nearby(self, batch: Batch, leads: Leads, setup: Setup | MovingSetup) -> Nearby:
-        """The bodies that steps may meet: noise and the fastest guide carry paths no farther, or walls push there."""
+        """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
         if not isinstance(setup, MovingSetup):
             return NO_NEARBY
         traffic, field, d, spread = setup.traffic, setup.arena.field, self.problem.dynamics, 0.0
@@ -130,36 +120,25 @@ class Tables:
         return Nearby.of(traffic, frame, leads.times + batch.time, reach)
 
     def _least(self, scales: Scales) -> float:
-        """No step near walls is shorter than this [s]."""
+        """Return the length of the shortest steps near walls [s]."""
         least = LEAST * self.sampling.dt
         if not self._moving or not self.problem.dynamics.noisy_position:
             return least
         return max(least, (SMALL * self.problem.scene.robot_radius) ** 2 / scales.noise)
 
-    def _reach(self, scales: Scales) -> float:
-        """Of walls that push (`Leads.reach`) [m]; 0: they do not."""
-        pushing = self.leading.climbs or (isinstance(self.guidance, AnyGuidance) and self.guidance.gated)
-        return scales.reach if pushing else 0.0
-
-    def _laws(self, H: int, T: int) -> Array:
-        """Room for the laws of H references over T steps."""
-        if isinstance(self.guidance, AnyGuidance):
-            return np.zeros((H, T * FINER, self.guidance.law_width))
-        return np.zeros((H, T, LAW))
-
 
 def _guides(batch: Batch) -> list[tuple[int, AnyGuide]]:
-    """The guides that samples follow, each after how many do."""
+    """Return the guides that samples follow, each after their number."""
     return [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, Follow)]
 
 
 def _places(guide: AnyGuide, times: Array) -> Array:
-    """Where a guide is at times (k,) [s] since the plan, (k, 2) [m]."""
+    """Return places (k, 2) [m] of a guide at times (k,) [s] since the plan."""
     return np.stack([np.interp(times, guide.times, column) for column in guide.states.T[:2]], axis=1)
 
 
 def _alike(one: Batch | None, other: Batch) -> bool:
-    """Whether two batches differ in nothing but numbers of samples."""
+    """Check that two batches differ in nothing but numbers of samples."""
     if one is None or one.state is not other.state or one.times is not other.times or one.time != other.time:
         return False
     pairs = zip(one.proposals, other.proposals, strict=False)

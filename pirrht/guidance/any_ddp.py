@@ -1,9 +1,9 @@
 """Compiled local optimisation of any system's trajectory, and the linear feedback that holds noisy paths near it.
 
-Differential dynamic programming (Mayne, Int. J. Control 1966) on the steps that rollouts take. In noise units
-a = B_c^-1 G_c u (in input form s^-1 u) the control costs lambda a'a / 2, whatever G, B and R are; beside q there is the
-price on clearances that noise would use up (`ddp`). The quadratic model of the cost-to-go yields
-a = a_ref + K (x - x_ref) and what covariance it leaves to the noise of a step: lambda dt Q_aa^-1 of the passive one.
+Differential dynamic programming (Mayne, Int. J. Control 1966) on the steps of rollouts. In noise units
+a = B_c^-1 G_c u (in input form s^-1 u) the control costs lambda a'a / 2 for any G, B and R; to q the clearance cost is
+added. The quadratic model of the cost-to-go yields a = a_ref + K (x - x_ref) and the covariance that it leaves to the
+noise of a step: lambda dt Q_aa^-1 of the passive one.
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ import numpy as np
 from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.listed import held_of
+from pirrht.guidance.any_guide import COURSE
 from pirrht.guidance.backward_pass import backward_of
-from pirrht.guidance.car import class_of
-from pirrht.guidance.course import COURSE
-from pirrht.guidance.ddp import HALVINGS
+from pirrht.guidance.clearance_cost import touches
+from pirrht.guidance.ddp import HALVINGS, class_of
 from pirrht.guidance.forward_pass import passes_of
-from pirrht.guidance.priced_among import touches
 from pirrht.guidance.step_map import step_of
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.general.kind import Kind
@@ -31,7 +30,7 @@ from pirrht.topology.marks import key_of_path
 
 
 class Optimiser(NamedTuple):
-    """Compiled passes of one kind of dynamics."""
+    """Kernels of one kind of dynamics."""
 
     forward: Any
     backward: Any
@@ -42,7 +41,7 @@ class Optimiser(NamedTuple):
 
 @cache
 def optimiser(kind: Kind) -> Optimiser:
-    """Kernels that optimise trajectories of one kind of dynamics; built once per kind."""
+    """Build the kernels that optimise trajectories of one kind of dynamics."""
     velocity, _, expand = step_of(kind)
     arrival, forward = passes_of(kind)
     backward = backward_of(kind)
@@ -50,28 +49,27 @@ def optimiser(kind: Kind) -> Optimiser:
 
     @kernel
     def _is_free(setup, states, length, times, bows):  # type: ignore[no-untyped-def]
-        """Whether the first `length` steps of states (T+1, n), straight or bows, touch nothing; `times` (T+1,) [s]."""
+        """Check that the first `length` steps of states (T+1, n), straight or bows, touch nothing."""
         f, turn = np.zeros((2, n)), 0.0
         if moving:
             held, listed = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
         for i in range(length):
-            x, y, dx, dy = states[i, 0], states[i, 1], states[i + 1, 0] - states[i, 0], states[i + 1, 1] - states[i, 1]
+            x, y, to_x, to_y = states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1]
+            dt = times[i + 1] - times[i]
             if bows:
                 velocity(setup, states[i], f[0])
                 velocity(setup, states[i + 1], f[1])
-                turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], dx, dy, times[i + 1] - times[i])
-            outcome, _ = sweep_exit(setup.arena, x, y, states[i + 1, 0], states[i + 1, 1], turn)
+                turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], to_x - x, to_y - y, dt)
+            outcome, _ = sweep_exit(setup.arena, x, y, to_x, to_y, turn)
             if outcome == COLLISION:
                 return False
-            if moving:
-                dt = times[i + 1] - times[i]
-                if touches(setup.traffic, x, y, states[i + 1, 0], states[i + 1, 1], turn, times[i], dt, held, listed):
-                    return False
+            if moving and touches(setup.traffic, x, y, to_x, to_y, turn, times[i], dt, held, listed):
+                return False
         return True
 
     @kernel
     def key_of(setup, states, length):  # type: ignore[no-untyped-def]
-        """Additive class key of the first `length` steps of states (T+1, n)."""
+        """Return the additive class key of the first `length` steps of states (T+1, n)."""
         key = class_of(setup, states, length)
         if moving:
             key += key_of_path(setup.marks, setup.arena.goal, states, length)
@@ -79,11 +77,11 @@ def optimiser(kind: Kind) -> Optimiser:
 
     @kernel
     def optimise(setup, task, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
-        """Improve a trajectory of class `key` in place; once it is of its class, or touches nothing too, it stays so.
+        """Improve a trajectory of class `key` in place; it never leaves its class, nor free space in its class, again.
 
         Args:
-            times: (T+1,) ends of the steps [s]; where bodies move, on their clock.
-            key: additive class key that the result must have; asked unless aims are held to.
+            times: (T+1,) ends of the steps [s]; where obstacles move, on their clock.
+            key: additive class key that the result must have, unless aims are held to.
             rounds: at most so many backward passes.
             course: the trajectory followed, its gains used until the first backward pass; overwritten.
             length: steps that it prescribes.
@@ -142,7 +140,7 @@ def optimiser(kind: Kind) -> Optimiser:
                 if damping > 1e4:
                     if not again:
                         break
-                    damping, again = 0.0, False  # what was too bold where the damping rose may not be so here
+                    damping, again = 0.0, False  # steps that were too long where the damping rose may not be so here
         backward(setup, task, times, course, steps, points, 0.0)
         return steps, cost, priced, done, sound
 

@@ -1,19 +1,62 @@
-"""A guide of any system: the trajectory of one class with feedback around it, and the path that is left of it."""
+"""Records of guides of any system: the task, the course that kernels write into, and the guide made of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
 
+class Task(NamedTuple):
+    """Numbers of a problem that guides are optimised for."""
+
+    temperature: float  # lambda [cost]
+    margin: float  # clearance below which a point costs something [m]
+    least: float  # clearance below which the barrier goes on as a parabola [m]
+    price: float  # cost rate of the barrier at a clearance of 1 m [cost/s]
+    spacing: float  # at most, of the points of a step whose clearance is priced [m]
+    tolerance: float  # an expected gain below this ends the iterations [cost]
+    steep: float  # |a| stays below this [1/sqrt(s)]
+    far: float  # cost per meter that is left to the goal where noise acts on the position [cost/m]
+    active: int  # bit k tells whether drift or q depends on the k-th state
+    curved: bool  # whether steps have second derivatives
+    hold: float = 0.0  # cost rate of being 1 m off the course's aims, over a fixed time [cost/s]; 0: to the goal
+
+
+class Course(NamedTuple):
+    """A trajectory of T steps and the feedback around it, in noise units; kernels write into it."""
+
+    states: Array  # (T+1, n); its first row is the start
+    control: Array  # (T, modes) a [1/sqrt(s)]
+    gains: Array  # (T, modes, n) K of a = control + K (x - states)
+    share: Array  # (T, modes, modes) L, symmetric; the noise of a step has the covariance L L' dt
+    inverse: Array  # (T, modes, modes) of L
+    volume: Array  # (T,) log det L
+    change: Array  # (T, modes) the best change of each control
+    aims: Array  # (T+1, 2) where to be at which time, if that is held to [m]
+
+
+def empty_course(T: int, n: int, modes: int) -> Course:
+    """A course of T steps from zeros, states (T+1, n); its noise is the passive one."""
+    unit = np.tile(np.eye(modes), (T, 1, 1))
+    return Course(
+        states=np.zeros((T + 1, n)), control=np.zeros((T, modes)), gains=np.zeros((T, modes, n)), share=unit,
+        inverse=unit.copy(), volume=np.zeros(T), change=np.zeros((T, modes)),
+        aims=np.zeros((T + 1, 2)),
+    )  # fmt: skip
+
+
+COURSE: Any = Course
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """States that a system passes, with straight lines in between; a path that is only looked at."""
+    """Path of straight lines between the states of a guide."""
 
     states: Array  # (k+1, n)
     cost: Array  # (k,) [cost]
@@ -29,7 +72,7 @@ class Track:
         return np.asarray(self.states[1:])
 
     def points(self, spacing: float) -> list[Array]:
-        """Every piece as a line of two points (2, 2) [m]; `spacing` [m] is of no use to straight ones."""
+        """Return every piece as a line of two points (2, 2) [m], at any `spacing` [m]."""
         return [np.vstack(pair) for pair in zip(self.states[:-1, :2], self.states[1:, :2], strict=True)]
 
 
@@ -49,19 +92,19 @@ class AnyGuide:
     steep: float  # |a| stays below this [1/sqrt(s)]
     length: int  # steps until the one that enters the goal
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
-    priced: float  # the same with clearance priced [cost]
+    priced: float  # cost with clearance priced [cost]
     valid: bool  # whether it touches nothing and is of its class
     pushes: tuple[Array, Array] | None = None  # of walls beside it, (T FINER, 2) [1/m] and how they change, (.., 2, 2)
     gates: Array | None = None  # (T FINER, GATES, GATE) of a point among what moves: walls it has yet to pass
 
     def input_of(self, x: Array, a: Array) -> Array:
-        """The control u (m,) at x (n,) of one in noise units (m,)."""
+        """Return the control u (m,) at x (n,) of one in noise units (m,)."""
         return self.dynamics.input_of(x, a)
 
     def unlike(self, other: AnyGuide) -> float:
-        """By how much another's path is less likely than its own under its own law [nats].
+        """Return how much less likely another's path is than its own under its own law [nats].
 
-        That is half the integral of |a - b|^2, a being what the law says at the other's states, b what is done there.
+        That is half the integral of |a - b|^2, a being the law at the other's states, b the other's controls.
         """
         most = min(other.length, len(other.modes))
         y, own = other.states[:most], self.states[: max(self.length, 1)]
@@ -77,7 +120,7 @@ class AnyGuide:
         return self.dynamics.inputs_of(self.states[:-1], self.modes[:, : self.dynamics.m])
 
     def rest(self, elapsed: float, goal: Array) -> Trajectory | None:
-        """What is left of it after some time [s], into the goal around the centre (2,) [m]; None if nothing."""
+        """Return the trajectory left after some time [s], to the goal's centre (2,) [m]; None if nothing."""
         passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
         if passed >= self.length:
             return None
@@ -90,9 +133,18 @@ class AnyGuide:
         left = travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9)
         durations = np.append(steps, left)
         return Trajectory(
-            controls=np.vstack([self.tape[part], np.zeros(self.dynamics.m)]),
-            durations=durations,
-            path=Track(states, durations),
-            cost=float(durations.sum()),
-            length=float(travel.sum()),
-        )
+            controls=np.vstack([self.tape[part], np.zeros(self.dynamics.m)]), durations=durations,
+            path=Track(states, durations), cost=float(durations.sum()), length=float(travel.sum()),
+        )  # fmt: skip
+
+
+def remaining(last: Any, times: Array, elapsed: float) -> tuple[Array, IntArray, int]:
+    """Interpolate a guide after some time [s] on a new grid (T+1,) [s].
+
+    Returns: states (T+1, n), numbers (T,) of its steps there, and how many of them are before the goal.
+    """
+    then = times + elapsed
+    states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
+    at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.times) - 2)
+    length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
+    return states, at, min(length, len(times) - 1)

@@ -1,8 +1,8 @@
 """Guides of any system: per class a trajectory of least cost near the reference, with feedback that holds samples near.
 
-What `tracking` is to a car. References know neither noise nor the rollouts' steps; a guide starts from one, or from
-what was left of the last guide of its class, and is improved on the very steps of rollouts (`any_ddp`). How wide the
-layer at walls is that noise uses up follows from how far noise carries the position in a given time.
+References know neither noise nor the rollouts' steps; a guide starts from one, or from the last guide of its class, and
+is improved on the steps of rollouts (`any_ddp`). The width of the boundary layer at walls follows from how far noise
+carries the position in a given time.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
 from pirrht.geometry.traffic import traffic_clearance
 from pirrht.guidance.any_ddp import optimiser
-from pirrht.guidance.any_guide import AnyGuide
-from pirrht.guidance.course import Course, Task
+from pirrht.guidance.any_guide import AnyGuide, Course, Task
 from pirrht.guidance.gates import CARELESS, gates_of, pushes_of
 from pirrht.guidance.probed import Noise, active_states, noise_of
 from pirrht.guidance.starts import Starts
@@ -37,17 +36,17 @@ from pirrht.topology.marks import NO_MARKS, Marks
 
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
-PUSHED = ((1.0, 60),)  # from a reference that is pushed aside
-HURRIES = (1.25, 1.5)  # of the speed of a reference are those of other beginnings, where bodies move
-RIVAL = 3.0  # lambda by which another valley of a class may be dearer and still be sampled
-APART = 3.0  # nats from which on samples around a guide hardly come to another one
-HOLD = 10.0  # time spent as far off a reference without controls as walls are wide costs so many times its q
-STEEP = 10.0  # |a| of a guide stays below so many times sqrt(2 q / lambda), under which control costs what time does
-STEERED = 3.0  # lambda / (time in which noise carries the position over its clearance) costs so much
-SHAKEN = 0.75  # likewise where noise acts on the position itself; both tuned for even weights
-BESIDE = 0.5  # and where it does so among bodies that move, in lambda b^2 / c^2
-WINDOW, ALL = 30, 1_000_000  # steps at the end of a course that are tracked anew with more of it
-FADED = 5.0  # layers beyond which a wall then costs nothing
+PUSHED = ((1.0, 60),)  # from a perturbed reference
+HURRIES = (1.25, 1.5)  # times the speed of a reference are other starts, where obstacles move
+RIVAL = 3.0  # lambda by which an alternative optimum of a class may cost more and still be sampled
+APART = 3.0  # nats from which on samples around a guide hardly reach another one
+HOLD = 10.0  # cost rate, in q, as far off a reference without controls as walls are wide
+STEEP = 10.0  # bound of |a| in sqrt(2 q / lambda), at which control costs as much as time
+STEERED = 3.0  # price of lambda / (time in which noise carries the position over its clearance)
+SHAKEN = 0.75  # the price where noise acts on the position itself; both tuned for even weights
+BESIDE = 0.5  # the price of lambda b^2 / c^2 of a point among moving obstacles
+WINDOW, ALL = 30, 1_000_000  # steps at the end of a course that are improved when more of it is tracked
+FADED = 5.0  # layers beyond which a wall costs a point among moving obstacles nothing
 
 
 class AnyGuidance:
@@ -55,7 +54,7 @@ class AnyGuidance:
 
     Args:
         sways: whether controls may rise or fall within a step, as the noise of rollouts does.
-        homology: of paths in space and time, where bodies move.
+        homology: of paths in space and time, where obstacles move.
     """
 
     def __init__(
@@ -75,7 +74,7 @@ class AnyGuidance:
         hold = HOLD * problem.least_rate / wall_radius(problem) ** 2
         tracking, window = self.tasks[COLD[0][0]]._replace(hold=hold), ALL
         if isinstance(setup, MovingSetup):
-            # A reference passes bodies in time; who tracks it late and shuns them ends on another side of some.
+            # A reference passes obstacles in time; tracking it late and avoiding them ends on another side of some.
             tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), WINDOW
         self.starts = Starts(
             dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.passes.optimise,
@@ -89,66 +88,45 @@ class AnyGuidance:
 
     @staticmethod
     def suits(problem: Problem) -> bool:
-        """Whether guides can be made: all but points, which climb, and cars, whose guides are `tracking`'s."""
+        """Check for any system but points, which climb, and cars (`tracking`)."""
         return takes_law(kind_of(problem))
 
-    @property
-    def _share(self) -> float:
-        """Price at walls over what noise does there."""
-        if self.gated:
-            return BESIDE
-        return SHAKEN if self.problem.dynamics.noisy_position else STEERED
-
     def _task(self, warmth: float, noise: Noise) -> Task:
-        """What is minimised if walls were met under `warmth` times lambda; see `tracking.boundary_layer`."""
+        """Return the numbers of the optimisation for `warmth` times lambda at walls; see `tracking.boundary_layer`."""
         temperature, rate = self.problem.temperature, self.problem.least_rate
         force = rate / wall_radius(self.problem)
         push = warmth * temperature * noise.strength ** (2.0 / 3.0)
-        layer = (push / force) ** 0.6
+        layer, price = (push / force) ** 0.6, SHAKEN if self.problem.dynamics.noisy_position else STEERED
         if self.gated:
-            # psi, which vanishes like the distance c, has the price lambda b^2 / (2 c^2) beside a flat wall.
-            push = warmth * temperature * noise.pace * noise.pace
+            # psi, which vanishes like the distance c, has the price lambda b^2 / (2 c^2) at a flat wall.
+            push, price = warmth * temperature * noise.pace * noise.pace, BESIDE
             layer = (push / force) ** (1.0 / 3.0)
         return Task(
-            temperature=temperature,
-            margin=(FADED if self.gated else MARGIN) * layer,
-            least=PARABOLA * layer,
-            price=self._share * push,
-            spacing=math.sqrt(8.0 * wall_radius(self.problem) * SAG * layer),
-            tolerance=TOLERANCE * warmth * temperature,
-            steep=STEEP * math.sqrt(2.0 * rate / temperature),
-            far=math.sqrt(2.0 * rate * temperature) / noise.pace,
-            active=self.active,
-            curved=noise.curved,
-        )
+            temperature=temperature, margin=(FADED if self.gated else MARGIN) * layer, least=PARABOLA * layer,
+            price=price * push, spacing=math.sqrt(8.0 * wall_radius(self.problem) * SAG * layer),
+            tolerance=TOLERANCE * warmth * temperature, steep=STEEP * math.sqrt(2.0 * rate / temperature),
+            far=math.sqrt(2.0 * rate * temperature) / noise.pace, active=self.active, curved=noise.curved,
+        )  # fmt: skip
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
         self._from(self._clock(x, np.arange(3.0), 0.0), x, np.arange(3.0), 0, (self.starts.empty(2), 1), WARM)
 
     def improve(
-        self,
-        x: Array,
-        times: Array,
-        key: int,
-        trajectory: Trajectory,
-        last: AnyGuide | None = None,
-        elapsed: float = 0.0,
-        time: float = 0.0,
-        pressed: Callable[[], bool] | None = None,
-    ) -> AnyGuide | None:
-        """A guide from x (n,) in the class with this additive key; None if it does not arrive within `times`.
+        self, x: Array, times: Array, key: int, trajectory: Trajectory, last: AnyGuide | None = None,
+        elapsed: float = 0.0, time: float = 0.0, pressed: Callable[[], bool] | None = None,
+    ) -> AnyGuide | None:  # fmt: skip
+        """Make a guide from x (n,) in the class with this additive key; None if it does not arrive within `times`.
 
         Args:
             times: ends of the rollout steps, (T+1,) from 0 [s].
             trajectory: the reference.
-            last: the guide of the same class made `elapsed` [s] ago.
-            time: now, on the clock of what moves [s].
+            last: the guide of the class made `elapsed` [s] ago.
+            time: now, on the clock of moving obstacles [s].
             pressed: whether time is short, so that a reference is improved no further; None: it never is.
 
-        If the improvement leaves the class or touches something, samples follow the reference itself, with feedback,
-        or what has begun in more of a hurry; but where noise has carried the robot into a wall's zone the last guide is
-        the way out of it.
+        If the improvement leaves the class or touches something, samples follow a faster start or the reference itself,
+        with feedback; but where noise has carried the robot into a wall's zone the last guide leads out of it.
         """
         guide = None if last is None else self.onward(x, times, key, last, elapsed, time)
         if guide is not None and (guide.valid or not self._clearance(x, time) > 0.0):
@@ -156,16 +134,11 @@ class AnyGuidance:
         return self._anew(self._clock(x, times, time), x, times, key, trajectory, pressed)[0]
 
     def _anew(
-        self,
-        clock: tuple[Setup | MovingSetup, Array],
-        x: Array,
-        times: Array,
-        key: int,
-        trajectory: Trajectory,
+        self, clock: tuple[Setup | MovingSetup, Array], x: Array, times: Array, key: int, trajectory: Trajectory,
         pressed: Callable[[], bool] | None,
-    ) -> tuple[AnyGuide | None, list[AnyGuide | None]]:
-        """A guide from a reference, and those in a hurry that were made meanwhile."""
-        # Where noise acts on the position, walls are met so soon that 100 lambda would price all of a room.
+    ) -> tuple[AnyGuide | None, list[AnyGuide | None]]:  # fmt: skip
+        """Make a guide from a reference; return those of faster starts as well."""
+        # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
         stages = COLD[1:] if self.problem.dynamics.noisy_position else COLD
         guide = self._from(clock, x, times, key, self._begun(x, trajectory, times), in_time(stages, pressed))
         hurried: list[AnyGuide | None] = []
@@ -183,25 +156,19 @@ class AnyGuidance:
     def onward(
         self, x: Array, times: Array, key: int, last: AnyGuide, elapsed: float, time: float = 0.0
     ) -> AnyGuide | None:
-        """What is left of an earlier guide, improved; arguments as of `improve`."""
+        """Improve what is left of an earlier guide (arguments of `improve`)."""
         start = self.starts.shifted(last, times, elapsed)
         return self._from(self._clock(x, times, time), x, times, key, start, WARM)
 
     def first(
-        self,
-        x: Array,
-        times: Array,
-        key: int,
-        trajectory: Trajectory,
-        also: Sequence[Trajectory] = (),
-        time: float = 0.0,
-        pressed: Callable[[], bool] | None = None,
-    ) -> tuple[AnyGuide | None, AnyGuide | None]:
-        """The same without any earlier one, or one that begins in another way and is surely cheaper; and its rival.
+        self, x: Array, times: Array, key: int, trajectory: Trajectory, also: Sequence[Trajectory] = (),
+        time: float = 0.0, pressed: Callable[[], bool] | None = None,
+    ) -> tuple[AnyGuide | None, AnyGuide | None]:  # fmt: skip
+        """Make a guide from the reference, or from another start if that costs less, and an alternative optimum.
 
         Args:
             also: other references of the class.
-            pressed: whether time is short, so that no more ways to begin are looked at; None: it never is.
+            pressed: whether time is short, so that no more starts are tried; None: it never is.
         """
         clock = self._clock(x, times, time)
         own, hurried = self._anew(clock, x, times, key, trajectory, pressed)
@@ -213,13 +180,13 @@ class AnyGuidance:
             found.append(self._from(clock, x, times, key, start, PUSHED))
         valid = [one for one in found if one is not None and one.valid]
         best = min(valid, key=lambda one: one.priced, default=own)
-        # Prices are no nearer to what a class is worth than lambda.
+        # Prices are off the value of a class by about lambda.
         if own is not None and own.valid and best is not None:
             best = best if best.priced < own.priced - self.problem.temperature else own
         return best, self.rival(best, valid)
 
     def rival(self, guide: AnyGuide | None, others: Sequence[AnyGuide | None]) -> AnyGuide | None:
-        """The cheapest of other guides of a class that weighs too, and that samples around this one do not come to."""
+        """Return the cheapest other guide of a class that has some weight and that samples of this one do not reach."""
         if guide is None or not guide.valid:
             return None
         most = guide.priced + RIVAL * self.problem.temperature
@@ -228,21 +195,21 @@ class AnyGuidance:
         return min(apart, key=lambda one: one.priced, default=None)
 
     def _begun(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
-        """A guide's beginning from x (n,): along a reference, or tracking one that knows positions alone."""
+        """Start from x (n,) along a reference, or by tracking one of positions alone."""
         begun = self.starts.along if trajectory.slack is None else self.starts.tracked
         return begun(x, trajectory, times)
 
     def _hurried(self, x: Array, trajectory: Trajectory, times: Array, made: int = 0) -> Iterator[tuple[Course, int]]:
-        """The same where bodies move, faster than the reference; not the first that are made.
+        """Start faster than the reference where obstacles move; not the first that are made.
 
-        Without noise it is best to slip past what closes at the last moment. Much noise leaves nothing of that, and
-        from there no improvement leads back to passing in good time.
+        Without noise it is best to pass a closing gap at the last moment. Under much noise no local improvement leads
+        from there to passing in good time.
         """
         if isinstance(self.setup, MovingSetup):
             yield from (self._begun(x, trajectory.faster(times_as_fast), times) for times_as_fast in HURRIES[made:])
 
     def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
-        """What paths from x (n,) meet, and ends of their steps (T+1,) [s] on the clock of what moves."""
+        """Return the setup of paths from x (n,), and ends of their steps (T+1,) [s] on its clock."""
         if not isinstance(self.setup, MovingSetup):
             return self.setup, times
         then = np.ascontiguousarray(times + time)
@@ -250,29 +217,23 @@ class AnyGuidance:
         return self.setup._replace(marks=marks), then
 
     def _clearance(self, x: Array, time: float) -> float:
-        """Of the robot's centre at x (n,) [m], from what moves at a time [s]."""
+        """Return the clearance of the robot's centre at x (n,) and a time [s], [m]."""
         free = float(clearance(self.setup.arena.field, x[0], x[1]))
         if isinstance(self.setup, MovingSetup):
             free = min(free, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
         return free
 
     def counts(self, guides: Sequence[AnyGuide | None], samples: int) -> list[int]:
-        """Samples around each reference, (H,): N, or few where a class can hardly carry any weight (`worth`)."""
+        """Return the samples around each reference, (H,): N, or few for a class of negligible weight (`worth`)."""
         return worth([None if guide is None else guide.priced for guide in guides], samples, self.problem.temperature)
 
     def _from(
-        self,
-        clock: tuple[Setup | MovingSetup, Array],
-        x: Array,
-        times: Array,
-        key: int,
-        start: tuple[Course, int],
+        self, clock: tuple[Setup | MovingSetup, Array], x: Array, times: Array, key: int, start: tuple[Course, int],
         stages: Iterable[Stage],
-    ) -> AnyGuide | None:
+    ) -> AnyGuide | None:  # fmt: skip
         (setup, then), (course, length) = clock, start
         course.states[0] = x
-        cost = priced = np.inf
-        sound = False
+        cost, priced, sound = np.inf, np.inf, False
         for warmth, rounds in stages:
             if length < 1:
                 return None
@@ -294,8 +255,8 @@ class AnyGuidance:
         )  # fmt: skip
 
     def _beside_walls(self, setup: Setup | MovingSetup, times: Array, states: Array, length: int) -> dict[str, Any]:
-        """Gates and pushes of a guide (T+1, 2) at times (T+1,) [s]; none past its length."""
-        rows = length * FINER + 1
+        """Return gates and pushes of a guide (T+1, 2) at times (T+1,) [s]; none past its length."""
+        count, rows = length * FINER, length * FINER + 1
         i, share = np.divmod(np.arange(rows) / FINER, 1.0)
         i = np.minimum(i.astype(np.int64), len(times) - 2)
         share = np.where(np.arange(rows) == (len(times) - 1) * FINER, 1.0, share)[:, None]
@@ -303,11 +264,10 @@ class AnyGuidance:
         when = (1.0 - share[:, 0]) * times[i] + share[:, 0] * times[i + 1]
         d = self.problem.dynamics
         noise = math.sqrt(float(np.trace(d.B_c(states[0]) @ d.B_c(states[0]).T)) / 2.0)
-        out = np.zeros(((len(times) - 1) * FINER, GATES, GATE))
-        found = gates_of(setup, places, when, noise, CARELESS * noise * math.sqrt(float(when[-1] - when[0])))
-        out[: rows - 1] = found[: rows - 1]
-        slopes, bends = np.zeros((len(out), 2)), np.zeros((len(out), 2, 2))
+        gates = np.zeros(((len(times) - 1) * FINER, GATES, GATE))
+        within = CARELESS * noise * math.sqrt(float(when[-1] - when[0]))
+        gates[:count] = gates_of(setup, places, when, noise, within)[:count]
+        slopes, bends = np.zeros((len(gates), 2)), np.zeros((len(gates), 2, 2))
         reach = Scales.of(self.problem, states[0]).reach
-        one, other = pushes_of(setup, places[: rows - 1], when[: rows - 1], reach)
-        slopes[: rows - 1], bends[: rows - 1] = one, other
-        return {"gates": out, "pushes": (slopes, bends)}
+        slopes[:count], bends[:count] = pushes_of(setup, places[:count], when[:count], reach)
+        return {"gates": gates, "pushes": (slopes, bends)}

@@ -1,42 +1,104 @@
 """Compiled local optimisation of a car's trajectory, and the linear feedback that holds noisy paths near it.
 
-Differential dynamic programming (Mayne, Int. J. Control 1966) on the very steps that the rollouts take: theta' =
-theta + g u dt, and the position moves by V dt along the heading in between. The running cost is q + R u^2 / 2 and a
-price on clearances that noise would use up. The quadratic model of the cost-to-go yields u = u_ref + K (x - x_ref).
+Differential dynamic programming (Mayne, Int. J. Control 1966) on the steps of rollouts: theta' = theta + g u dt, and
+the position moves by V dt along the heading in between. The running cost is q + R u^2 / 2 and a price on clearances
+that noise would use up. The quadratic model of the cost-to-go yields u = u_ref + K (x - x_ref).
 
 Where a car sways, its control is u + 2 sqrt(3) r (t / dt - 1/2) at t within a step. That costs R (u^2 + r^2) / 2 per
-second and turns the way by -g r dt / sqrt(12) more. The best r, the sway, is linear in the state and u. A step is then
-the arc beside its chord, which is shorter by a share of (g u dt)^2 / 24.
+second and turns the way by -g r dt / sqrt(12) more. The best r is linear in the state and u. A step is then the arc
+over its chord, which is shorter by a share of (g u dt)^2 / 24.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from pirrht.arrays import Array
+from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.guidance.barrier import price
-from pirrht.guidance.car import Course, class_of, is_free
+from pirrht.guidance.clearance_cost import price
+from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.homing import STEEP, homing
+from pirrht.rollouts.sweep import sweep_exit
 from pirrht.systems.heading import wrapped
+from pirrht.topology.cuts import key_of_segment
 
-ACROSS = 1.0 / math.sqrt(3.0)  # share of half a step's turn by which as much sway turns the way
+ACROSS = 1.0 / math.sqrt(3.0)  # turn of the path by sway, as a share of half a step's turn by as much control
 LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite
-HALVINGS = 6
+HALVINGS = 6  # of the step of a line search
+
+
+class Car(NamedTuple):
+    """Numbers of a problem with unicycle dynamics that guides are optimised for."""
+
+    speed: float  # V [m/s]
+    gain: float  # g = 1/rho, turn rate per control [rad/s]
+    effort: float  # R [cost/s]
+    rate: float  # q [cost/s]
+    margin: float  # clearance below which a point costs something [m]
+    least: float  # clearance below which the barrier goes on as a parabola [m]
+    price: float  # cost rate of the barrier at a clearance of 1 m [cost/s]
+    spacing: float  # at most, of the points of a step whose clearance is priced [m]
+    tolerance: float  # an expected gain below this ends the iterations [cost]
+    sways: bool  # whether the control may rise or fall within a step
+
+
+class Course(NamedTuple):
+    """Trajectory of T steps and the feedback around it; kernels write into it."""
+
+    states: Array  # (T+1, 3) x, y [m] and theta [rad]; its first row is the start
+    control: Array  # (T,) u, a turn rate in units of the car's gain
+    gains: Array  # (T, 3) K of u = control + K (x - states) [1/m], [1/m], [1/rad]
+    spread: Array  # (T,) standard deviation left to the noise by the later cost, as a share of the passive one
+    change: Array  # (T,) the best change of each control
+    sway: Array  # (T,) r, by which the control rises over each step, over sqrt(12)
+    sway_gains: Array  # (T, 4) of r = sway + sway_gains (x - states, u - control) [1/m], [1/m], [1/rad], [1]
+    sway_spread: Array  # (T,) share left of the standard deviation of the noise of r
+    sway_change: Array  # (T,) the best change of each sway
+
+
+def empty_course(T: int) -> Course:
+    """Return a course of T steps from zeros, states (T+1, 3) [m], [rad] included; its noise is the passive one."""
+    none = np.zeros(T)
+    return Course(
+        states=np.zeros((T + 1, 3)), control=none.copy(), gains=np.zeros((T, 3)), spread=np.ones(T), change=none.copy(),
+        sway=none.copy(), sway_gains=np.zeros((T, 4)), sway_spread=np.ones(T), sway_change=none.copy(),
+    )  # fmt: skip
+
+
+@kernel
+def class_of(setup, states, length):  # type: ignore[no-untyped-def]
+    """Return the additive class key of the first `length` steps of states (T+1, 3) [m], by the cuts of rollouts."""
+    key = np.int64(0)
+    for i in range(length):
+        key += key_of_segment(setup.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
+    return key
+
+
+@kernel
+def is_free(setup, car, states, length):  # type: ignore[no-untyped-def]
+    """Check that the first `length` steps of states (T+1, 3) [m], [rad], lines or arcs, touch nothing."""
+    for i in range(length):
+        turn = states[i + 1, 2] - states[i, 2] if car.sways else 0.0
+        outcome, _ = sweep_exit(setup.arena, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1], turn)
+        if outcome == COLLISION:
+            return False
+    return True
 
 
 @inlined
 def _points(car, dt):  # type: ignore[no-untyped-def]
-    """Points at which the clearance of a step is priced; its end is the last."""
+    """Return the number of points at which the clearance of a step is priced; its end is the last."""
     return max(1, math.ceil(car.speed * dt / car.spacing - 1e-9))
 
 
 @inlined
 def _way(car, theta, u, r, dt):  # type: ignore[no-untyped-def]
-    """Velocity (x, y) [m/s] along the chord of a step, and half the angle by which its arc turns [rad]."""
+    """Return the velocity (x, y) [m/s] along the chord of a step, and half the angle of its arc [rad]."""
     half = 0.5 * car.gain * u * dt
     if not car.sways:
         return car.speed * math.cos(theta + half), car.speed * math.sin(theta + half), 0.0
@@ -83,8 +145,8 @@ def forward_pass(setup, car, times, course, length, step, tried):  # type: ignor
         for k in range(1, points + 1):
             t = dt * k / points
             aside = half * t * (1.0 - t / dt)
-            value, _, _, _, _, _ = price(field, car.margin, car.least, x + t * dx + aside * dy, y + t * dy - aside * dx)
-            priced += car.price * value * dt / points
+            at, to = x + t * dx + aside * dy, y + t * dy - aside * dx
+            priced += car.price * price(field, car.margin, car.least, at, to, False)[0] * dt / points
         x, y, theta = x + dx * dt, y + dy * dt, theta + car.gain * u * dt
         states[i + 1, 0], states[i + 1, 1], states[i + 1, 2] = x, y, theta
     return -1, np.inf, np.inf
@@ -92,7 +154,7 @@ def forward_pass(setup, car, times, course, length, step, tried):  # type: ignor
 
 @kernel
 def _arrival(setup, car, x, y, theta):  # type: ignore[no-untyped-def]
-    """Cost q s / V of the way s to the goal's rim straight ahead: gradient (3) and Hessian (6) in x, y, theta."""
+    """Expand the cost q s / V of the way s to the goal's rim straight ahead: gradient (3), Hessian (6) in the state."""
     (gx, gy), radius = setup.arena.goal, setup.arena.radius
     tx, ty = math.cos(theta), math.sin(theta)
     along = (gx - x) * tx + (gy - y) * ty
@@ -120,14 +182,13 @@ def _arrival(setup, car, x, y, theta):  # type: ignore[no-untyped-def]
 def backward_pass(setup, car, times, course, length, damping):  # type: ignore[no-untyped-def]
     """Backward pass: the best change of each control and its feedback gains; returns the gain expected [cost].
 
-    Written are the first `length` rows of change (T,), gains (T, 3), spread (T,) and the like of the sway; `times`
-    (T+1,) are ends of steps [s], `damping` is what is added to the controls' curvature, as a share of R dt.
+    It writes the first `length` rows of change (T,), gains (T, 3), spread (T,) and those of the sway; `times` (T+1,)
+    are ends of steps [s], `damping` is added to the controls' curvature, as a share of R dt.
     """
     field = setup.arena.field
     states, control, gains, spread, change, sway, sway_gains, sway_spread, sway_change = course
-    v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(
-        setup, car, states[length, 0], states[length, 1], states[length, 2]
-    )
+    x, y, theta = states[length, 0], states[length, 1], states[length, 2]
+    v0, v1, v2, s00, s01, s02, s11, s12, s22 = _arrival(setup, car, x, y, theta)
     expected = 0.0
     for i in range(length - 1, -1, -1):
         dt = times[i + 1] - times[i]
@@ -146,9 +207,8 @@ def backward_pass(setup, car, times, course, length, damping):  # type: ignore[n
             t = dt * k / points
             bulge = t * (1.0 - t / dt)
             aside = half * bulge
-            value, px, py, xx, xy, yy = price(
-                field, car.margin, car.least, x + t * dx + aside * dy, y + t * dy - aside * dx
-            )
+            at, to = x + t * dx + aside * dy, y + t * dy - aside * dx
+            value, px, py, xx, xy, yy = price(field, car.margin, car.least, at, to, False)
             if value > 0.0:
                 w = car.price * dt / points
                 bowing += w * h * bulge * (px * dy - py * dx)
@@ -201,7 +261,7 @@ COURSE: Any = Course
 
 @kernel
 def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
-    """Improve a trajectory of class `key` in place; once it is of its class, or touches nothing besides, it stays so.
+    """Improve a trajectory of class `key` in place; it never leaves its class, nor the free space in its class, again.
 
     Args:
         times: (T+1,) ends of the steps [s].
@@ -217,25 +277,16 @@ def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no
     T = control.shape[0]
     other, tried, swayed = np.zeros((T + 1, 3)), np.zeros(T), np.zeros(T)
     trial = COURSE(
-        other,
-        tried,
-        course.gains,
-        course.spread,
-        course.change,
-        swayed,
-        course.sway_gains,
-        course.sway_spread,
+        other, tried, course.gains, course.spread, course.change, swayed, course.sway_gains, course.sway_spread,
         course.sway_change,
-    )
-    for j in range(3):
-        other[0, j] = states[0, j]
+    )  # fmt: skip
+    copy_row(states[0], other[0])
     steps, cost, priced = forward_pass(setup, car, times, course, length, 0.0, trial)
     if steps < 0:
         return -1, np.inf, np.inf, 0, False
-    for i in range(T):
-        control[i], sway[i] = tried[i], swayed[i]
-        for j in range(3):
-            states[i + 1, j] = other[i + 1, j]
+    copy_row(tried, control)
+    copy_row(swayed, sway)
+    copy_rows(other, states)
     right = class_of(setup, states, steps) == key
     sound = right and is_free(setup, car, states, steps)
     damping, done, again = 0.0, 0, False
@@ -255,10 +306,9 @@ def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no
                     break
             step *= 0.5
         if better:
-            for i in range(T):
-                control[i], sway[i] = tried[i], swayed[i]
-                for j in range(3):
-                    states[i + 1, j] = other[i + 1, j]
+            copy_row(tried, control)
+            copy_row(swayed, sway)
+            copy_rows(other, states)
             damping = 0.0 if damping < 0.01 else damping / 8.0
             again = damping > 0.0
         else:
@@ -266,6 +316,6 @@ def optimise(setup, car, times, key, rounds, course, length):  # type: ignore[no
             if damping > 1e4:
                 if not again:
                     break
-                damping, again = 0.0, False  # what was too bold where the damping rose may not be so here
+                damping, again = 0.0, False  # steps that were too long where the damping rose may not be so here
     backward_pass(setup, car, times, course, steps, 0.0)
     return steps, cost, priced, done, sound

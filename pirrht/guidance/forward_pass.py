@@ -1,33 +1,25 @@
-"""Forward pass of the optimisation: driving from the start under a law, and what that costs."""
+"""Forward pass of the optimisation: simulating a law from the start, and its cost."""
 
 from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.guidance.priced import price_of
-from pirrht.guidance.priced_among import point_price, price_among
+from pirrht.guidance.clearance_cost import price_among, price_of
 from pirrht.guidance.step_map import step_of
 from pirrht.rollouts.general.kind import Kind, diffusion_of, is_gated
 from pirrht.systems.dynamics import no_homing
 from pirrht.systems.heading import wrapped
 
 
-class Passes(NamedTuple):
-    """Kernels of one kind of dynamics."""
-
-    arrival: Any  # cost of what is left to the goal's rim
-    forward: Any
-
-
 @cache
-def passes_of(kind: Kind) -> Passes:
-    """Kernels that drive along trajectories of one kind of dynamics; built once per kind."""
+def passes_of(kind: Kind) -> tuple[Any, Any]:
+    """Build the kernels of one kind of dynamics: `arrival`, the cost of the rest to the goal's rim, and `forward`."""
     velocity, advance, _ = step_of(kind)
     n, m, noisy_position, angles, homing_of = kind.n, kind.m, kind.noisy_position, kind.angles, kind.homing
     rows, by_inputs = kind.rows, kind.input_form
@@ -38,7 +30,7 @@ def passes_of(kind: Kind) -> Passes:
 
     @kernel
     def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
-        """Cost of what is left to the goal's rim from x (n,): straight ahead, or where noise acts, per meter [cost]."""
+        """Return the cost of the rest to the goal's rim from x (n,), straight ahead, or per meter where noise acts."""
         gx, gy = setup.arena.goal[0] - x[0], setup.arena.goal[1] - x[1]
         if noisy_position:
             gap = math.sqrt(gx * gx + gy * gy) - setup.arena.radius
@@ -52,7 +44,7 @@ def passes_of(kind: Kind) -> Passes:
 
     @kernel
     def _enters(setup, x, y, dx, dy):  # type: ignore[no-untyped-def]
-        """Whether a straight way of (dx, dy) [m] from (x, y) [m] enters the goal."""
+        """Check whether a straight line of (dx, dy) [m] from (x, y) [m] enters the goal."""
         length, (gx, gy) = math.sqrt(dx * dx + dy * dy), setup.arena.goal
         radius = setup.arena.radius
         if math.sqrt((gx - x) ** 2 + (gy - y) ** 2) - radius >= length:
@@ -61,10 +53,10 @@ def passes_of(kind: Kind) -> Passes:
 
     @kernel
     def _control(setup, task, course, length, i, step, x, B, u):  # type: ignore[no-untyped-def]
-        """Write the modes of step i at x (n,) to u: the law's, or past its length what homes in on the goal."""
+        """Write the modes of step i at x (n,) to u: the law's, or past its length those of homing."""
         modes = u.shape[0]
         if i >= length:
-            for j in range(modes):  # what neither drifts nor knows its way home goes on as before
+            for j in range(modes):  # a system with neither drift nor homing goes on as before
                 u[j] = course.control[length - 1, j] if stranded and length > 0 else 0.0
             if through_inputs:
                 noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
@@ -84,9 +76,9 @@ def passes_of(kind: Kind) -> Passes:
 
     @kernel
     def forward(setup, task, times, course, length, step, points, tried):  # type: ignore[no-untyped-def]
-        """Drive from the start under a = control + step * change + K (x - states), and past `length` as `homing` does.
+        """Simulate a = control + step * change + K (x - states) from the start, and `homing` past `length`.
 
-        Where aims are held to (`Task.hold`) it ends after `length` steps, wherever that is.
+        Where aims are held to (`Task.hold`) it ends after `length` steps.
 
         States (T+1, n) and controls (T, modes) go to `tried`, whose first state is the start; `times` (T+1,) [s];
         the clearance of each step is priced at so many points.
@@ -126,10 +118,7 @@ def passes_of(kind: Kind) -> Passes:
             for j in range(u.shape[0]):
                 running += 0.5 * task.temperature * u[j] * u[j] * dt
             cost, priced = cost + running, priced + running
-            if point:
-                priced += point_price(setup.arena.field, task, x[0], x[1], dx, dy, dt, points)
-            else:
-                priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points)
+            priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points, point)
             if moving:
                 now, bow_x, bow_y = times[i], bow[0], bow[1]
                 priced += price_among(setup.traffic, task, x[0], x[1], dx, dy, bow_x, bow_y, now, dt, points, point)
@@ -142,4 +131,4 @@ def passes_of(kind: Kind) -> Passes:
             return times.shape[0] - 1, cost, priced
         return -1, np.inf, np.inf
 
-    return Passes(arrival, forward)
+    return arrival, forward

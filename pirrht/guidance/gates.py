@@ -1,9 +1,9 @@
-"""Which walls a point has yet to pass, and how that bends its psi: more than any linear feedback says.
+"""Gates, the walls that a point has yet to pass, which bend its psi more than any linear feedback can.
 
 A noisy path from x that would pass a wall in a time t at a distance m does so with probability Phi(z), z = m / (b
-sqrt(t)): far from it a path need not care, and one that would run into it aims at its edge. At every row of a law the
-wall with the least z on the rest of the guide is a gate, and so is the one of the least z in another direction. What a
-law knows of gates already, to first order, is taken off it.
+sqrt(t)): far from it a path is free, and one that would run into it aims at its edge. At every row of a law the wall
+with the least z on the rest of the guide is a gate, and so is the one of the least z in another direction. The part of
+gates that a law contains already, to first order, is taken off it.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from pirrht.rollouts.among import walls_along, with_walls
 from pirrht.rollouts.first_exit import two_walls
 from pirrht.rollouts.gates import GATE, GATES, gate_slope, mills
 
-WALLS = 6  # that are looked at from one place, at most
-APART = 0.5  # walls are different if the cosine of the angle between them is less
-CARELESS = 3.0  # a gate with a greater z is none
-BEYOND = 10.0  # reaches from where on walls do not push
-LEAST_GAP = 0.1  # of the reach: nearer walls are taken to push no harder where a guide passes
-SLIGHTLY = 1e-9  # share by which rounding may make a wall seem nearer
-SOONEST = 0.05  # a wall is a gate from so far ahead [s]
+WALLS = 6  # evaluated at one place, at most
+APART = 0.5  # cosine of the angle between walls below which they are different
+CARELESS = 3.0  # z beyond which a wall is no gate
+BEYOND = 10.0  # reaches beyond which walls do not push
+LEAST_GAP = 0.1  # least distance of a pushing wall, in reaches
+SLIGHTLY = 1e-9  # share by which rounding may bring a wall nearer
+SOONEST = 0.05  # time ahead from which on a wall is a gate [s]
 
 
 def gates_of(setup: object, places: Array, times: Array, noise: float, within: float) -> Array:
-    """Gates (k, GATES, GATE) at the places (k, 2) [m] of a guide at times (k,) [s] under noise b [m/sqrt(s)].
+    """Return gates (k, GATES, GATE) at places (k, 2) [m] of a guide at times (k,) [s] under noise b [m/sqrt(s)].
 
-    Walls beyond a distance [m] are not asked.
+    Walls farther than `within` [m] are skipped.
     """
     k = len(places)
     walls, gates = np.full((k, WALLS, 3), np.inf), np.zeros((k, GATES, GATE))
@@ -63,10 +63,10 @@ def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
     last, count = times.shape[0], 0
     most = last * WALLS
     place, clear, nx, ny = np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
-    for k in range(1, last):  # of most walls nobody who passes need care
+    for k in range(1, last):  # most walls are none
         near = CARELESS * noise * math.sqrt(times[k] - times[0]) * (1.0 + SLIGHTLY)
         for w in range(WALLS):
-            if walls[k, w, 0] < near and walls[k, w, 1] ** 2 + walls[k, w, 2] ** 2 >= 0.5:  # others are out of reach
+            if walls[k, w, 0] < near and walls[k, w, 1] ** 2 + walls[k, w, 2] ** 2 >= 0.5:  # else: out of reach
                 place[count], clear[count] = k, walls[k, w, 0]
                 nx[count], ny[count] = walls[k, w, 1], walls[k, w, 2]
                 count += 1
@@ -93,9 +93,9 @@ def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
 
 
 def pushes_of(setup: object, places: Array, times: Array, reach: float) -> tuple[Array, Array]:
-    """What near walls add to the slope of log psi at places (k, 2) [m] at times (k,) [s], and how that changes.
+    """Return the slope of log psi by near walls (k, 2) [1/m] at places (k, 2) [m] and times (k,) [s].
 
-    Returns: slopes (k, 2) [1/m] and their derivatives (k, 2, 2) [1/m^2].
+    Second come its derivatives (k, 2, 2) [1/m^2].
     """
     k = len(places)
     slopes, bends = np.zeros((k, 2)), np.zeros((k, 2, 2))
@@ -125,27 +125,25 @@ def _pushes(setup, places, times, reach, slopes, bends):  # type: ignore[no-unty
 
 
 def beyond_linear(gates: Array, B: Array, gains: Array, off: Array) -> Array:
-    """What gates (GATES, GATE) add at `off` (2,) [m] from a guide to its linear law of gains (2, 2), (2,)."""
+    """Return the control (2,) that gates (GATES, GATE) add at `off` (2,) [m] from a guide of gains (2, 2)."""
     modes, less, weighed = without(gates[None], B, np.zeros((1, 2)), gains[None])
     slope = np.array(gate_slope(weighed.reshape(1, 1, -1), 0, 0, 0, off[0], off[1]))
     extra: Array = modes[0] + (less[0] - gains) @ off + B.T @ slope
     return extra
 
 
-def without(gates: Array, B: Array, modes: Array, gains: Array, *, bounded: bool = True) -> tuple[Array, Array, Array]:
-    """Modes (k, 2) and gains (k, 2, 2) less what gates (k, GATES, GATE) add to first order; and the gates.
+def without(gates: Array, B: Array, modes: Array, gains: Array) -> tuple[Array, Array, Array]:
+    """Take the part of gates (k, GATES, GATE) to first order off modes (k, 2) and gains (k, 2, 2); weigh the gates.
 
-    Args:
-        B: noise (2, 2) [m/sqrt(s)].
-        bounded: whether a gate counts for no more than there is to take off.
+    A gate counts for no more than there is to take off. B (2, 2) is the noise [m/sqrt(s)].
     """
     modes, gains, gates = modes.copy(), gains.copy(), gates.copy()
-    _take_off(gates, B, modes, gains, bounded)
+    _take_off(gates, B, modes, gains)
     return modes, gains, gates
 
 
 @kernel
-def _take_off(gates, B, modes, gains, bounded):  # type: ignore[no-untyped-def]
+def _take_off(gates, B, modes, gains):  # type: ignore[no-untyped-def]
     for i in range(gates.shape[0]):
         for g in range(GATES):
             nx, ny, z, per = gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3]
@@ -154,12 +152,9 @@ def _take_off(gates, B, modes, gains, bounded):  # type: ignore[no-untyped-def]
             h = mills(z)
             ax, ay = B[0, 0] * nx + B[1, 0] * ny, B[0, 1] * nx + B[1, 1] * ny
             stiff = per * per * h * (z + h)
-            weight = 1.0
-            if bounded:
-                square = ax * ax + ay * ay
-                across = ax * gains[i, 0, 0] + ay * gains[i, 1, 0]
-                known = -across * nx - (ax * gains[i, 0, 1] + ay * gains[i, 1, 1]) * ny
-                weight = min(max(known / (square * stiff), 0.0), 1.0)
+            square, across = ax * ax + ay * ay, ax * gains[i, 0, 0] + ay * gains[i, 1, 0]
+            known = -across * nx - (ax * gains[i, 0, 1] + ay * gains[i, 1, 1]) * ny
+            weight = min(max(known / (square * stiff), 0.0), 1.0)
             gates[i, g, 4] = weight
             modes[i, 0] -= weight * per * h * ax
             modes[i, 1] -= weight * per * h * ay

@@ -1,16 +1,16 @@
-"""The control now from what paths apply on the mean over leading steps, and what walls do to that mean.
+"""Estimation of the control now by the mean control over leading steps, and the bias of that mean near walls.
 
-Where the position is the noise's and q is constant, the optimal control is a martingale along the optimal paths of a
-point: u* = lambda R^-1 G' grad log psi, and grad psi solves the equation that psi solves. So the mean of what paths
-apply over any time is u* now, whatever they are led by; but for walls, at which grad psi does not vanish as psi does.
-A flat one at a distance c from which the point goes away at a speed s (seen from it, if it moves) has
-psi ~ sinh(g c), g = s / b^2, and within t the slope of log psi falls short by
+Where noise acts on the position and q is constant, the optimal control is a martingale along the optimal paths of a
+point: u* = lambda R^-1 G' grad log psi, and grad psi solves the equation that psi solves. So the mean control over any
+time is u* now, under any lead; but for walls, at which grad psi does not vanish as psi does. A flat one at a distance c
+from which the point goes away at a speed s (seen from it, if it moves) has psi ~ sinh(g c), g = s / b^2, and within t
+the slope of log psi falls short by
 
     g [erfc((c - s t) / (b sqrt(2 t))) / (exp(2 g c) - 1) + erfc((c + s t) / (b sqrt(2 t))) / (1 - exp(-2 g c))],
 
 1/c erfc(c / (b sqrt(2 t))) along it: g E[exp(-k tau); tau <= t] / sinh(g c), tau being when passive paths meet it. For
-s = 0 that is Bessel's process in three dimensions, whose drift 1/c is the textbook's local martingale that is none.
-How fast the point goes away where the wall no longer counts, s, follows from the mean itself.
+s = 0 that is Bessel's process in three dimensions, whose drift 1/c is a strict local martingale. The speed s far from
+the wall follows from the mean itself.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from pirrht.guidance.walls import NEAREST, Push
 
 MOMENTS, SHARES = np.polynomial.legendre.leggauss(8)
 MOMENTS, SHARES = 0.5 * (MOMENTS + 1.0), 0.5 * SHARES  # on a time from 0 to 1
-HALVINGS = 24  # in which a speed is found
-NOTHING = 1e-9  # of 1/c, below which a mean misses nothing
+HALVINGS = 24  # bisections of a speed
+NOTHING = 1e-9  # of 1/c, below which the bias of a mean is zero
 ALONG = 1e-4  # of g c, below which a point goes along a wall
 FAR = 300.0  # of g c, above which a wall is out of reach
-SOON = 1e-3  # over which it is looked how fast a wall comes [s]
-SAME = 0.99  # cosine of the directions of what is one wall then and now
-UNSURE = 0.3  # share of what is missing that may be wrong, since walls are not flat nor alone
+SOON = 1e-3  # over which the speed of a wall is measured [s]
+SAME = 0.99  # cosine of the directions of one wall then and now
+UNSURE = 0.3  # standard error of the bias, as a share of it, since walls are neither flat nor alone
 
 
 def shortfall(c: float, s: float, variance: float, span: float) -> float:
-    """How much the slope of log psi falls short beside a flat wall in the mean over a time span [s], [1/m].
+    """Return the loss of slope of log psi at a flat wall in the mean over a time span [s], [1/m].
 
     Args:
         c: distance from the wall [m].
@@ -57,7 +57,7 @@ def shortfall(c: float, s: float, variance: float, span: float) -> float:
 
 
 def speed_of(mean: float, c: float, variance: float, span: float) -> float:
-    """The speed s of `shortfall` at which the slope's mean [1/m], as seen from the wall, is what it is; 0 at least."""
+    """Solve for the speed s of `shortfall` by the slope's mean [1/m], as seen from the wall; 0 at least."""
 
     def off(s: float) -> float:
         g = s / variance
@@ -75,48 +75,34 @@ def speed_of(mean: float, c: float, variance: float, span: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NearWalls:
-    """What the nearest walls do to a control now that is a mean over leading steps besides what samples follow.
+    """Wall drift at a state, and its effect on a control that is the lead plus a mean over leading steps."""
 
-    Attributes:
-        push: what they account for at the state, (m,); the mean is told without it.
-        held_back: what of it is left out where a wall is very near, (m,).
-    """
-
-    push: Array
-    held_back: Array
+    push: Array  # wall drift, (m,); the mean is without it
+    held_back: Array  # drift left out where a wall is very near, (m,)
 
     def told(self, mean: Array, led: Array) -> tuple[Array, Array]:
-        """The control without the push, and what may be missing of it, (m,) each.
+        """Return the control without wall drift, and its error, (m,) each.
 
-        What samples follow, of which `led` (m,) is the mean, counts as it is at the start; of what they found on top of
-        it about as much again is missing where the push is large against the rest of the control, nothing in the open.
+        The lead, of mean `led` (m,), counts by its value at the start; the error is the rest of the mean where the
+        drift is large against the rest of the control, nothing in the open.
         """
         return mean, _unresolved(self.push, mean, mean - led) + np.abs(self.held_back)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NearWallsOfMeans(NearWalls):
-    """The same where the mean is of all that paths apply: of a steady point (`rollouts.general.kind`).
+    """Wall drift and its effect on the mean of the whole control of a steady point (`rollouts.general.kind`)."""
 
-    Attributes:
-        walls: distance [m], direction (2,) away from it and how fast it recedes from who stands [m/s], of each.
-        gain: lambda R^-1 G', (m, 2).
-        moved: G, (2, m).
-        noise: BB', (2, 2) [m^2/s].
-        span: over which the mean is taken [s].
-        counted: share of what samples follow that counts as it is at the start, and of the push in place of the rest.
-    """
-
-    walls: tuple[tuple[float, Array, float], ...]
-    gain: Array
-    moved: Array
-    noise: Array
-    span: float
-    counted: float
+    walls: tuple[tuple[float, Array, float], ...]  # distance [m], direction (2,) away and receding speed [m/s] of each
+    gain: Array  # lambda R^-1 G', (m, 2)
+    moved: Array  # G, (2, m)
+    noise: Array  # BB', (2, 2) [m^2/s]
+    span: float  # over which the mean is taken [s]
+    counted: float  # share of the lead that counts by its value at the start, and of the drift in place of the rest
 
     @classmethod
     def of(cls, push: Push, x: Array, span: float, counted: float) -> NearWallsOfMeans:
-        """Beside the two walls that are nearest to x (2,) at the moment of a plan."""
+        """Evaluate the two walls that are nearest to x (2,) at the moment of a plan."""
         d, now, then = push.problem.dynamics, push.walls(x), push.walls(x, SOON)
         B, pushed = d.B_c(x), push(x)
         return cls(
@@ -126,7 +112,7 @@ class NearWallsOfMeans(NearWalls):
         )  # fmt: skip
 
     def told(self, mean: Array, led: Array) -> tuple[Array, Array]:
-        """As above, of the share that is counted; the rest of the mean falls short by what walls take off it."""
+        """Return the control without wall drift, and its error, (m,) each; add the bias of walls to the mean."""
         slope, velocity = np.zeros(2), self.moved @ mean
         for c, away, receding in self.walls:
             variance = float(away @ self.noise @ away)
@@ -141,14 +127,14 @@ class NearWallsOfMeans(NearWalls):
 
 
 def _unresolved(push: Array, mean: Array, found: Array) -> Array:
-    """As much of what samples found on top of what they follow (m,) as the push is of push and control."""
+    """Return the share of `found` (m,) on top of the lead that the push is of push and control."""
     hard, rest = float(np.linalg.norm(push)), float(np.linalg.norm(mean))
     share = hard / (hard + rest) if hard > 0.0 else 0.0
     return np.abs(share * found)
 
 
 def _wall(now: tuple[float, ...], then: tuple[float, ...], k: int) -> tuple[float, Array, float] | None:
-    """One of two walls, the numbers of which begin at k, with how fast it recedes; None if there is none."""
+    """Return one of two walls, whose numbers begin at k, and its receding speed; None if there is none."""
     c, away = float(now[k]), np.array([now[k + 1], now[k + 2]], dtype=float)
     if not (math.isfinite(c) and c > 0.0 and away.any()):
         return None

@@ -1,4 +1,4 @@
-"""What a system's noise does to its states and what its drift depends on, asked at some states of the scene."""
+"""Effect of a system's noise on its states, and the states its drift depends on, probed at some states of the scene."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pirrht.errors import OptionError
 from pirrht.problem import Problem
 from pirrht.rollouts.records import MovingSetup, Setup
 
-SPREADING = 0.5  # time in which noise spreads the position to tell how strong it is [s]
-PIECES = 5  # steps of it
-PROBES = 8  # states at which this is asked
-STRAIGHT = 1e-5  # second derivatives below this are the rounding of differences
+SPREADING = 0.5  # time in which noise spreads the position to measure its strength [s]
+PIECES = 5  # steps of that time
+PROBES = 8  # number of probed states
+STRAIGHT = 1e-5  # second derivatives below this are rounding of differences
 
 
 class Noise(NamedTuple):
-    """What noise alone does to a state."""
+    """Effect of noise alone on a state."""
 
     spread: Array  # (n, n) covariance of the state after SPREADING
     curved: bool  # whether steps have second derivatives
@@ -27,17 +27,17 @@ class Noise(NamedTuple):
 
     @property
     def strength(self) -> float:
-        """b of a position's variance b^2 t^3 / 3, where noise acts on the velocity; for a car b V [m/s^1.5]."""
+        """Noise b of a position's variance b^2 t^3 / 3, where it acts on the velocity; for a car b V [m/s^1.5]."""
         return math.sqrt(3.0 * self._most / SPREADING**3)
 
     @property
     def pace(self) -> float:
-        """b of a position's variance b^2 t, where noise acts on the position [m/sqrt(s)]."""
+        """Noise b of a position's variance b^2 t, where it acts on the position [m/sqrt(s)]."""
         return math.sqrt(self.at_once if self.at_once else self._most / SPREADING)
 
     @property
     def metric(self) -> Array:
-        """Weights (n,) of squared differences between states: one over what noise does to them, the first's being 1."""
+        """Weights (n,) of squared differences between states, inverse to their noise, the first's being 1."""
         squares = np.diag(self.spread)
         weights = np.zeros(len(squares))
         np.divide(squares[0], squares, out=weights, where=squares > 1e-9 * squares.max())
@@ -49,12 +49,10 @@ class Noise(NamedTuple):
 
 
 def noise_of(problem: Problem, setup: Setup | MovingSetup, expand: Any, active: int, width: int) -> Noise:
-    """Noise of a problem by the derivatives of its steps (`step_map`), which have so many modes.
+    """Measure the noise of a problem by the derivatives of its steps (`step_map`), with `width` modes.
 
-    Where inputs carry the noise, one after the other is what the rate of cost asks for.
-
-    Raises:
-        OptionError: nothing of it reaches the position.
+    Where inputs carry the noise, each in turn is at the strength that costs as much as time. An OptionError is raised
+    if no noise reaches the position.
     """
     d, h = problem.dynamics, SPREADING / PIECES
     asked, at_once = math.sqrt(2.0 * problem.least_rate / problem.temperature), 0.0
@@ -81,7 +79,7 @@ def noise_of(problem: Problem, setup: Setup | MovingSetup, expand: Any, active: 
 
 
 def active_states(problem: Problem) -> int:
-    """Bits of the states that drift or q depend on anywhere."""
+    """Return the bits of the states that drift or q depend on anywhere."""
     found = 0
     for x in _probes(problem):
         here, rate = problem.dynamics.f(x), problem.rate(x)

@@ -1,8 +1,7 @@
-"""Cross-sections of a reference: where they stand, and how far they reach to the walls on both sides.
+"""Cross-sections of a reference: their places, and their extent to the walls on both sides.
 
 A cross-section is a straight line across the reference, square to it, or along the bisector of a corner. It ends at a
-wall, or where noise does not carry a path that goes on to the goal. They stand close where walls are, far apart in the
-open, where psi goes on undisturbed.
+wall, or where noise does not carry a path that goes on to the goal. They are dense near walls, sparse in the open.
 """
 
 from __future__ import annotations
@@ -13,18 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.compiled.jit import kernel
 from pirrht.geometry.field import Field, clearance
 
 NEXT = 0.15  # between cross-sections with walls at their ends [m]
-WIDER = 0.5  # of the room beyond their ends is added in the open
+WIDER = 0.5  # share of the clearance beyond their ends that is added in the open
 WIDEST = 0.6  # between any two [m]
 APART = 0.06  # no two are closer, so that noise spreads a path over some nodes from one to the next [m]
 CHANNEL = 1.0 / 6.0  # of k w^2 at most in a channel of width w: noise crosses it in about k w^2, and walls must not mix
 LEAST = 0.02  # between any two [m]
-DEVIATIONS = 3.0  # of a path's noise that a cross-section reaches to either side
-BESIDE = 0.05  # and so much more [m]
-SHORTEST = 0.05  # noise is taken to have spread for so long a way at least [m]
+DEVIATIONS, BESIDE = 3.0, 0.05  # extent of a cross-section to either side in a path's noise, and so much more [m]
+SHORTEST = 0.05  # least length over which noise has spread [m]
 TOUCHING = 1e-4  # a wall ends a cross-section where the clearance is less than this [m]
 STRIDE = 2e-3  # of the search for the wall at least [m]
 
@@ -38,7 +36,7 @@ class Sections(NamedTuple):
 
 
 def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float) -> Sections:
-    """Cross-sections of a reference from x (n,) [m] over corners to the goal point, line (k, 2) [m].
+    """Place cross-sections of a reference from x (n,) [m] over corners to the goal point, line (k, 2) [m].
 
     Args:
         radius: of the goal's disc [m].
@@ -54,7 +52,7 @@ def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float
 
 @kernel
 def _march(field, x, y, ux, uy, far):  # type: ignore[no-untyped-def]
-    """How far one can go from (x, y) along a unit vector, `far` at most [m], and whether a wall is in the way."""
+    """Return the free length from (x, y) along a unit vector, `far` at most [m], and whether a wall ends it."""
     s = max(clearance(field, x, y), STRIDE)  # a reference touches walls
     while s < far:
         c = clearance(field, x + s * ux, y + s * uy)
@@ -64,18 +62,9 @@ def _march(field, x, y, ux, uy, far):  # type: ignore[no-untyped-def]
     return far, False
 
 
-@inlined
-def _spread(s, whole, decay):  # type: ignore[no-untyped-def]
-    """How far a cross-section at s of a reference reaches to either side [m]: noise is that of a bridge."""
-    return DEVIATIONS * math.sqrt(max(s * (whole - s) / whole, SHORTEST) / decay) + BESIDE
-
-
 @kernel
 def _write(field, spread, x, y, ux, uy, c, out):  # type: ignore[no-untyped-def]
-    """Make cross-section c at (x, y), across the unit vector (ux, uy), with ends at most `spread` away [m].
-
-    Returns whether walls end it on both sides.
-    """
+    """Make cross-section c at (x, y) across (ux, uy), up to `spread` [m]; return whether walls end both sides."""
     point, ahead, ends = out
     ends[c, 0], left = _march(field, x, y, -uy, ux, spread)
     ends[c, 1], right = _march(field, x, y, uy, -ux, spread)
@@ -85,7 +74,7 @@ def _write(field, spread, x, y, ux, uy, c, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
-    """Walk along a reference (k, 2) and write its cross-sections to `Sections`; how many there are."""
+    """Walk along a reference (k, 2) and write its cross-sections to `Sections`; return their number."""
     last, whole = line.shape[0] - 2, 0.0
     for i in range(last + 1):
         whole += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
@@ -105,7 +94,8 @@ def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
         t = 0.0
         while t < end or (count == 0):
             if since >= apart or count == 0:
-                across = _spread(s + t, whole, decay)
+                here = s + t  # noise is that of a bridge
+                across = DEVIATIONS * math.sqrt(max(here * (whole - here) / whole, SHORTEST) / decay) + BESIDE
                 cx, cy = (bx, by) if t == 0.0 else (ux, uy)
                 channel = _write(field, across, x + t * ux, y + t * uy, cx, cy, count, out)
                 room = max(clearance(field, x + t * ux, y + t * uy) - across, 0.0)

@@ -1,4 +1,4 @@
-"""What the optimisation of a guide begins with: a reference's controls, a way to track, or what is left of a guide."""
+"""Initial courses of a guide's optimisation: a reference's controls, a path to track, or the last guide."""
 
 from __future__ import annotations
 
@@ -11,41 +11,37 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.guidance.any_guide import AnyGuide
-from pirrht.guidance.course import Course, Task, empty_course
+from pirrht.guidance.any_guide import AnyGuide, Course, Task, empty_course, remaining
 from pirrht.rollouts.records import MovingSetup, Setup
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
-ON = 2  # steps for which what nothing homes in holds its last control, so that it does not halt on the goal's rim
-HEAD, ROUNDS = 10, 20  # steps by which more of it is tracked, and backward passes at most for each
-PUSHED, STRENGTHS = 1.0, (0.5, 1.0)  # time [s] for which a course is pushed, and how hard in that |a| (`asked`)
-MANY = 2  # inputs, more of which are pushed one by one
-RAMP = 0.5  # of the slack of a reference without controls it takes to get up to its pace
+ON = 2  # steps for which a system without homing holds its last control, so that it does not halt on the goal's rim
+HEAD, ROUNDS = 10, 20  # steps by which more of a path is tracked, and backward passes at most for each
+PUSHED, STRENGTHS = 1.0, (0.5, 1.0)  # time [s] for which a course is perturbed, and how hard in units of `asked`
+MANY = 2  # inputs; more are perturbed one by one
+RAMP = 0.5  # share of the slack of a reference without controls in which it is accelerated to
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Starts:
-    """Courses of one system and so many modes a step, each with the steps that it prescribes."""
+    """Initial courses of one system, each with its number of prescribed steps."""
 
     dynamics: Dynamics
     setup: Setup | MovingSetup
-    width: int
-    halts: bool  # whether nothing homes in on the goal
+    width: int  # modes of a step
+    halts: bool  # whether the system has no homing
     optimise: Any  # kernel (`any_ddp`)
     tracking: Task  # under which aims are held to
-    window: int  # steps, the last, that are improved when more of a reference is tracked
-    asked: float  # |a| under which control costs what time does [1/sqrt(s)]
+    window: int  # last steps that are improved when more of a reference is tracked
+    asked: float  # |a| under which control costs as much as time [1/sqrt(s)]
 
     def empty(self, T: int) -> Course:
-        """A course of T steps from zeros."""
+        """Return a course of T steps from zeros."""
         return empty_course(T, self.dynamics.n, self.width)
 
     def held_on(self, course: Course, times: Array, length: int) -> int:
-        """Hold the last law for ON steps more, in which what nothing homes in enters the goal; how many steps it has.
-
-        The optimiser's trajectories end with the last step outside.
-        """
+        """Hold the last law of a system without homing for ON steps more, into the goal; return its steps then."""
         d, end = self.dynamics, min(length + ON, len(course.control)) if self.halts else length
         for i in range(length, end):
             for part in (course.control, course.gains, course.share, course.inverse, course.volume):
@@ -55,7 +51,7 @@ class Starts:
         return end
 
     def along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
-        """A tape that drives along a reference from x (n,)."""
+        """Start from the tape of a reference from x (n,)."""
         d, course = self.dynamics, self.empty(len(times) - 1)
         tape, state = trajectory.tape(times), x
         ends = int(np.searchsorted(times, trajectory.durations.sum()))
@@ -70,9 +66,9 @@ class Starts:
         return course, min(ends, len(tape))
 
     def pushed(self, x: Array, trajectory: Trajectory, times: Array) -> Iterator[tuple[Course, int]]:
-        """The same, each with its inputs pushed another way at first: to turn the other way, to brake, to reverse.
+        """Start from the tape with its first inputs perturbed: to turn the other way, to brake, to reverse.
 
-        A law is improved downhill only, and what turns about has several valleys.
+        Optimisation is local, and turning about has several local optima.
         """
         (course, length), m = self.along(x, trajectory, times), self.dynamics.m
         signs = product((-1.0, 0.0, 1.0), repeat=m) if m <= MANY else np.vstack([np.eye(m), -np.eye(m)])
@@ -85,9 +81,9 @@ class Starts:
             yield other, max(length, min(steps, len(other.control)))
 
     def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
-        """What stays near where a reference is when, from x (n,); more and more of it is tracked from its start on.
+        """Start by tracking the places and times of a reference from x (n,), more and more of it from its start on.
 
-        What is tracked sets off gently, since the system may have to turn about or to get up to speed.
+        It sets off gently, since the system may have to turn about or to accelerate.
         """
         arena, start = self.setup.arena, trajectory.path.start
         pace = trajectory.length / float(trajectory.durations.sum())
@@ -112,12 +108,8 @@ class Starts:
         return course, length
 
     def shifted(self, last: AnyGuide, times: Array, elapsed: float) -> tuple[Course, int]:
-        """What is left of a guide after some time, on a new grid."""
-        T, m = len(times) - 1, self.dynamics.m
-        then = times + elapsed
-        states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
-        at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.modes) - 1)
-        length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
+        """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
+        states, at, length = remaining(last, times, elapsed)
         modes = last.modes[at].copy()
-        modes[:, m:] *= (np.diff(times) / np.diff(last.times)[at])[:, None]
-        return self.empty(T)._replace(states=states, control=modes, gains=last.gains[at]), min(length, T)
+        modes[:, self.dynamics.m :] *= (np.diff(times) / np.diff(last.times)[at])[:, None]
+        return self.empty(len(at))._replace(states=states, control=modes, gains=last.gains[at]), length

@@ -1,7 +1,7 @@
-"""The step that rollouts take of any system, without noise, and its first two derivatives by central differences.
+"""Noise-free step of rollouts, for any system, and its first two derivatives by central differences.
 
 A step has m modes of control in noise units, a = B_c^-1 G_c u (in input form s^-1 u), or 2 m where it sways: with
-u + 2 sqrt(3) r (t/dt - 1/2) at t within a step, r ends nothing elsewhere but moves the mean over the step, as the noise
+u + 2 sqrt(3) r (t/dt - 1/2) at t within a step, r leaves the end of the step and moves the mean over it, as the noise
 of rollouts does (`rollouts.general.motion`).
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.copies import copy_row, copy_rows
-from pirrht.compiled.jit import kernel
+from pirrht.compiled.jit import kernel, part
 from pirrht.rollouts.general.kind import SWAY, Kind, diffusion_of
 
 NUDGE = 1e-4  # of a state, for differences [m], [rad], [m/s] ..
@@ -21,7 +21,7 @@ NUDGE = 1e-4  # of a state, for differences [m], [rad], [m/s] ..
 
 @cache
 def step_of(kind: Kind) -> tuple[Any, Any, Any]:
-    """Kernels of one kind of dynamics: `velocity`, `advance` and `expand`."""
+    """Build the kernels of one kind of dynamics: `velocity`, `advance` and `expand`."""
     drift, q, n, m, rows, midway = kind.drift, kind.q, kind.n, kind.m, kind.rows, kind.midway
     varying_rate, noisy_position = kind.varying_rate, kind.noisy_position
     varying = kind.diffusion_block is not None
@@ -30,10 +30,21 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
 
     @kernel
     def velocity(setup, x, f):  # type: ignore[no-untyped-def]
-        """Write the drift at x (n,) to f (n,) [state/s]; returns q there [cost/s]."""
+        """Write the drift at x (n,) to f (n,) [state/s]; return q there [cost/s]."""
         f[:] = 0.0
         drift(x, setup.parameters, f)
         return q(x, setup.parameters) if varying_rate else setup.rate
+
+    @part
+    def inside(setup, x, a, dt, B, z):  # type: ignore[no-untyped-def]
+        """Write the state at which the drift of a step from x (n,) is taken to z (n,), under noise B (rows, m)."""
+        for j in range(n):
+            z[j] = x[j]
+        if setup.bridge and not noisy_position:
+            for j in range(rows):
+                for k in range(m):
+                    mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
+                    z[fixed + j] += dt * B[j, k] * mean
 
     @kernel
     def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
@@ -43,22 +54,13 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
         Returns: cost of the states in it, q dt.
         """
         B, G = B[0], B[1]
-        sways = a.shape[0] > m
         if varying:
             noise_at(x, setup.parameters, setup.inverse, G, B)
         else:
             copy_rows(setup.diffusion, B)
         f[:] = 0.0
-        if noisy_position or not setup.bridge:
-            drift(x, setup.parameters, f)
-        else:
-            for j in range(n):
-                out[j] = x[j]
-            for j in range(rows):
-                for k in range(m):
-                    mean = 0.5 * a[k] - (SWAY * a[m + k] if sways else 0.0)
-                    out[fixed + j] += dt * B[j, k] * mean
-            drift(out, setup.parameters, f)
+        inside(setup, x, a, dt, B, out)
+        drift(out, setup.parameters, f)
         if midway:
             for j in range(n):
                 out[j] = x[j] + 0.5 * dt * f[j]
@@ -77,22 +79,11 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
 
     @kernel
-    def inside(setup, x, a, dt, B, z):  # type: ignore[no-untyped-def]
-        """Write the state at which the drift of a step from x (n,) is taken to z (n,); B (rows, m) is constant."""
-        for j in range(n):
-            z[j] = x[j]
-        if setup.bridge and not noisy_position:
-            for j in range(rows):
-                for k in range(m):
-                    mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
-                    z[fixed + j] += dt * B[j, k] * mean
-
-    @kernel
     def expand(setup, x, a, dt, costate, active, curved, J, S):  # type: ignore[no-untyped-def]
-        """Derivatives of `advance` in (x, a), N = n + modes, where B is constant: by differences of drift and q alone.
+        """Differentiate `advance` in (x, a), N = n + modes, where B is constant: by differences of drift and q alone.
 
         Args, from `costate` on: (n,) weights of the next state's components; bits of the states that drift or q depend
-        on; whether second derivatives are asked for; J (n+1, N) and S (N, N), filled with the first derivatives of the
+        on; whether second derivatives are required; J (n+1, N) and S (N, N), filled with the first derivatives of the
         next state and of q dt, and the second ones of the weighted sum and q dt.
         """
         modes = a.shape[0]
@@ -184,10 +175,7 @@ def step_of(kind: Kind) -> tuple[Any, Any, Any]:
 
     @kernel
     def expand_any(setup, x, a, dt, costate, active, curved, J, S):  # type: ignore[no-untyped-def]
-        """Derivatives of `advance` in (x, a), N = n + modes.
-
-        What `expand` takes and writes, for any B.
-        """
+        """Differentiate `advance` in (x, a) for any B; arguments of `expand`."""
         modes = a.shape[0]
         N = n + modes
         z, c, nudge = np.empty(n), np.empty(modes), np.empty(N)

@@ -1,9 +1,6 @@
-"""Pictures at the prompt: what `tree.plot()` and `plan.plot()` draw with.
+"""Pictures at the prompt, of `tree.plot()` and `plan.plot()`.
 
-The only room that names matplotlib, which comes with the extra `pirrht[figures]` and is imported when something is
-drawn. It takes plain values, scenes and polylines, so that trees and plans may ask it; figures on paper are elsewhere.
-
-    ground    workspace, obstacles seen from above, start and goal
-    lines     trees, references, samples
-    axes      where to draw, and what is missing if one cannot
+The only package of the method that imports matplotlib, of the extra `pirrht[figures]`, when something is drawn.
+`ground` draws maps, `lines` trees, references and samples, on `axes`.
+It takes plain values, scenes and polylines, so that trees and plans may import it.
 """

@@ -1,4 +1,4 @@
-"""Where to draw: axes that the caller has, or those of a new figure."""
+"""Axes to draw on: the caller's, or those of a new figure."""
 
 from __future__ import annotations
 
@@ -8,11 +8,7 @@ from pirrht.errors import OptionError
 
 
 def on(axes: Any | None, what: str) -> Any:
-    """The axes to draw on; without any those of a new figure of `matplotlib.pyplot`.
-
-    Raises:
-        OptionError: matplotlib is not installed; says what is to be installed.
-    """
+    """Return the axes; None: those of a new figure. An OptionError names the extra if matplotlib is missing."""
     if axes is not None:
         return axes
     try:

@@ -1,4 +1,4 @@
-"""The map that everything is drawn on: workspace, obstacles seen from above, what moves, start and goal."""
+"""Maps: workspace, static and moving obstacles seen from above, start and goal."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pirrht.geometry.scene import Kind, Obstacle, Scene
 FLOOR, BORDER, WALL, GOAL, GOAL_EDGE, INK = "#f7f7f5", "#777777", "#4d5866", "#8fd19e", "#3c8f52", "#222222"
 MOVER = "#80609e"
 ROUND = 64  # corners of what is round
-MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which a body that moves is outlined where it is taken to be [s]
+MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles are outlined [s]
 
 
 def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
-    """A scene to scale, what moves where it is at a time [s]."""
+    """Draw a scene to scale, with moving obstacles at a time [s]."""
     from matplotlib.patches import Circle, Polygon, Rectangle
 
     axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc=FLOOR, ec=BORDER, lw=1, zorder=0))
@@ -28,17 +28,12 @@ def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
     axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
     axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec=INK, lw=1.2, zorder=5))
     margin = 0.02 * float((scene.upper - scene.lower).max())
-    axes.set(
-        aspect="equal",
-        xlim=(scene.lower[0] - margin, scene.upper[0] + margin),
-        ylim=(scene.lower[1] - margin, scene.upper[1] + margin),
-        xlabel="x [m]",
-        ylabel="y [m]",
-    )
+    (left, low), (right, high) = scene.lower - margin, scene.upper + margin
+    axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
 
 
 def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0) -> None:
-    """Bodies that move, where they are at a time [s]."""
+    """Draw moving obstacles at a time [s]."""
     from matplotlib.patches import Polygon
 
     for mover in movers:
@@ -47,7 +42,7 @@ def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3
 
 
 def foreseen(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
-    """Outlines of bodies where they are taken to be soon after a time [s], the paler the later."""
+    """Outline moving obstacles soon after a time [s], the paler the later."""
     from matplotlib.patches import Polygon
 
     for mover in movers:
@@ -58,19 +53,19 @@ def foreseen(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float =
 
 
 def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
-    """How long after a time [s] to outline a body, and how strongly; not at all where it stands still by then."""
+    """Return times after a time [s] at which to outline a moving obstacle, and opacities; none after it stops."""
     last = [after for after in MOMENTS if time + after - MOMENTS[0] < mover.motion.last]
     return [(after, 1.0 - 0.8 * after / (MOMENTS[-1] + MOMENTS[0])) for after in last]
 
 
 def outline(obstacle: Obstacle) -> Array:
-    """Corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
+    """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
     body = surface(obstacle.kind, obstacle.size) if obstacle.vertices is None else obstacle.vertices
     return hull((body @ obstacle.rotation.T + obstacle.position)[:, :2])
 
 
 def surface(kind: Kind, size: Array) -> Array:
-    """Points whose convex hull is a primitive, or close to one that is round, in its own frame, (k, 3) [m]."""
+    """Return points (k, 3) [m] whose convex hull is a primitive in its own frame, or close to a round one."""
     if kind is Kind.BOX:
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
         return np.asarray(signs * size)
@@ -87,7 +82,7 @@ def surface(kind: Kind, size: Array) -> Array:
 
 
 def hull(points: Array) -> Array:
-    """Corners (k, 2) of the convex hull of points (l, 2), counterclockwise (Andrew's monotone chain)."""
+    """Return the corners (k, 2) of the convex hull of points (l, 2), counterclockwise (Andrew's monotone chain)."""
     ordered = np.unique(points, axis=0).tolist()
     return np.array(_half(ordered)[:-1] + _half(ordered[::-1])[:-1])
 
@@ -102,5 +97,5 @@ def _half(points: list[list[float]]) -> list[list[float]]:
 
 
 def _left(a: list[float], b: list[float], x: float, y: float) -> float:
-    """Positive where (x, y) lies to the left of the line from a to b."""
+    """Return a positive number where (x, y) lies to the left of the line from a to b."""
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])

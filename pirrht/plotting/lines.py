@@ -7,25 +7,25 @@ from typing import Any
 
 from pirrht.arrays import Array
 
-# Six hues that stay apart for colour-blind eyes; a class has that of its place among all, cheapest first.
+# Six hues that stay apart for colour-blind eyes; a class has that of its rank, cheapest first.
 PALETTE = ("#33bbee", "#ee3377", "#009988", "#ee7733", "#0077bb", "#cc3311")
 TREE, SAMPLE = "#55aacc", "#70747a"
 
 
 def color(place: int) -> str:
-    """That of the class which comes at a place, from 0."""
+    """Return the colour of the class of a rank, from 0."""
     return PALETTE[place % len(PALETTE)]
 
 
 def many(axes: Any, lines: Sequence[Array], colors: Any, *, width: float, opacity: Any, zorder: float) -> None:
-    """Polylines (k, 2) [m]; colours and opacities are of all or one each."""
+    """Draw polylines (k, 2) [m]; colours and opacities are common or one each."""
     from matplotlib.collections import LineCollection
 
     axes.add_collection(LineCollection(list(lines), colors=colors, lw=width, alpha=opacity, zorder=zorder))
 
 
 def classes(axes: Any, lines: Sequence[Array], labels: Sequence[str], title: str) -> None:
-    """One polyline (k, 2) [m] per class with a label each in a legend, the first on top."""
+    """Draw one polyline (k, 2) [m] per class with a label each in a legend, the first on top."""
     rows = list(enumerate(zip(lines, labels, strict=True)))
     for place, (line, label) in reversed(rows):
         axes.plot(line[:, 0], line[:, 1], color=color(place), lw=2.2, label=label, zorder=4)
@@ -38,12 +38,12 @@ def classes(axes: Any, lines: Sequence[Array], labels: Sequence[str], title: str
 
 
 def arrow(axes: Any, tail: Array, head: Array) -> None:
-    """An arrow from one point (2,) to another [m]."""
+    """Draw an arrow from one point (2,) to another [m]."""
     axes.annotate(
         "", tuple(head), tuple(tail), arrowprops={"arrowstyle": "-|>", "lw": 1.4, "color": "#222222"}, zorder=6
     )
 
 
 def dot(axes: Any, place: Array) -> None:
-    """A dot at a point (2,) [m]."""
+    """Draw a dot at a point (2,) [m]."""
     axes.plot(place[0], place[1], "o", ms=5, color="#222222", zorder=6)

@@ -25,8 +25,7 @@ from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Proposal, Tape
+from pirrht.guidance.leads import Batch, Follow, Proposal, Tape
 from sim.scenario import Scenario, prepare
 
 STATES, SAMPLES, PLANS = 20, 1_000_000, 10

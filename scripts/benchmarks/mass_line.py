@@ -22,8 +22,7 @@ from pirrht.exact.mass_on_line import MassOnLine, mass_on_line
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
+from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
 from pirrht.problem import Problem
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import running_cost

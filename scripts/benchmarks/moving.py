@@ -34,7 +34,7 @@ from sim.scenario import Scenario
 BODIES, VERTICES, SAMPLES, PERIOD = 24, 2000, 300, 0.1
 SEEDS = (0, 1, 2)  # of the scenes that are driven through
 REPEATS = 5
-PHASES = {"_references": "references", "_guided": "guides", "_estimate": "samples"}  # methods of a controller's own
+PHASES = {"_references": "references", "_leads": "guides", "_estimate": "samples"}  # methods of a controller's own
 
 
 def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:

@@ -13,9 +13,8 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.geometry.listed import held_of
 from pirrht.guidance.any_guide import AnyGuide, Track
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Proposal, Tape
-from pirrht.guidance.priced_among import touches
+from pirrht.guidance.clearance_cost import touches
+from pirrht.guidance.leads import Batch, Follow, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.sweep import sweep_exit
 from pirrht.steering.trajectory import Trajectory

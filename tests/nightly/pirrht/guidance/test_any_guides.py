@@ -16,12 +16,10 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.guidance.any_guide import AnyGuide
+from pirrht.guidance.any_guide import AnyGuide, Course
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.course import Course
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
-from pirrht.guidance.spectra import diagonalise, recompose
+from pirrht.guidance.backward_pass import diagonalise, recompose
+from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
 from pirrht.problem import Problem
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import Trajectory, running_cost

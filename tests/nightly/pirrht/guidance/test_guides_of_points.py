@@ -16,8 +16,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
+from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.steering.trajectory import Trajectory

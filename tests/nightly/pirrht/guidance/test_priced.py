@@ -13,11 +13,10 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.guidance.any_guide import AnyGuide
+from pirrht.guidance.any_guide import AnyGuide, empty_course
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.course import empty_course
-from pirrht.guidance.following import Follow
-from pirrht.guidance.priced import expand_price, price_of
+from pirrht.guidance.clearance_cost import expand_price, price_of
+from pirrht.guidance.leads import Follow
 from pirrht.problem import Problem
 from pirrht.rollouts.records import FINER
 from pirrht.steering.trajectory import Trajectory
@@ -62,14 +61,14 @@ def test_the_derivatives_of_a_steps_price_are_those_of_differences():
 
     def price(z):
         (x, y), (nx, ny), (bx, by) = z.reshape(3, 2)
-        return price_of(field, task, x, y, nx - x, ny - y, bx, by, STEP, 3)
+        return price_of(field, task, x, y, nx - x, ny - y, bx, by, STEP, 3, False)
 
     for _ in range(40):
         angle, gap = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.02, 0.1)
         tail = np.array([2.0, 1.9]) + (0.4 + gap) * np.array([np.cos(angle), np.sin(angle)])
         z = np.concatenate([tail, tail + rng.normal(scale=0.02, size=2), rng.normal(scale=0.5, size=2)])
         x, y, nx, ny, bx, by = z
-        if not expand_price(field, task, x, y, nx - x, ny - y, bx, by, STEP, 3, g, H):
+        if not expand_price(field, task, x, y, nx - x, ny - y, bx, by, STEP, 3, False, g, H):
             continue
         h = 1e-7
         slope = np.array([(price(z + h * e) - price(z - h * e)) / (2.0 * h) for e in np.eye(6)])

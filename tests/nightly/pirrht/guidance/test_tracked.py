@@ -21,8 +21,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
+from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
 from pirrht.problem import Problem
 from pirrht.steering.steering import Steering
 from pirrht.steering.tracked import Tracked

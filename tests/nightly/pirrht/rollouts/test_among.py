@@ -19,9 +19,8 @@ from pirrht.geometry.listed import held_of, listing
 from pirrht.geometry.traffic import Traffic
 from pirrht.guidance.any_guide import AnyGuide
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Proposal
-from pirrht.guidance.priced_among import touches
+from pirrht.guidance.clearance_cost import touches
+from pirrht.guidance.leads import Batch, Follow, Proposal
 from pirrht.problem import Problem
 from pirrht.rollouts.among import NEVER, met_on_way
 from pirrht.steering.trajectory import Trajectory

@@ -16,8 +16,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Proposal, Tape
+from pirrht.guidance.leads import Batch, Follow, Proposal, Tape
 from pirrht.problem import Problem
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator

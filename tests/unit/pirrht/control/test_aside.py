@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.control.aside import Aside
+from pirrht.estimation.allocation import Aside
 from pirrht.guidance.leads import Proposal, Tape
 
 TIMES = np.arange(3.0)

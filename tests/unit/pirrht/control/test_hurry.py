@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pirrht.control.hurry import ALONE, FEW, GROWN, PRESSED, RECENT, SPENT, Pace, enough_of, pressed_of
+from pirrht.control.policy import ALONE, FEW, GROWN, PRESSED, RECENT, SPENT, Pace, enough_of, pressed_of
 
 
 class Clock:

@@ -22,8 +22,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.following import Follow
-from pirrht.guidance.leads import Batch, Lead, Proposal, Tape
+from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.records import FINER

@@ -17,10 +17,10 @@ from pirrht.control.controller import Controller
 from pirrht.control.plan import shifted
 from pirrht.estimation.allocation import RENEWED, Allocation
 from pirrht.estimation.batches import sample
-from pirrht.estimation.estimate import Estimate, deviation
+from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.estimation.sums import OUTLYING
+from pirrht.estimation.weights import OUTLYING, deviation
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import genpareto
 
-from pirrht.estimation.tails import heavy, tail_shape
+from pirrht.estimation.weights import heavy, tail_shape
 
 
 @pytest.mark.parametrize("shape", [-0.3, 0.0, 0.3, 0.6, 0.9, 1.3])
