@@ -22,7 +22,7 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.progress import Progress, untold
+from pirrht.exact.domain import Progress, untold
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem

@@ -18,9 +18,18 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_cells, in_goal
-from pirrht.exact.lagrange import derivative, polynomial
-from pirrht.exact.progress import Progress, untold
+from pirrht.exact.domain import (
+    Domain,
+    Frame,
+    Progress,
+    affordable,
+    derivative,
+    frame_at,
+    in_cells,
+    in_goal,
+    polynomial,
+    untold,
+)
 from pirrht.exact.tiles import TILE, logarithm, one_round
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem

@@ -1,4 +1,4 @@
-"""Where psi is solved for, and where the points of a grid lie."""
+"""What the grids share: where psi is solved for, where points lie, cubic interpolation, and progress."""
 
 from __future__ import annotations
 
@@ -85,3 +85,34 @@ def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> f
             f"choose more --noise{remedy} or a smaller workspace"
         )
     return spacing
+
+
+Progress = Callable[[float], None]  # is told the share that is done, from 0 to 1
+
+
+def untold(share: float) -> None:
+    """Nobody waits."""
+
+
+@inlined
+def polynomial(t, c):  # type: ignore[no-untyped-def]
+    """Value at t [spacings] of the cubic polynomial that is 1 at point c of -1, 0, 1, 2 and 0 at the others."""
+    if c == -1:
+        return -t * (t - 1.0) * (t - 2.0) / 6.0
+    if c == 0:
+        return (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0
+    if c == 1:
+        return -(t + 1.0) * t * (t - 2.0) / 2.0
+    return (t + 1.0) * t * (t - 1.0) / 6.0
+
+
+@inlined
+def derivative(t, c):  # type: ignore[no-untyped-def]
+    """Its derivative at t [1/spacing]."""
+    if c == -1:
+        return -(3.0 * t * t - 6.0 * t + 2.0) / 6.0
+    if c == 0:
+        return (3.0 * t * t - 4.0 * t - 1.0) / 2.0
+    if c == 1:
+        return -(3.0 * t * t - 2.0 * t - 2.0) / 2.0
+    return (3.0 * t * t - 1.0) / 6.0

@@ -19,9 +19,7 @@ from scipy.ndimage import distance_transform_edt
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Frame, frame_at, in_cells, in_goal
-from pirrht.exact.lagrange import derivative, polynomial
-from pirrht.exact.progress import Progress, untold
+from pirrht.exact.domain import Frame, Progress, derivative, frame_at, in_cells, in_goal, polynomial, untold
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.problem import Problem

@@ -20,11 +20,10 @@ from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.exact import moving_look, planar
 from pirrht.exact.bridges import Room, Step
-from pirrht.exact.domain import Domain, affordable, frame_at, in_goal
+from pirrht.exact.domain import Domain, Progress, affordable, frame_at, in_goal, untold
 from pirrht.exact.march import march, taps_along
 from pirrht.exact.moving_look import BEYOND, March, in_wall
 from pirrht.exact.payoffs import at_goal
-from pirrht.exact.progress import Progress, untold
 from pirrht.exact.timetable import Timetable, timetable
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.bodies import bodies_of, clearance_from, frames_of, poses_at

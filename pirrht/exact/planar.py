@@ -24,8 +24,7 @@ from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.exact.arms import ARMS, CLOSE, HUG, ends_of_arms
-from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_cells, in_goal
-from pirrht.exact.progress import Progress, untold
+from pirrht.exact.domain import Domain, Frame, Progress, affordable, frame_at, in_cells, in_goal, untold
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pirrht.control.optimal import Optimal
 from pirrht.errors import OptionError
 from pirrht.exact.desirability import Desirability, solver_for
-from pirrht.exact.progress import Progress
+from pirrht.exact.domain import Progress
 from sim.scenario.task import Task
 
 

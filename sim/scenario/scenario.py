@@ -13,7 +13,7 @@ from pirrht.control.mppi import Mppi
 from pirrht.control.optimal import Optimal
 from pirrht.control.policy import Policy
 from pirrht.exact.desirability import Desirability
-from pirrht.exact.progress import Progress, untold
+from pirrht.exact.domain import Progress, untold
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.drive import episode, realtime
