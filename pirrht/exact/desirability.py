@@ -202,7 +202,7 @@ class Desirability:
         return np.rint(turns - self.space.homology.straight(x[None, :2])[0]).astype(int), outcome
 
     def _paths(self, x: Array, t: float, samples: int, seed: int) -> tuple[IntArray, IntArray]:
-        from pirrht.exact.moving_paths import classes_of
+        from pirrht.exact.optimal_paths import classes_of
 
         scene = self.space.scene
         homology = MovingHomology.of(scene.movers, scene.footprint, scene.goal.center, best_speed(self.problem))

@@ -14,8 +14,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.exact.bridges import WALLS, Step, log_sum, missed, outside, walls_around
-from pirrht.exact.payoffs import log_paid
+from pirrht.exact.bridges import WALLS, Step, log_paid, log_sum, missed, outside, walls_around
 from pirrht.geometry.bodies import clearance_from
 
 TILE = 16  # points along each side of a tile

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import kernel
 from pirrht.exact import planar
-from pirrht.exact.bridges import WALLS, Room, Step, log_sum, missed, outside, walls_around
+from pirrht.exact.bridges import WALLS, Room, Step, log_paid, log_sum, missed, outside, walls_around
 from pirrht.exact.domain import Frame, in_goal
-from pirrht.exact.payoffs import log_paid
 from pirrht.geometry.bodies import clearance_from
 
 BEYOND = 6.0  # a step is cut off so many deviations beyond the one that the law asks for
