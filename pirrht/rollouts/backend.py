@@ -9,21 +9,89 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
-from pirrht.arrays import Array
-from pirrht.compiled.jit import as_jitable
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.jit import as_jitable, kernel
+from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import Kind
-from pirrht.rollouts.general.loops import loops
-from pirrht.rollouts.general.path import any_path
+from pirrht.rollouts.general.path import Kept, any_path
 from pirrht.rollouts.homing import car_home, straight_home
 from pirrht.rollouts.point.block import is_point, sample
 from pirrht.rollouts.point.replay import control, trace
-from pirrht.rollouts.records import Kernels
+from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup, empty_paths
 from pirrht.systems.dynamics import no_homing
 from pirrht.systems.unicycle import unicycle_drift
+
+KEPT: Any = Kept
+NO_STATES = np.empty((0, 0, 0)), np.empty(0, np.int64)
+NO_GROUPS = np.empty(0, np.int64), np.empty(0)
+NO_CONTROLS = np.empty((0, 0, 0)), np.empty((0, 0))
+NONE_CHOSEN = Chosen(np.empty(0, np.int64), *NO_GROUPS)
+
+
+@cache
+def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
+    """Kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
+    no_paths = empty_paths(0, 0, m)
+
+    @kernel
+    def simulate(setup, leads, origin, start, stop, paths, chosen, total, alive, states, steps):  # type: ignore[no-untyped-def]
+        """Fill `paths` for the samples from `start` to `stop`; if there are none, simulate chosen samples once more.
+
+        Those give what `control` and `trace` take; what is not asked for is empty.
+        """
+        number, group, weight = chosen
+        again, drawn, window, times = start == stop, states.shape[0] > 0, leads.window, leads.times
+        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, leads)
+        applied, base = np.zeros((alive.shape[1] if again else window, m)), np.empty(m)
+        led_by, h = np.empty((0 if again else window, m)), 0
+        for c in range(number.shape[0] if again else stop - start):
+            s = number[c] if again else start + c
+            while s >= leads.first[h + 1]:
+                h += 1
+            while s < leads.first[h]:
+                h -= 1
+            log_ratio = ratio if again else paths.log_ratio[s]
+            keep = KEPT(log_ratio, states[c] if drawn else nothing, applied, led_by, base)
+            work, key, outcome, taken, last, lasting = one_path(setup, leads, origin, h, s, keep, scratch)
+            if again:
+                if drawn:
+                    steps[c] = taken
+                for i in range(taken if alive.shape[0] > 0 else 0):
+                    alive[group[c], i] += weight[c]
+                    for j in range(m):
+                        total[group[c], i, j] += weight[c] * applied[i, j]
+                continue
+            paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
+            paths.lasting[s] = lasting
+            for j in range(m):
+                paths.led[s, j] = base[j]
+            for i in range(min(taken, window)):
+                dt = times[i + 1] - times[i]
+                under_way = last if i == taken - 1 else dt
+                paths.span[s] += under_way
+                for j in range(m):
+                    paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + under_way * base[j]
+
+    def sample(setup: Any, leads: Any, origin: Any, start: int, stop: int, paths: Any) -> None:
+        """Fill `paths` for the samples from `start` to `stop`."""
+        if stop > start:
+            simulate(setup, leads, origin, start, stop, paths, NONE_CHOSEN, *NO_CONTROLS, *NO_STATES)
+
+    def control(setup: Any, leads: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
+        """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
+        simulate(setup, leads, origin, 0, 0, no_paths, chosen, total, alive, *NO_STATES)
+
+    def trace(setup: Any, leads: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
+        """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
+        simulate(setup, leads, origin, 0, 0, no_paths, Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps)
+
+    return Kernels(sample, control, trace)
+
 
 ALONE = 2400  # samples of a point, many abreast
 
@@ -80,3 +148,22 @@ def _filling(data: bytes, m: int) -> Callable[..., None]:
         out[:, :] = matrix
 
     return fill
+
+
+def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup | MovingSetup:
+    """What rollouts of a problem meet in its scene, exits judged along the step (`bridge`) or at its end."""
+    d = problem.dynamics
+    x = np.zeros(d.n)
+    constant, told = d.constant, d.constant or d.input_form
+    setup = Setup(
+        arena=space.arena,
+        cuts=space.homology.cuts,
+        parameters=np.asarray(d.parameters, dtype=float),
+        inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
+        gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
+        diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
+        rate=0.0 if callable(problem.q) else float(problem.q),
+        bridge=bridge,
+        pace=problem.least_rate / problem.temperature,
+    )
+    return MovingSetup.of(setup, space.traffic) if problem.scene.movers else setup

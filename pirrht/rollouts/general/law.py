@@ -9,6 +9,12 @@ import numpy as np
 
 from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.jit import inlined, part
+from pirrht.compiled.vectors import bounded, mixed, product, summed
+from pirrht.rollouts.gates import gate_slope
+from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
+from pirrht.rollouts.homing import STEEP, homing
+from pirrht.rollouts.records import FINER
+from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.heading import wrapped
 
 
@@ -57,3 +63,177 @@ def nearest_of(n: int, angles: int) -> Any:
         return s
 
     return nearest
+
+
+@cache
+def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
+    """Kernels for rows of m or of `most` modes, at addresses; they tell which by their last argument."""
+    said_by_few, said_by_many = summed(n, m), summed(n, most)
+    bind_few, bind_many = bounded(m), bounded(most)
+    times_few, times_many = product(m, m), product(most, most)
+    mix_few, mix_many = mixed(m), mixed(most)
+
+    @part
+    def said(out, row, beside, modes):  # type: ignore[no-untyped-def]
+        """Write what a row of a law says at a state that is `beside` (n,) its own: a + K beside."""
+        if modes == most:
+            said_by_many(out, row, row + 8 * most, beside)
+        else:
+            said_by_few(out, row, row + 8 * m, beside)
+
+    @part
+    def bind(row, bound, modes):  # type: ignore[no-untyped-def]
+        """Keep all of a row within plus and minus a bound."""
+        if modes == most:
+            bind_many(row, bound)
+        else:
+            bind_few(row, bound)
+
+    @part
+    def times(out, matrix, row, modes):  # type: ignore[no-untyped-def]
+        """Write a matrix, which lies transposed, times a row."""
+        if modes == most:
+            times_many(out, matrix, row)
+        else:
+            times_few(out, matrix, row)
+
+    @part
+    def mix(out, x, a, y, b, modes):  # type: ignore[no-untyped-def]
+        """Write a x + b y."""
+        if modes == most:
+            mix_many(out, x, a, y, b)
+        else:
+            mix_few(out, x, a, y, b)
+
+    return said, bind, times, mix
+
+
+LOST = 30.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
+# a martingale, so that exp(-30) is also what is expected of it later
+
+
+@cache
+def aims(kind: Kind) -> Any:
+    """The kernel that writes `a` of every reference, and with a law `wide` or `aside`."""
+    n, m, rows, moving, noisy_position = kind.n, kind.m, kind.rows, kind.moving, kind.noisy_position
+    car, leadable, gated, gaining = is_car(kind), takes_law(kind), is_gated(kind), kind.gaining
+    losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
+    fixed, angles, homing_of = n - rows, kind.angles, kind.homing
+    nearest, (said, bind, _, _) = nearest_of(n, angles), rows_of(n, m, kind.modes)
+
+    @part
+    def car_law(leads, scratch, g, i, steep):  # type: ignore[no-untyped-def]
+        """Write those of a car's own law."""
+        law, x = leads.law, scratch.x
+        ex, ey = x[0] - law[g, i, 4], x[1] - law[g, i, 5]
+        drive = law[g, i, 0] + law[g, i, 1] * ex + law[g, i, 2] * ey
+        et = wrapped(x[2] - law[g, i, 6])
+        drive += law[g, i, 3] * et
+        scratch.a[g, 0] = max(-steep, min(steep, drive))
+        drive = law[g, i, 9] + law[g, i, 10] * ex + law[g, i, 11] * ey + law[g, i, 12] * et
+        scratch.aside[g] = max(-steep, min(steep, drive))
+
+    @part
+    def step_of(leads, scratch, g, i, share, modes):  # type: ignore[no-untyped-def]
+        """Find the step of a law: the one that is due where bodies move, else the one whose state is nearest."""
+        law, led, s = leads.law, leads.led, scratch.stage[g]
+        if moving:
+            s = min(i * FINER + int(FINER * share + 0.5), law.shape[1] - 1)
+            scratch.stage[g] = s
+        elif s < led[g]:
+            _, there, _, _, end = columns_of(n, modes)
+            pitch = 8 * law.shape[2]
+            row, final = law.ctypes.data + pitch * law.shape[1] * g, min(led[g], law.shape[1] - 1)
+            s = nearest(row, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, end + 2)
+            scratch.stage[g] = s
+        return s
+
+    @part
+    def any_law(leads, scratch, g, s, modes):  # type: ignore[no-untyped-def]
+        """Write `wide` of a law's step s."""
+        law, x, wide, beside = leads.law, scratch.x, scratch.wide, scratch.beside
+        _, there, _, _, end = columns_of(n, modes)
+        row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s)
+        for k in range(n):
+            beside[k] = x[k] - load_float64(row, there + k)
+            if (angles >> k) & 1:
+                beside[k] = wrapped(beside[k])
+        out, steep = wide.ctypes.data + 8 * wide.shape[1] * g, load_float64(row, end + 1)
+        said(out, row, beside.ctypes.data, modes)
+        if gated:
+            at_x, at_y = x[0] - law[g, s, there], x[1] - law[g, s, there + 1]
+            sx, sy = gate_slope(law, g, s, end + 2 + n, at_x, at_y)
+            for j in range(m):
+                wide[g, j] += scratch.B[0, j] * sx + scratch.B[1, j] * sy
+            for j in range(m):  # one by one, as they were written last
+                wide[g, j] = max(-steep, min(steep, wide[g, j]))
+        else:
+            bind(out, steep, modes)
+
+    @part
+    def along_way(leads, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
+        """Write `a` of a way, whose desirability is climbed."""
+        ways, x, B, stage = leads.ways, scratch.x, scratch.B, scratch.stage
+        C, J = ways.slope.shape[1], ways.slope.shape[2]
+        place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
+        stage[g], sx, sy = uphill(
+            place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, ways.count[g] - 1, J, ways.decay, goal,
+            stage[g], x[0], x[1], walls,
+        )  # fmt: skip
+        for j in range(m):
+            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+            by = B[1 - fixed, j] if fixed <= 1 else 0.0
+            scratch.a[g, j] = bx * sx + by * sy
+
+    @part
+    def aim(setup, leads, scratch, keep, goal, radius, walls, h, i, share, modes):  # type: ignore[no-untyped-def]
+        """Do so after a share of step i of the grid; of the one followed, h, if nothing is weighed."""
+        x, a, wide, lost, home = scratch.x, scratch.a, scratch.wide, scratch.lost, scratch.home
+        led, count, ratio = leads.led, leads.ways.count, keep.ratio
+        weigh = ratio.shape[0] > 0
+        near_walls, steep = noisy_position and leads.reach > 0.0, STEEP * setup.gain[0, 0]
+        homeward, headed = np.inf, False  # computed once, if a reference asks for it
+        for g in range(0 if weigh else h, a.shape[0] if weigh else h + 1):
+            lost[g] = lost[g] or (losing and weigh and ratio[g] < ratio[h] - LOST)
+            if lost[g]:  # never of h
+                continue
+            if noisy_position and count[g] > 0:
+                along_way(leads, scratch, g, goal, walls)
+            elif car and led[g] > i:
+                car_law(leads, scratch, g, i, steep)
+            elif car and led[g] > 0:
+                if homeward == np.inf:
+                    bound = scratch.D[0, 0] * scratch.B[0, 0]
+                    homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / scratch.B[0, 0]
+                a[g, 0] = homeward
+            elif leadable and led[g] > 0:
+                s = step_of(leads, scratch, g, i, share, modes)
+                if s < led[g]:
+                    any_law(leads, scratch, g, s, modes)
+                else:
+                    if not headed:
+                        homing_of(x, setup.parameters, scratch.B, goal, radius, setup.pace, home)
+                        headed = True
+                    for j in range(modes):
+                        wide[g, j] = home[j] if j < m else 0.0
+                for j in range(m):
+                    a[g, j] = wide[g, j]
+            else:
+                for j in range(m):
+                    a[g, j] = 0.0
+                for j in range(modes if leadable else 0):
+                    wide[g, j] = 0.0
+            held, pushing = i < leads.active[g], near_walls and count[g] == 0 and (led[g] == 0 or gated)
+            if held:
+                for j in range(m):
+                    a[g, j] += 0.0 if gaining else leads.drift[g, i, j]
+                    for k in range(m if gaining else 0):
+                        a[g, j] += scratch.D[j, k] * leads.control[g, i, k]
+            if pushing:
+                for j in range(m):
+                    a[g, j] += scratch.pushed[j]
+            if leadable and (held or pushing or count[g] > 0):
+                for j in range(m):
+                    wide[g, j] = a[g, j]
+
+    return aim
