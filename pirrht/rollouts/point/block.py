@@ -18,55 +18,13 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
 from pirrht.rollouts.first_exit import INSIDE, RIM, at_crossing, bridge_exit
-from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey
-from pirrht.rollouts.point.leads import tape_control, wall_push, way_control
-from pirrht.rollouts.point.stages import (  # fmt: skip
-    C0,
-    C1,
-    CELL,
-    CORNER,
-    DT,
-    E0,
-    E1,
-    FLAG,
-    G0,
-    G1,
-    KEY,
-    LANES,
-    LASTING,
-    LEFT,
-    LOST,
-    NX,
-    NY,
-    OWED,
-    PUSH0,
-    PUSH1,
-    ROOT,
-    SAMPLE,
-    SIGN,
-    SPENT,
-    STAGE,
-    STEP,
-    SUM0,
-    SUM1,
-    WIDE,
-    Z0,
-    Z1,
-    L,
-    U,
-    V,
-    X,
-    Y,
-    add_log_ratios,
-    advance,
-    cross,
-    draw,
-    move,
-    pace,
-    row_of,
-    scratch_of,
-    settle,
-)
+from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey, wall_push
+
+from pirrht.rollouts.point.stages import (  # isort: skip
+    C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, KEY, LANES, LASTING, LEFT, LOST, NX, NY, OWED, PUSH0, PUSH1, ROOT,
+    SAMPLE, SIGN, SPENT, STAGE, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, U, V, X, Y, add_log_ratios, advance, cross, draw,
+    move, pace, row_of, scratch_of, settle, tape_control, way_control,
+)  # fmt: skip
 from pirrht.rollouts.records import Origin
 from pirrht.systems.dynamics import Dynamics, no_drift
 

@@ -8,35 +8,17 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.addresses import load_float32
-from pirrht.compiled.float32 import ONE, TWO, ZERO, exponential
+from pirrht.compiled.float32 import HALF, ONE, TWO, ZERO, exponential
 from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import GOLDEN, bits_of, logarithm
 from pirrht.geometry.arena import Arena
-from pirrht.geometry.field import Grid, bilinear, border, cell_in_block, finest_cell
-from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE
-from pirrht.rollouts.point.stages import (  # fmt: skip
-    C0,
-    C1,
-    CELL,
-    CORNER,
-    DT,
-    E0,
-    E1,
-    FLAG,
-    G0,
-    G1,
-    LANES,
-    LASTING,
-    NX,
-    NY,
-    PER,
-    WALL,
-    L,
-    U,
-    V,
-    X,
+from pirrht.geometry.field import Grid, bilinear, bilinear_slope, border, cell_in_block, finest_cell
+from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE, wall_slope, walls_of
+
+from pirrht.rollouts.point.stages import (  # isort: skip
+    C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, LANES, LASTING, NX, NY, PER, PUSH0, PUSH1, ROOT, WALL, L, U, V, X,
     Y,
-)
+)  # fmt: skip
 
 SLOW = 3  # flag of lanes whose step needs a closer look
 FRAME: Any = Grid
@@ -100,6 +82,34 @@ def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
         f[C1 + k] = near if edge > ZERO else edge
         f[E1 + k] = edge
         f[G1 + k] = math.sqrt((x - gx) * (x - gx) + (y - gy) * (y - gy)) - radius
+
+
+@inlined
+def wall_push(field, reach, beyond, b, B, f, short, n):  # type: ignore[no-untyped-def]
+    """The push B' grad log of what psi is proportional to at the two nearest walls; `b` is the noise [m/sqrt(s)].
+
+    Walls stand `beyond` behind where they are [m].
+
+    The lanes' cells and what is nearest at their corners are what `survey` has left. Nearer than half of the deviation
+    of a step a wall pushes no harder.
+    """
+    n = min(n, LANES)
+    b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
+    reach, beyond, half = np.float32(reach), np.float32(beyond), HALF * np.float32(b)
+    corners(field, field.second, f, short, CORNER + 4 * L, n)
+    for k in range(n):
+        at = CORNER + k
+        u, v, per = f[U + k], f[V + k], f[PER + k]
+        nearest = bilinear_slope(f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], u, v, per)
+        second = bilinear_slope(f[at + 4 * L], f[at + 5 * L], f[at + 6 * L], f[at + 7 * L], u, v, per)
+        c, nx, ny, d, mx, my = walls_of(field, f[X + k], f[Y + k], nearest, second)
+        widest = half * f[ROOT + k]
+        c, d = max(c + beyond, widest), max(d + beyond, widest)
+        f[WALL + k], f[WALL + L + k], f[WALL + 2 * L + k] = c, nx, ny
+        f[WALL + 3 * L + k], f[WALL + 4 * L + k], f[WALL + 5 * L + k] = d, mx, my
+        gx, gy = wall_slope(c, nx, ny, d, mx, my, reach)
+        f[PUSH0 + k] = b00 * gx + b10 * gy
+        f[PUSH1 + k] = b01 * gx + b11 * gy
 
 
 @inlined

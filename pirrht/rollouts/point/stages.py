@@ -16,6 +16,7 @@ from pirrht.compiled.addresses import load_float64, load_int64
 from pirrht.compiled.float32 import HALF, ONE, ZERO
 from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import GOLDEN, halves, normals_of
+from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.topology.cuts import FEW, key_of_step, turn_at_cut
 
 LANES = 512  # of a block; all rows together stay within the nearest cache
@@ -60,6 +61,40 @@ def row_of(g, each):  # type: ignore[no-untyped-def]
     Loops whose places it cannot order compile to one load or store for every lane.
     """
     return min(max(g * each * L, 0), MANY)
+
+
+@inlined
+def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untyped-def]
+    """Write a_g of one reference with a tape: its row of `Leads.drift`, by address, and the push."""
+    n = min(n, LANES)
+    row = row_of(g, 2)
+    for k in range(n):
+        a[row + k], a[row + L + k] = f[PUSH0 + k], f[PUSH1 + k]
+    if active == 0:
+        return
+    for k in range(n):
+        i = np.int64(short[STEP + k])
+        if i < active:
+            at = 2 * (g * T + i)
+            a[row + k] += np.float32(load_float64(drift, at))
+            a[row + L + k] += np.float32(load_float64(drift, at + 1))
+
+
+@inlined
+def way_control(ways, g, goal, B, f, short, a, n):  # type: ignore[no-untyped-def]
+    """Write a_g = B' grad log psi of one reference with a way at the lanes' states."""
+    n = min(n, LANES)
+    place, slope, C, J, last, decay = ways
+    row, stage = row_of(g, 2), STAGE + row_of(g, 1)
+    b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
+    place, slope = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J
+    for k in range(n):
+        at = WALL + k
+        walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
+        s, gx, gy = uphill(place, slope, last, J, decay, goal, np.int64(short[stage + k]), f[X + k], f[Y + k], walls)
+        short[stage + k] = np.int32(s)
+        a[row + k] = b00 * gx + b10 * gy
+        a[row + L + k] = b01 * gx + b11 * gy
 
 
 @inlined
