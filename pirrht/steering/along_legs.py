@@ -19,9 +19,8 @@ from pirrht.geometry.sweeps import certify_leg, certify_some, certify_way, list_
 from pirrht.geometry.traffic import Traffic
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.bases import Bases, row_of, turns_between
 from pirrht.topology.cuts import Cuts, crossed
-from pirrht.topology.in_time import TimedHomology, whole_turns, write_straight
+from pirrht.topology.in_time import Bases, TimedHomology, row_of, turns_between, whole_turns, write_straight
 from pirrht.topology.tracks import Tracks
 
 

@@ -27,9 +27,8 @@ from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import Trajectory
 from pirrht.steering.useful import drawn, offered
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.topology.bases import Bases
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.in_time import Bases, TimedHomology
 
 FASTER = 5.0  # speeds up to so many times the best one, if the robot has no limit of its own
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
