@@ -18,8 +18,7 @@ from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves, along, entry_of_curve
 from pirrht.geometry.certify import surely_free
-from pirrht.shortening.dubins_bends import tighten
-from pirrht.shortening.dubins_legs import Pieces, append, approach, key_of_leg
+from pirrht.shortening.dubins_legs import Pieces, append, approach, key_of_leg, tighten
 from pirrht.steering.dubins import Dubins, length_between, shortest
 from pirrht.steering.motion import Surroundings
 
