@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from pirrht.compiled.jit import kernel
-from pirrht.systems.best_duration import best_duration
+from pirrht.systems.double_integrator import best_duration
 
 
 @kernel

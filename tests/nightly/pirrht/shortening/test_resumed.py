@@ -8,7 +8,7 @@ from discs import scattered
 
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.shortening.arcs_resumed import REACH, resumed
+from pirrht.shortening.shorten import REACH, resumed
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.rover import RoverSteering
 from pirrht.steering.steering import Steering
