@@ -14,8 +14,46 @@ from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_cubics import CUBICS, CubicRecord, Cubics
 from pirrht.steering.steering import Compiled, Steering
-from pirrht.steering.two_point import accelerations, optimum
-from pirrht.systems.double_integrator import DoubleIntegrator
+from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
+
+
+@kernel
+def optimum(tail, head, q, r):  # type: ignore[no-untyped-def]
+    """Duration [s] and cost of the optimum between states (4,), as tuples of numbers; infinite from a free velocity."""
+    if math.isnan(tail[2]):
+        return np.inf, np.inf
+    dx, dy, ux, uy = head[0] - tail[0], head[1] - tail[1], tail[2], tail[3]
+    square, before = dx * dx + dy * dy, ux * ux + uy * uy
+    if math.isnan(head[2]):
+        if square == 0.0:
+            return 0.0, 0.0
+        return best_duration(q, 1.5 * r * square, -3.0 * r * (dx * ux + dy * uy), 1.5 * r * before)
+    wx, wy = head[2], head[3]
+    if square == 0.0 and ux == wx and uy == wy:
+        return 0.0, 0.0
+    along = dx * (ux + wx) + dy * (uy + wy)
+    return best_duration(
+        q, 6.0 * r * square, -6.0 * r * along, 2.0 * r * (before + ux * wx + uy * wy + wx * wx + wy * wy)
+    )
+
+
+@kernel
+def accelerations(tail, head, T):  # type: ignore[no-untyped-def]
+    """(c0x, c0y, c1x, c1y) of the optimal acceleration c0 + c1 s between states (4,) that takes T [s]."""
+    dx, dy, ux, uy = head[0] - tail[0], head[1] - tail[1], tail[2], tail[3]
+    if T <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    if math.isnan(head[2]):
+        x, y = 3.0 * (dx - ux * T) / (T * T), 3.0 * (dy - uy * T) / (T * T)
+        return x, y, -x / T, -y / T
+    wx, wy = head[2], head[3]
+    return (
+        6.0 * dx / (T * T) - (4.0 * ux + 2.0 * wx) / T,
+        6.0 * dy / (T * T) - (4.0 * uy + 2.0 * wy) / T,
+        -12.0 * dx / (T * T * T) + 6.0 * (ux + wx) / (T * T),
+        -12.0 * dy / (T * T * T) + 6.0 * (uy + wy) / (T * T),
+    )
+
 
 ALONG = (0.5, 1.0)  # shares of the top speed with which states in passages drive
 
