@@ -24,9 +24,8 @@ from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
 from pirrht.problem import Problem
 from pirrht.steering.along_priced_arcs import PricedArcs, price_of, priced, priced_arcs
-from pirrht.steering.dubins import EPS, _ends, _opposite_turns, _same_turns
+from pirrht.steering.dubins import EPS, PoseSteering, _ends, _opposite_turns, _same_turns, rows
 from pirrht.steering.motion import Motion
-from pirrht.steering.poses import PoseSteering, rows
 from pirrht.steering.steering import Compiled
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.rover import Rover
