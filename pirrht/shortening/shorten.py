@@ -10,7 +10,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves, along
-from pirrht.shortening import arcs_resumed, chain, in_time
+from pirrht.shortening import chain, in_time
 from pirrht.shortening.dubins_legs import SHORT, Pieces
 from pirrht.shortening.dubins_shortcut import in_rows, shortcut
 from pirrht.shortening.polyline import taut_polyline
@@ -57,7 +57,7 @@ def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any
     if isinstance(steering, InTime):
         return in_time.resumed(x, path, steering, checker)
     if isinstance(steering, RoverSteering):
-        return arcs_resumed.resumed(x, path, steering, checker)
+        return resumed_along_arcs(x, path, steering, checker)
     if isinstance(steering, Tracked):
         return _over_corners(x, path, steering, checker)
     return chain.resumed(x, path, steering, checker.space)

@@ -1,4 +1,14 @@
-"""A mass that is pushed: the exact optimum between two states, velocities included, with free duration."""
+"""A mass that is pushed: the exact optimum between two states with free duration (Webb and van den Berg 2013).
+
+Among motions from (p0, v0) to (p1, v1) that take T seconds the one of least integral of q + (r/2) |a|^2 has an
+acceleration linear in time. With D = p1 - p0 its cost is J(T) = q T + A / T^3 + B / T^2 + C / T, where
+
+    fixed v1  A = 6 r |D|^2      B = -6 r D.(v0 + v1)   C = 2 r (|v0|^2 + v0.v1 + |v1|^2)
+    free v1   A = (3/2) r |D|^2  B = -3 r D.v0          C = (3/2) r |v0|^2
+
+A minimum is where q T^4 - C T^2 - 2 B T - 3 A goes from negative to positive. Of two minima either may be the better
+one, and the wrong one can cost many times the optimum. A free v1 is written as not a number.
+"""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
 from pirrht.problem import Problem
-from pirrht.steering.along_priced_arcs import PricedArcs, price_of, priced, priced_arcs
+from pirrht.steering.along_arcs import PricedArcs, price_of, priced, priced_arcs
 from pirrht.steering.dubins import EPS, PoseSteering, _ends, _opposite_turns, _same_turns, rows
 from pirrht.steering.motion import Motion
 from pirrht.steering.steering import Compiled
