@@ -183,14 +183,9 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
         raise OptionError(f"the grid of {spacing:g} m is too coarse for this scene; choose a smaller spacing")
     number[free] = np.where(below > 0.0, -1, number[free])
     return Expansion(
-        frame=frame_at(lower, spacing, goal),
-        wavenumber=wavenumber,
-        least=LEAST,
-        owner=_owners(number.reshape(nx, ny)),
-        place=place,
-        coefficients=coefficients,
-        shift=-s,
-    )
+        frame=frame_at(lower, spacing, goal), wavenumber=wavenumber, least=LEAST, owner=_owners(number.reshape(nx, ny)),
+        place=place, coefficients=coefficients, shift=-s,
+    )  # fmt: skip
 
 
 def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: float) -> Array:

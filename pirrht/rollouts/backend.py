@@ -1,8 +1,8 @@
-"""Compiled rollouts: noisy paths around references, their cost, and how likely each reference makes them.
+"""Choose the compiled rollouts of a problem, and what they need to know of it and its scene.
 
-Everything is expressed in noise units: with a = B_c^-1 G_c u, or s^-1 u in input form, and the path's own increments
-y = a dt + dw, a step is x + f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper,
-Girsanov's theorem).
+In noise units, with a = B_c^-1 G_c u, or s^-1 u in input form, and the path's own increments y = a dt + dw, a step is x
++ f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper, Girsanov's theorem). A path
+is a function of the seed and its number alone, so that what was not kept is simulated once more.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ NONE_CHOSEN = Chosen(np.empty(0, np.int64), *NO_GROUPS)
 
 @cache
 def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
-    """Kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
+    """Build kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
     no_paths = empty_paths(0, 0, m)
 
     @kernel
     def simulate(setup, leads, origin, start, stop, paths, chosen, total, alive, states, steps):  # type: ignore[no-untyped-def]
         """Fill `paths` for the samples from `start` to `stop`; if there are none, simulate chosen samples once more.
 
-        Those give what `control` and `trace` take; what is not asked for is empty.
+        Those fill the arguments of `control` and `trace`, unless empty.
         """
         number, group, weight = chosen
         again, drawn, window, times = start == stop, states.shape[0] > 0, leads.window, leads.times
@@ -97,36 +97,29 @@ ALONE = 2400  # samples of a point, many abreast
 
 
 def kernels_for(problem: Problem) -> Kernels:
-    """The compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
+    """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
     if is_point(problem.dynamics) and not callable(problem.q) and not problem.scene.movers:
         return Kernels(sample, control, trace, alone=ALONE)
     return loops(*any_path(kind_of(problem)), problem.dynamics.m)
 
 
 def kind_of(problem: Problem) -> Kind:
-    """What kernels of a problem are compiled for."""
+    """Describe a problem for which kernels are compiled."""
     d = problem.dynamics
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
     return Kind(
         drift=as_jitable(d.drift),
         control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
         diffusion_block=None if d.constant else as_jitable(_function(noise)),
-        q=as_jitable(problem.q) if callable(problem.q) else unit_rate,
-        n=d.n,
-        m=d.m,
-        varying_rate=callable(problem.q),
-        noisy_position=d.noisy_position,
-        angles=sum(1 << i for i in d.angles),
-        homing=as_jitable(_homing(problem)),
-        input_form=d.input_form,
-        midway=d.stratonovich,
-        astray=d.n == d.m == 2 and not d.even,
+        q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
+        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(_homing(problem)),
+        input_form=d.input_form, midway=d.stratonovich, astray=d.n == d.m == 2 and not d.even,
         moving=bool(problem.scene.movers),
-    )
+    )  # fmt: skip
 
 
 def _homing(problem: Problem) -> Callable[..., None]:
-    """What samples do that outlive their law; where bodies move also points and cars are led by one."""
+    """Choose the control of samples that outlive their law; among moving obstacles also for points and cars."""
     d = problem.dynamics
     if problem.scene.movers and d.homing is no_homing:
         if d.n == d.m == 2 and not d.input_form:
@@ -151,19 +144,16 @@ def _filling(data: bytes, m: int) -> Callable[..., None]:
 
 
 def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup | MovingSetup:
-    """What rollouts of a problem meet in its scene, exits judged along the step (`bridge`) or at its end."""
+    """Collect what rollouts need of a problem and its scene, exits judged along the step (`bridge`) or at its end."""
     d = problem.dynamics
     x = np.zeros(d.n)
     constant, told = d.constant, d.constant or d.input_form
     setup = Setup(
-        arena=space.arena,
-        cuts=space.homology.cuts,
-        parameters=np.asarray(d.parameters, dtype=float),
+        arena=space.arena, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
         inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
         gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
-        rate=0.0 if callable(problem.q) else float(problem.q),
-        bridge=bridge,
+        rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
         pace=problem.least_rate / problem.temperature,
-    )
+    )  # fmt: skip
     return MovingSetup.of(setup, space.traffic) if problem.scene.movers else setup

@@ -1,4 +1,4 @@
-"""Gates in compiled rollouts: how log psi rises towards the free side of a wall that a point has yet to pass."""
+"""Bend log psi by gates: its rise towards the free side of a wall that a point has yet to pass."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MILLS = np.exp(-0.5 * _AT**2) * math.sqrt(2.0 / math.pi) / np.array([math.erfc(-
 def mills(z):  # type: ignore[no-untyped-def]
     """phi(z) / Phi(z), by which log Phi grows with z, within 1e-4 of itself between FAR_IN and FAR_OUT.
 
-    It is h with h' = -h (z + h), so that a cubic between two rows of a table has both slopes at no more than their h.
+    It is h with h' = -h (z + h), so a cubic between two rows of a table has both slopes at no more than their h.
     """
     if z <= FAR_IN:
         return -z + 1.0 / -z  # to z^-3

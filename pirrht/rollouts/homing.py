@@ -1,4 +1,4 @@
-"""Following a car's guide, and homing in on the goal past its end, inside compiled rollouts."""
+"""Steer towards the goal's disc past the end of a law, inside compiled rollouts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def homing(x, y, theta, gx, gy, radius, bound):  # type: ignore[no-untyped-def]
 
 @jitable
 def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """What is best of a point at x (2,) that nothing is in the way of: `Dynamics.homing` where bodies move."""
+    """Head straight for the goal from x (2,) at the best speed: `Dynamics.homing` of a point among moving obstacles."""
     dx, dy = aim[0] - x[0], aim[1] - x[1]
     det = B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]
     a, b = (B[1, 1] * dx - B[0, 1] * dy) / det, (B[0, 0] * dy - B[1, 0] * dx) / det
@@ -29,6 +29,6 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
 
 @jitable
 def car_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """The turn rate of a car at x (3,) likewise."""
+    """Turn a car at x (3,) towards the goal: its `Dynamics.homing` among moving obstacles."""
     bound = STEEP * math.sqrt(rate) * B[0, 0]
     out[0] = homing(x[0], x[1], x[2], aim[0], aim[1], radius, bound) / B[0, 0]

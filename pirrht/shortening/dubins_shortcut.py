@@ -64,13 +64,9 @@ def in_rows(pieces: Pieces, cost_per_meter: float) -> Curves:
     start = pieces.pose[::3].copy()
     end = np.array(along(*pieces.pose[-1], pieces.curvature[-1], pieces.length[-1]))
     return Curves(
-        start=start,
-        curvature=kappa,
-        length=ell,
-        cost=ell.sum(axis=1) * cost_per_meter,
-        tails=start,
+        start=start, curvature=kappa, length=ell, cost=ell.sum(axis=1) * cost_per_meter, tails=start,
         heads=np.vstack([start[1:], end]),
-    )
+    )  # fmt: skip
 
 
 @kernel

@@ -121,11 +121,8 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
     total = float(length.sum())
     return Trajectory(
         controls=steering.controls(heading.reshape(-1, pieces).ravel()[keep], path.curvature.ravel()[keep]),
-        durations=length[keep] / steering.speed,
-        path=path,
-        cost=total * steering.cost_per_meter,
-        length=total,
-    )
+        durations=length[keep] / steering.speed, path=path, cost=total * steering.cost_per_meter, length=total,
+    )  # fmt: skip
 
 
 def _between(path: Curves, i: int, shares: Array) -> Array:
@@ -215,11 +212,8 @@ def priced_arcs(q: float, straight: float, turning: float) -> Motion:
         length, curvature = path.length.ravel()[keep], path.curvature.ravel()[keep]
         speed = 2.0 * q / prices(curvature)
         return Trajectory(
-            controls=np.column_stack([speed, curvature * speed]),
-            durations=length / speed,
-            path=path,
-            cost=float(path.cost.sum()),
-            length=float(length.sum()),
-        )
+            controls=np.column_stack([speed, curvature * speed]), durations=length / speed, path=path,
+            cost=float(path.cost.sum()), length=float(length.sum()),
+        )  # fmt: skip
 
     return Motion(PRICED, record, ARCS.ask, until_goal, trajectory, ARCS.between)

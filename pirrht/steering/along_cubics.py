@@ -163,12 +163,9 @@ def _trajectory(steering: Any, path: Cubics) -> Trajectory:
         controls.append(row[4:6] + middle[:, None] * row[6:8])
         durations.append(np.full(count, T / count))
     return Trajectory(
-        controls=np.vstack(controls),
-        durations=np.concatenate(durations),
-        path=path,
-        cost=float(path.cost.sum()),
+        controls=np.vstack(controls), durations=np.concatenate(durations), path=path, cost=float(path.cost.sum()),
         length=float(path.length().sum()),
-    )
+    )  # fmt: skip
 
 
 def _between(path: Cubics, i: int, shares: Array) -> Array:

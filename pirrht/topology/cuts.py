@@ -60,14 +60,9 @@ class Cuts(Index):
         twice = np.concatenate([order, order])
         left, low, cell, columns, rows, first, member = _lattice(markers[order])
         arrays = (
-            np.concatenate([start[:B], start + M]).astype(np.int32),
-            np.ascontiguousarray(markers[twice, 0]),
-            np.ascontiguousarray(markers[twice, 1]),
-            weights[twice],
-            twice.astype(np.int32),
-            first,
-            member,
-        )
+            np.concatenate([start[:B], start + M]).astype(np.int32), np.ascontiguousarray(markers[twice, 0]),
+            np.ascontiguousarray(markers[twice, 1]), weights[twice], twice.astype(np.int32), first, member,
+        )  # fmt: skip
         at = [array.ctypes.data for array in arrays]
         cuts = cls(
             goal_x=float(goal[0]), goal_y=float(goal[1]), M=M, buckets=B,

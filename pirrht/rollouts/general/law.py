@@ -1,4 +1,7 @@
-"""The step of a law that is for the state nearest to a path's own."""
+"""Compute the control of every reference at a state, in noise units: a_g = B_c^-1 G_c u_g.
+
+A linear law has rows of m modes per step or, where sways are drawn too, twice as many (`law_width`).
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from pirrht.systems.heading import wrapped
 
 @inlined
 def columns_of(n, modes):  # type: ignore[no-untyped-def]
-    """Where a row of a law (`law_width`) has slopes, its state, the deviation of noise, its inverse and log det."""
+    """Columns of a law's row (`law_width`): slopes, state, deviation of noise, its inverse, log det."""
     there = modes + modes * n
     shape = there + n
     return modes, there, shape, shape + modes * modes, shape + 2 * modes * modes
@@ -28,15 +31,15 @@ def columns_of(n, modes):  # type: ignore[no-untyped-def]
 
 @cache
 def nearest_of(n: int, angles: int) -> Any:
-    """The kernel (address, pitch, s, last, x, there, weights) that finds it from step s on, for states (n,).
+    """Build the kernel (address, pitch, s, last, x (n,), there, weights) that finds a law's nearest step from s on.
 
-    Bits of `angles` tell which are headings. Rows of the law begin at the address, `pitch` bytes apart; their states
-    begin at column `there`, the weights of squares at `weights`. Steps are followed as long as they come nearer.
+    Bits of `angles` mark headings. Rows begin at the address, `pitch` bytes apart; states are at column `there`,
+    weights of squares at `weights`. Steps are followed as long as they come nearer.
     """
 
     @part
     def apart(row, x, there, weights):  # type: ignore[no-untyped-def]
-        """Square of how far x (n,) is from the state that a step of a law, a row at an address, is for."""
+        """Square of the distance from x (n,) to the state of a law's row at an address."""
         total = 0.0
         for k in range(n):
             off = x[k] - load_float64(row, there + k)
@@ -47,7 +50,7 @@ def nearest_of(n: int, angles: int) -> Any:
 
     @part
     def nearest(first, pitch, s, last, x, there, weights):  # type: ignore[no-untyped-def]
-        """The step, up to the last one."""
+        """Return the nearest step, up to the last one."""
         here = apart(first + pitch * s, x, there, weights)
         onward = apart(first + pitch * (s + 1), x, there, weights) if s < last else np.inf
         if onward < here:
@@ -67,7 +70,7 @@ def nearest_of(n: int, angles: int) -> Any:
 
 @cache
 def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
-    """Kernels for rows of m or of `most` modes, at addresses; they tell which by their last argument."""
+    """Build kernels for rows of m or of `most` modes, at addresses; their last argument tells which."""
     said_by_few, said_by_many = summed(n, m), summed(n, most)
     bind_few, bind_many = bounded(m), bounded(most)
     times_few, times_many = product(m, m), product(most, most)
@@ -75,7 +78,7 @@ def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
 
     @part
     def said(out, row, beside, modes):  # type: ignore[no-untyped-def]
-        """Write what a row of a law says at a state that is `beside` (n,) its own: a + K beside."""
+        """Write a + K beside, a law's row at a state that is `beside` (n,) its own."""
         if modes == most:
             said_by_many(out, row, row + 8 * most, beside)
         else:
@@ -114,7 +117,7 @@ LOST = 30.0  # nats by which a path is less likely under another reference, whic
 
 @cache
 def aims(kind: Kind) -> Any:
-    """The kernel that writes `a` of every reference, and with a law `wide` or `aside`."""
+    """Build the kernel that writes `a` of every reference, and with a law `wide` or `aside`."""
     n, m, rows, moving, noisy_position = kind.n, kind.m, kind.rows, kind.moving, kind.noisy_position
     car, leadable, gated, gaining = is_car(kind), takes_law(kind), is_gated(kind), kind.gaining
     losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
@@ -123,7 +126,7 @@ def aims(kind: Kind) -> Any:
 
     @part
     def car_law(leads, scratch, g, i, steep):  # type: ignore[no-untyped-def]
-        """Write those of a car's own law."""
+        """Write the control of a car's own law."""
         law, x = leads.law, scratch.x
         ex, ey = x[0] - law[g, i, 4], x[1] - law[g, i, 5]
         drive = law[g, i, 0] + law[g, i, 1] * ex + law[g, i, 2] * ey
@@ -135,7 +138,7 @@ def aims(kind: Kind) -> Any:
 
     @part
     def step_of(leads, scratch, g, i, share, modes):  # type: ignore[no-untyped-def]
-        """Find the step of a law: the one that is due where bodies move, else the one whose state is nearest."""
+        """Find the step of a law: the one that is due among moving obstacles, else the one whose state is nearest."""
         law, led, s = leads.law, leads.led, scratch.stage[g]
         if moving:
             s = min(i * FINER + int(FINER * share + 0.5), law.shape[1] - 1)
@@ -187,7 +190,7 @@ def aims(kind: Kind) -> Any:
 
     @part
     def aim(setup, leads, scratch, keep, goal, radius, walls, h, i, share, modes):  # type: ignore[no-untyped-def]
-        """Do so after a share of step i of the grid; of the one followed, h, if nothing is weighed."""
+        """Write them after a share of step i of the grid; if nothing is weighed, only that of the one followed, h."""
         x, a, wide, lost, home = scratch.x, scratch.a, scratch.wide, scratch.lost, scratch.home
         led, count, ratio = leads.led, leads.ways.count, keep.ratio
         weigh = ratio.shape[0] > 0

@@ -1,28 +1,21 @@
-"""One sampled path of any dynamics, under any lead and either exit rule.
+"""Simulate one path of any dynamics, under any proposal control and either exit rule.
 
-A step is Euler-Maruyama's; where no noise acts on the position, the drift is that of the middle of the step's noise, so
-that a car moves along the heading it has half-way, as the robot does. Where noise enters through inputs, B = G s, and
-the equation is Stratonovich's, so is B (and the drift) that of the middle of the step; the increments y do not change.
+Steps are Euler-Maruyama's. Where no noise acts on the position, the drift is that of the middle of the step's noise: a
+car moves along the heading it has half-way. A Stratonovich equation takes B and drift of the middle too; the increments
+y stay. One control per step would make v too high, so fitted steps draw the heading at their end and its mean over the
+step together: the mean is off the middle by -B sway / sqrt(12), `sway` being led noise of the same variance. Any other
+system whose noise does not act on its position does so as well; for a mass that is exact.
 
-That chain steers a car by one control per step, and what it cannot do makes v too high. With fitted steps, the heading
-at the end of a step and its mean over the step are therefore drawn together, as those of a Brownian motion are: the
-mean is off the middle by -B sway / sqrt(12), `sway` being noise of the same variance that is led likewise. So it is
-with any other system whose noise does not act on its position; for a mass that is exact.
+Systems other than cars and points follow a law (`records.law_width`): the noise of a step, m numbers or with sways 2 m,
+has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps end at
+crossings, up to which only passive noise has a likelihood ratio: there L is not used. Without moving obstacles the
+nearest state's step counts, since noise makes a mass early or late; with them (`Kind.moving`) the step that is due.
+Beyond the last step `Dynamics.homing` takes over.
 
-Other systems than cars and points are led by a law of any size (`records.law_width`): the noise of a step, m numbers or
-with sways 2 m, has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps
-end at crossings, up to which only noise of the passive covariance has a likelihood ratio: there L is not used.
-Nothing in the problem depends on the time, and noise makes a mass early or late: what counts is the step of the law
-whose state is nearest, not the one that would be due. Beyond the last one `Dynamics.homing` takes over.
-
-The control now is the mean of what paths apply on top of the part of their lead that changes fast, which is taken at
-the start. Of a point among moving bodies only a share of its linear law is such a part (`Leads.counted`): close to
-walls it changes faster than the optimal control does, beside what the walls push. Of a steady one mostly nothing is,
-and the mean is of all that paths apply (`guidance.near_walls`).
-
-Where bodies move (`Kind.moving`) something does depend on the time, so that the step that is due counts, and every
-system is led by a law. Every step asks the bodies near it, where they are when it begins and when it ends (`among`);
-it ends when the motion of one of those that are near a noisy position changes.
+The control now is the mean of what paths apply on top of the fast-changing part of their lead, which is taken at the
+start. Among moving obstacles that is only a share of a point's linear law (`Leads.counted`), since close to walls the
+law changes faster than the optimal control, and mostly nothing of a steady one (`guidance.near_walls`). Every step
+queries the moving obstacles near it (`among`); it ends when the motion of one changes that is near a noisy position.
 """
 
 from __future__ import annotations
@@ -53,7 +46,7 @@ from pirrht.topology.marks import key_among, open_sides
 
 @cache
 def log_ratios(kind: Kind) -> Any:
-    """The kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
+    """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     n, m, noisy_position, car, leadable = kind.n, kind.m, kind.noisy_position, is_car(kind), takes_law(kind)
 
     _, _, times, mix = rows_of(n, m, kind.modes)
@@ -96,17 +89,16 @@ def log_ratios(kind: Kind) -> Any:
 
 @cache
 def recorder(kind: Kind) -> Any:
-    """Kernels that add what a step applied, and the part of it that its lead takes, to means over steps of the grid.
+    """Build kernels that add a step's control, and its lead's part, to means over steps of the grid.
 
-    Over a step the guide is the mean of both ends, to second order, where walls push: its second half is added when the
-    next step has found out (`owed`). Of a point among bodies that move a
-    share `counted` of its law is taken, and of a steady one that share of what walls push.
+    Where walls push, the lead over a step is the mean of both ends, to second order: the next step adds the second half
+    (`owed`). Among moving obstacles a share `counted` of a point's law is taken, of a steady one of what walls push.
     """
     m, gaining, gated, steady = kind.m, kind.gaining, is_gated(kind), is_steady(kind)
 
     @part
     def to_controls(scratch, inverse):  # type: ignore[no-untyped-def]
-        """Turn `column`, of a, into the control behind it, in `carried`."""
+        """Turn `column`, of a, into controls, in `carried`."""
         column, carried = scratch.column, scratch.carried
         if gaining:
             solve(scratch.D, column, carried)
@@ -118,7 +110,7 @@ def recorder(kind: Kind) -> Any:
 
     @part
     def taken(scratch, h, counted, without):  # type: ignore[no-untyped-def]
-        """Write the part of the lead that changes fast to `column`, perhaps without what walls push."""
+        """Write the fast-changing part of the lead to `column`, perhaps without what walls push."""
         pushed, a = scratch.pushed, scratch.a
         for j in range(m):
             pushing = counted * pushed[j] if steady else pushed[j]
@@ -128,7 +120,7 @@ def recorder(kind: Kind) -> Any:
 
     @part
     def settle(led_by, inverse, scratch, h, counted, owed, last):  # type: ignore[no-untyped-def]
-        """Add what is owed to the last step."""
+        """Add the half owed to the last step."""
         taken(scratch, h, counted, False)
         to_controls(scratch, inverse)
         for j in range(m):
@@ -136,7 +128,7 @@ def recorder(kind: Kind) -> Any:
 
     @part
     def record(keep, inverse, scratch, h, counted, where, until, near_walls, inside):  # type: ignore[no-untyped-def]
-        """Add a step of `until` seconds, and what it is led by without walls if it is a path's first one."""
+        """Add a step of `until` seconds; of a path's first one also the lead without walls."""
         (i, whole, first), y, carried = where, scratch.y, scratch.carried
         if i < keep.applied.shape[0]:
             for j in range(m):
@@ -159,7 +151,7 @@ def recorder(kind: Kind) -> Any:
 
 
 class Kept(NamedTuple):
-    """What is written of one path; arrays without rows are left alone."""
+    """Outputs of one path; arrays without rows are left alone."""
 
     ratio: Array  # (H,) log dQ_g/dP under each reference
     states: Array  # (T+1, n)
@@ -170,7 +162,7 @@ class Kept(NamedTuple):
 
 @cache
 def any_path(kind: Kind) -> tuple[Any, Any]:
-    """Kernels that simulate one path of any dynamics, and that make its scratch."""
+    """Build kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, m, noisy_position = kind.drift, kind.q, kind.n, kind.m, kind.noisy_position
     varying, varying_rate, gaining, drifting = kind.varying, kind.varying_rate, kind.gaining, kind.drifting
     bending, moving, most = kind.bending, kind.moving, kind.modes
@@ -200,7 +192,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
 
     @part
     def clear(keep, i):  # type: ignore[no-untyped-def]
-        """Set what is kept of a step of the grid to nothing yet."""
+        """Set the records of a step of the grid to zero."""
         for j in range(m):
             if i < keep.applied.shape[0]:
                 keep.applied[i, j] = 0.0
@@ -223,10 +215,10 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
 
     @borrowing
     def one_path(setup, leads, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
-        """Simulate one sample around reference h and write what of it is to be kept (`Kept`).
+        """Simulate one sample around reference h and write `Kept`.
 
-        Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the
-        logarithm of the probability that no wall was met on the way, where that is weighed.
+        Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the log
+            probability that no wall was met on the way, where that is weighed.
         """
         arena, p, times, counted = at(setup.arena, 0.0), setup.parameters, leads.times, leads.counted
         goal, radius, x, moved = arena.goal, arena.radius, scratch.x, scratch.moved

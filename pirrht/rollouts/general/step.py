@@ -1,4 +1,4 @@
-"""How long a step is, and the noise that is drawn for it under the reference that a path follows."""
+"""Build the parts of an Euler-Maruyama step: its length, its noise under the reference followed, and its end."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
 
 @cache
 def length_for(kind: Kind) -> Any:
-    """The kernel that fits a step to the room that there is, and finds the bodies near it: (dt, how many)."""
+    """Build the kernel that fits a step to the clearance, and lists moving obstacles near it: (dt, how many)."""
     noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
 
     @part
@@ -60,10 +60,7 @@ def length_for(kind: Kind) -> Any:
 
 @cache
 def walls_for(kind: Kind) -> Any:
-    """The kernel that writes what the two nearest walls push, and tells where they are.
-
-    Survivors lean away from walls anyway: the push is B' grad log of what psi is proportional to there.
-    """
+    """Build the kernel that writes the push of the two nearest walls, B' grad log psi there, and returns those."""
     m, fixed, moving = kind.m, kind.n - kind.rows, kind.moving
 
     @part
@@ -88,7 +85,7 @@ def walls_for(kind: Kind) -> Any:
 
 @cache
 def noise_for(kind: Kind) -> Any:
-    """The kernel that draws the noise `y` of a step, `drawn` with all its modes, and sway; (stream's state, sway)."""
+    """Build the kernel that draws the noise `y` of a step, and `drawn` with all modes; (stream's state, sway)."""
     n, m, noisy_position = kind.n, kind.m, kind.noisy_position
     car, leadable, turning = is_car(kind), takes_law(kind), kind.turning
     abreast = leadable and not noisy_position
@@ -96,7 +93,7 @@ def noise_for(kind: Kind) -> Any:
 
     @part
     def under_law(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
-        """Draw under the law of a step, whose covariance counts where steps do not end at crossings."""
+        """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
         law, white, drawn, stage, wide = leads.law, scratch.white, scratch.drawn, scratch.stage, scratch.wide
         even, independent = modes + modes % 2, white.ctypes.data
         for j in range(0, 0 if abreast else modes, 2):
@@ -145,7 +142,7 @@ def noise_for(kind: Kind) -> Any:
 
 @cache
 def covariance_of(kind: Kind) -> Any:
-    """The kernel (B) of the covariance (xx, xy, yy) of the position per second."""
+    """Build the kernel (B) of the covariance (xx, xy, yy) of the position per second."""
     m, fixed = kind.m, kind.n - kind.rows
 
     @part
@@ -162,10 +159,10 @@ def covariance_of(kind: Kind) -> Any:
 
 @cache
 def motion(kind: Kind) -> Any:
-    """The kernel that writes where a step leads to `moved`.
+    """Build the kernel that writes where a step leads to `moved`.
 
-    It tells whether the step enters the goal straight ahead, before its noise matters (then y = 0), the share of it
-    until then, by how much its way bends [rad], and the covariance of the position per second.
+    It returns whether the step enters the goal straight ahead before its noise matters (then y = 0), the share of it
+    until then, how much its path bends [rad], and the covariance of the position per second.
     """
     n, m, rows, fixed = kind.n, kind.m, kind.rows, kind.n - kind.rows
     drift, drifting, midway, noisy_position = kind.drift, kind.drifting, kind.midway, kind.noisy_position
@@ -183,7 +180,7 @@ def motion(kind: Kind) -> Any:
 
     @part
     def half_way(setup, leads, scratch, dt, sway, bent):  # type: ignore[no-untyped-def]
-        """Take the drift of the middle of the step's noise, off it by its sway: where no noise acts on the position."""
+        """Take the drift at the middle of the step's noise, off it by its sway, where no noise acts on the position."""
         x, moved, f, B = scratch.x, scratch.moved, scratch.f, scratch.B
         swaying = turning and leads.least < math.inf
         for j in range(n):

@@ -1,8 +1,7 @@
-"""Sampled paths of a point, many abreast: dx = G u dt + B dw with BB' = b^2 I.
+"""Advance a block of paths of a point around one reference in lockstep, stage by stage (`stages`, `exits`).
 
-A block of paths around one reference advances step by step in lockstep, stage by stage (`stages`, `leads`,
-`exits`); what is rare, an exit or a wall close by, is done lane by lane. Paths that have ended leave the block.
-The paths are those of `rollouts.general` up to rounding: the same numbers are drawn in the same order.
+Exits and close walls, which are rare, are done lane by lane; paths that have ended leave the block. Paths are those of
+`rollouts.general` up to rounding: the same numbers are drawn in the same order.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ RUN: Any = Run
 
 
 def is_point(d: Dynamics) -> bool:
-    """Whether the dynamics are of this kind."""
+    """Tell whether the dynamics are those of a point, with isotropic constant noise and no drift."""
     if not (d.n == d.m == 2 and d.drift is no_drift and d.constant):
         return False
     B = d.B_c(np.zeros(2))
@@ -54,7 +53,7 @@ def is_point(d: Dynamics) -> bool:
 
 @kernel
 def resolve(arena, B, weighed, k, random, f):  # type: ignore[no-untyped-def]
-    """Whether and where the step of a lane that may have ended on its way did: outcome and share of the step."""
+    """Judge the step of a lane that may have ended on its way: outcome and share of the step."""
     x, y, nx, ny = np.float64(f[X + k]), np.float64(f[Y + k]), np.float64(f[NX + k]), np.float64(f[NY + k])
     before = np.float64(f[C0 + k]), np.float64(f[E0 + k]), np.float64(f[G0 + k])
     after = np.float64(f[C1 + k]), np.float64(f[E1 + k]), np.float64(f[G1 + k])
@@ -77,7 +76,7 @@ def resolve(arena, B, weighed, k, random, f):  # type: ignore[no-untyped-def]
 
 @inlined
 def lane(k):  # type: ignore[no-untyped-def]
-    """A lane's number, in bounds the compiler sees (`row_of`)."""
+    """Return a lane's number, in bounds the compiler sees (`row_of`)."""
     return min(max(k, 0), LANES)
 
 
@@ -94,7 +93,7 @@ def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def
 
 
 class Ending(NamedTuple):
-    """How a path ends, and what its block has in common."""
+    """End of a path, and what its block has in common."""
 
     rate: float  # q [cost/s]
     times: Array  # (T+1,) ends of the steps [s]
@@ -141,12 +140,8 @@ def compact(k, last, H, leaning, scratch):  # type: ignore[no-untyped-def]
     f[C1 + k], f[E1 + k], f[G1 + k] = f[C1 + last], f[E1 + last], f[G1 + last]
     f[SUM0 + k], f[SUM1 + k], f[SIGN + k], f[LOST + k] = f[SUM0 + last], f[SUM1 + last], f[SIGN + last], f[LOST + last]
     f[X + k], f[Y + k], f[C0 + k], f[E0 + k], f[G0 + k] = (
-        f[X + last],
-        f[Y + last],
-        f[C0 + last],
-        f[E0 + last],
-        f[G0 + last],
-    )
+        f[X + last], f[Y + last], f[C0 + last], f[E0 + last], f[G0 + last],
+    )  # fmt: skip
     f[DT + k], f[LEFT + k], f[SPENT + k], f[LASTING + k] = (
         f[DT + last],
         f[LEFT + last],
@@ -181,10 +176,7 @@ def record(into, h, share, k, first, scratch):  # type: ignore[no-untyped-def]
 
 @kernel
 def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-untyped-def]
-    """Simulate the samples of one run, at most LANES.
-
-    If `into` (stop - start, T, RECORDED) is not empty, their steps are written there.
-    """
+    """Simulate the samples of one run, at most LANES; write steps to `into` (stop - start, T, RECORDED) if any."""
     h, start, stop, chosen = run
     x0 = origin.x
     f, a, ratio, short, long, random, bits = scratch

@@ -1,4 +1,4 @@
-"""Stages of a step of many paths abreast: what is close to them, and which of them may have ended."""
+"""Judge lanes: clearances and walls near them, and which may have ended."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FAR_PER, LEAST = np.float32(FAR), np.float32(1e-7)
 
 @inlined
 def single(arena):  # type: ignore[no-untyped-def]
-    """The same arena, its numbers in single precision."""
+    """Copy an arena with its numbers in single precision."""
     field = arena.field
     frame = FRAME(
         np.float32(field.x0), np.float32(field.y0), np.float32(field.spacing), np.float32(field.per),
@@ -42,7 +42,7 @@ def single(arena):  # type: ignore[no-untyped-def]
 
 @inlined
 def corners(field, grid, f, short, row, n):  # type: ignore[no-untyped-def]
-    """Values of the grid at the corners of the lanes' cells."""
+    """Load values of the grid at the corners of the lanes' cells."""
     n = min(n, LANES)
     for k in range(n):
         cell = np.int64(short[CELL + k])
@@ -53,7 +53,7 @@ def corners(field, grid, f, short, row, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def locate(field, f, short, n):  # type: ignore[no-untyped-def]
-    """Cells that the steps lead to, where in them, and one over their width."""
+    """Find the cells that the steps lead to, places in them, and one over their width."""
     n = min(n, LANES)
     if field.table == 0:  # asked once, for loops without branches
         for k in range(n):
@@ -69,7 +69,7 @@ def locate(field, f, short, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
-    """How far the ends of the steps are from obstacles, border and goal, as `distances` says; arena: `single`."""
+    """Measure `distances` of the ends of the steps from obstacles, border and goal; arena: `single`."""
     n = min(n, LANES)
     field, (gx, gy), radius = arena.field, arena.goal, arena.radius
     locate(field, f, short, n)
@@ -86,12 +86,9 @@ def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def wall_push(field, reach, beyond, b, B, f, short, n):  # type: ignore[no-untyped-def]
-    """The push B' grad log of what psi is proportional to at the two nearest walls; `b` is the noise [m/sqrt(s)].
+    """Write the push B' grad log psi of the two nearest walls, `beyond` further away [m]; `b` is noise [m/sqrt(s)].
 
-    Walls stand `beyond` behind where they are [m].
-
-    The lanes' cells and what is nearest at their corners are what `survey` has left. Nearer than half of the deviation
-    of a step a wall pushes no harder.
+    It uses the cells and corners of `survey`. Nearer than half of the deviation of a step a wall pushes no harder.
     """
     n = min(n, LANES)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
@@ -132,8 +129,7 @@ def judge(arena, f, short, n):  # type: ignore[no-untyped-def]
 def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-def]
     """Flag the lanes whose step may have ended on its way, or that two walls weigh; how many. `variance` is per second.
 
-    Most that are merely close to a wall survive for sure: exp(-e) <= (1 + e/16)^-16, and no second wall is nearer.
-    Or they are weighed by the share that does, where a second wall is far.
+    Most lanes close to one wall survive for sure: exp(-e) <= (1 + e/16)^-16; or they are weighed by their survival.
     """
     n = min(n, LANES)
     far, per = np.float32(FAR * variance), np.float32(1.0 / (8.0 * variance))

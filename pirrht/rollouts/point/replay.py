@@ -1,4 +1,4 @@
-"""Chosen samples of a point, simulated once more with their steps: what `rollouts.general` does path by path."""
+"""Simulate chosen samples of a point once more, with their steps."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def trace(
 def _recorded(
     setup: Any, leads: Any, origin: Origin, chosen: NDArray[np.int64]
 ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]]:
-    """Reference, places in `chosen`, numbers of steps and steps (., T, RECORDED) of the samples, block by block."""
+    """Yield reference, places in `chosen`, numbers of steps and steps (., T, RECORDED), block by block."""
     H, T, m = leads.control.shape
     order = np.argsort(chosen, kind="stable")
     listed = np.ascontiguousarray(chosen[order])

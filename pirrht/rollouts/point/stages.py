@@ -1,8 +1,8 @@
-"""A block of paths of a point that advance abreast, and the stages of a step that concern their noise.
+"""Hold a block of paths that advance abreast; stages of a step for noise and controls of references.
 
-Each stage is a loop over the block's lanes without branches or calls, which compiles to vector instructions. All is in
-single precision, in which a vector holds twice as many lanes: positions round to a micrometre in ten metres, and
-log dQ/dP of a path under the reference it follows, the one large sum, carries its rounding errors along.
+Each stage is a loop over lanes without branches or calls, which compiles to vector instructions. All is in single
+precision, in which a vector holds twice as many lanes: positions round to a micrometre in ten metres, and log dQ/dP
+under the reference followed, the one large sum, carries its rounding errors along.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ FLAG, CELL, STEP, STAGE = (L * i for i in range(4))  # rows of its short integer
 
 
 def aligned(count: int, kind: type) -> Any:
-    """So many zeros, the first of which begins a vector: what lies across the cache's lines loads at half the speed."""
+    """Allocate zeros, the first of which begins a vector: across the cache's lines loads run at half the speed."""
     size = np.dtype(kind).itemsize
     raw: Any = np.zeros(count + 64 // size, kind)
     first = -(raw.ctypes.data // size) % (64 // size)
@@ -48,7 +48,7 @@ def aligned(count: int, kind: type) -> Any:
 
 
 def scratch_of(H: int) -> tuple[Any, ...]:
-    """Scratch of a block with H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
+    """Allocate a block for H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
     numbers = (aligned(rows * L, np.float32) for rows in (ROWS, 2 * H, H))
     whole = aligned((3 + H) * L, np.int32), aligned(2 * L, np.int64)
     return *numbers, *whole, aligned(L, np.uint64), aligned(2 * L, np.uint32)
@@ -56,16 +56,13 @@ def scratch_of(H: int) -> tuple[Any, ...]:
 
 @inlined
 def row_of(g, each):  # type: ignore[no-untyped-def]
-    """First place of a reference's rows, in bounds the compiler sees: or it would look for places counted from the end.
-
-    Loops whose places it cannot order compile to one load or store for every lane.
-    """
+    """Return the first place of a reference's rows, in bounds the compiler sees: else it loads lane by lane."""
     return min(max(g * each * L, 0), MANY)
 
 
 @inlined
 def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untyped-def]
-    """Write a_g of one reference with a tape: its row of `Leads.drift`, by address, and the push."""
+    """Write a_g of a control sequence, its row of `Leads.drift`, by address, and the push."""
     n = min(n, LANES)
     row = row_of(g, 2)
     for k in range(n):
@@ -99,7 +96,7 @@ def way_control(ways, g, goal, B, f, short, a, n):  # type: ignore[no-untyped-de
 
 @inlined
 def draw(random, bits, f, n):  # type: ignore[no-untyped-def]
-    """The next two normal numbers of each lane."""
+    """Draw the next two normal numbers of each lane."""
     n = min(n, LANES)
     for k in range(n):
         state = random[k] + GOLDEN
@@ -113,7 +110,7 @@ def draw(random, bits, f, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def pace(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped-def]
-    """Steps that fit the places of the lanes, as `fitting` says; where one of the grid is over, the next begins."""
+    """Fit steps to the places of the lanes (`fitting`); where a step of the grid is over, the next begins."""
     n = min(n, LANES)
     least, scale, rim, half = np.float32(least), np.float32(scale), np.float32(rim), HALF
     for k in range(n):
@@ -131,7 +128,7 @@ def pace(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
-    """Where the step leads; its noise Z becomes y = a dt + dw."""
+    """Write where the step leads; its noise Z becomes y = a dt + dw."""
     n = min(n, LANES)
     row = row_of(h, 2)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
@@ -164,7 +161,7 @@ def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def add_log_ratios(h, H, f, a, ratio, n):  # type: ignore[no-untyped-def]
-    """Add the step to log dQ_h/dP of the lanes that go on, and to what log dQ_g/dP of the others is more.
+    """Add the step to log dQ_h/dP of the lanes that go on, and to log dQ_g/dQ_h of other references.
 
     The sum for h is large where there is little noise; the others are needed only where they are close to it.
     """
@@ -188,7 +185,7 @@ def add_log_ratios(h, H, f, a, ratio, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def settle(h, f, a, n):  # type: ignore[no-untyped-def]
-    """Take the second half of the guide off the sums: over a step it is the mean of both ends, to second order."""
+    """Take the second half of the lead off the sums: over a step it is the mean of both ends, to second order."""
     n = min(n, LANES)
     row = row_of(h, 2)
     for k in range(n):
@@ -199,10 +196,10 @@ def settle(h, f, a, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def advance(h, window, follows, f, short, a, n):  # type: ignore[no-untyped-def]
-    """The lanes that go on take their step; what noise did is summed up in the first `window` steps of the grid.
+    """Take the step of the lanes that go on; sum up noise over the first `window` steps of the grid.
 
-    Of a guide that `follows` the state only half is taken off, as `settle` does with the other one.
-    Returns the most steps of the grid that a lane has behind it.
+    Of a lead that `follows` the state half is taken off here, half by `settle`. Returns the most steps of the grid
+    taken.
     """
     n = min(n, LANES)
     row, window, most = row_of(h, 2), np.int32(window), np.int32(0)
