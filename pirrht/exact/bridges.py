@@ -1,9 +1,13 @@
-"""Whom flat walls at constant speed leave alive of the Brownian paths of one step.
+"""Account for flat walls at constant speed within one step of Brownian paths: survival, and payment of the others.
 
-Between its ends a step is a Brownian bridge; it misses a wall from which its ends have clearances d and d', each at its
-own time, with probability 1 - exp(-2 d d' / (b^2 dt)), since its motion relative to the wall is a bridge again. Solids
-that stand in one direction as seen from a path's beginning are one wall, whose clearance is that of the nearest; those
-in another direction are another, with a factor of its own.
+A step is a Brownian bridge between its ends, also relative to a moving wall; it misses one from which its ends have
+clearances d and d', each at its own time, with probability 1 - exp(-2 d d' / (b^2 dt)). Solids in one direction from a
+path's beginning are one wall, at the clearance of the nearest; each direction has a factor of its own.
+
+Around a boundary that is alone psi is known: K_0(k rho)/K_0(k r) around the goal's disc, exp(-(m + n) d) at a flat wall
+from which noise and its own speed carry a path away with a drift of m b^2, n^2 = m^2 + k^2. So a path that ends within
+a step is paid what the sum over grid points is short of that, which includes the sum's error at the kink there. Of two
+boundaries within reach a path meets either first.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ WALLS = 4  # directions of walls that are told apart, as seen from one place
 
 
 class Room(NamedTuple):
-    """What a path moves in, apart from where bodies are."""
+    """Surroundings of a path without the poses of bodies."""
 
     frame: Frame  # of the grid, and the goal's disc
     left: float  # border of the workspace [m]
@@ -45,17 +49,11 @@ class Step(NamedTuple):
 
 @kernel
 def walls_around(bodies, near, pose, x, y, reach, wall, which, clear, slope):  # type: ignore[no-untyped-def]
-    """Sort the solids within reach of (x, y) into walls, nearest first; how many walls, -1 if (x, y) is in a solid.
+    """Sort the solids within reach of (x, y) [m] into walls, nearest first; how many walls, -1 if (x, y) is in a solid.
 
-    Args:
-        bodies, pose: as of `clearance_from`.
-        near: indices of solids that come into question, (l,).
-        x, y: robot centre [m].
-        reach: of walls that count [m].
-        wall: (l,) filled with the wall that each solid belongs to, -1 beyond reach.
-        which: (WALLS,) filled with the nearest solid of each wall.
-        clear: (WALLS,) filled with their clearances [m].
-        slope: (WALLS, 4) filled with the vectors from them and the gradients of their clearances.
+    `near` (l,) are indices of solids to consider, `bodies` and `pose` those of `clearance_from`. Filled are `wall`
+    (l,), the wall of each solid, -1 beyond `reach` [m]; of each wall `which` (WALLS,), its nearest solid, `clear`
+    (WALLS,), its clearance [m], and `slope` (WALLS, 4), the vector from it and the gradient of its clearance.
     """
     n, count = near.shape[0], 0
     wall[:n] = -1
@@ -96,7 +94,7 @@ def missed(d, e, step):  # type: ignore[no-untyped-def]
 
 @inlined
 def outside(room, x, y):  # type: ignore[no-untyped-def]
-    """Whether (x, y) [m] is on the border or beyond it."""
+    """Tell whether (x, y) [m] is on the border or beyond it."""
     return x <= room.left or x >= room.right or y <= room.low or y >= room.high
 
 
@@ -115,14 +113,10 @@ EULER = 0.5772156649015329
 
 @kernel
 def log_paid(room, near, begin, end, step, x, y, alone):  # type: ignore[no-untyped-def]
-    """Logarithm of what paths from (x, y) [m] are paid on the way of a step [nats]; -phi/lambda in walls.
+    """Logarithm of the payment to paths from (x, y) [m] that end within a step [nats]; -phi/lambda in walls.
 
-    Args:
-        room, step: of `Room` and `Step`.
-        near: indices of solids that come into question, (l,).
-        begin, end: poses of all bodies, 2 x (1 + J, 4), as `frames_of` has them.
-        x, y: robot centre [m].
-        alone: what is paid at the goal if nothing else is near, where it is known; negative where not.
+    Args: `Room` and `Step`; `near` (l,), indices of solids to consider; `begin` and `end`, poses of all bodies, 2 x (1
+        + J, 4), as of `frames_of`; `alone`, the payment at the goal if nothing else is near, negative where not known.
     """
     frame, count = room.frame, near.shape[0]
     wall, which = np.empty(count, dtype=np.int64), np.empty(WALLS, dtype=np.int64)
@@ -161,7 +155,7 @@ def log_paid(room, near, begin, end, step, x, y, alone):  # type: ignore[no-unty
 
 @kernel
 def at_goal(frame, step, out):  # type: ignore[no-untyped-def]
-    """Fill `out` (nx, ny) with what is paid at the goal from points of the grid if nothing else is near."""
+    """Fill `out` (nx, ny) with the payment at the goal to paths from points of the grid if nothing else is near."""
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
             x, y = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
@@ -171,7 +165,7 @@ def at_goal(frame, step, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _at_goal(frame, step, x, y, to_rim):  # type: ignore[no-untyped-def]
-    """What is paid at the goal's rim, which is `to_rim` from (x, y) [m], if nothing else is near."""
+    """Payment at the goal's rim, which is `to_rim` from (x, y) [m], if nothing else is near."""
     k = math.sqrt(2.0 * step.rate) / step.b
     here, rim = _log_k0(k * (frame.radius + to_rim)), _log_k0(k * frame.radius)
     i0, i1, j0, j1 = _window(frame, step, x, y)
@@ -188,15 +182,9 @@ def _at_goal(frame, step, x, y, to_rim):  # type: ignore[no-untyped-def]
 
 @kernel
 def _at_wall(room, near, wall, end, step, x, y, d, drift, g, n):  # type: ignore[no-untyped-def]
-    """The same at boundary g, one of n walls or a side of the border, relative to what a path is paid there.
+    """Share of the payment at boundary g, a wall from 1 to n or a side of the border from n + 1 to n + 4.
 
-    Args:
-        room, near, end, step, x, y: as of `log_paid`.
-        wall: that each solid belongs to, as `walls_around` says.
-        d: clearance at the beginning [m].
-        drift: away from it, over b^2 [1/m].
-        g: 1 to n for walls, n + 1 to n + 4 for the border.
-        n: number of walls.
+    `d` is the clearance at the beginning [m], `drift` away from it over b^2 [1/m], `wall` that of `walls_around`.
     """
     frame = room.frame
     steep = drift + math.sqrt(drift * drift + 2.0 * step.rate / (step.b * step.b))
@@ -222,14 +210,14 @@ def _at_wall(room, near, wall, end, step, x, y, d, drift, g, n):  # type: ignore
 
 @inlined
 def _window(frame, step, x, y):  # type: ignore[no-untyped-def]
-    """Points within reach of (x, y) [m], those beside the grid included: first and end, 4 indices."""
+    """First and end indices of points within reach of (x, y) [m], those off the grid included."""
     fx, fy, wide = (x - frame.x0) / frame.spacing, (y - frame.y0) / frame.spacing, step.reach / frame.spacing
     return math.ceil(fx - wide), math.floor(fx + wide) + 1, math.ceil(fy - wide), math.floor(fy + wide) + 1
 
 
 @inlined
 def _short(total, frame, step):  # type: ignore[no-untyped-def]
-    """What a sum of weights is short of one."""
+    """Shortfall of a sum of weights from one."""
     scale = frame.spacing * frame.spacing / (2.0 * math.pi * step.deviation * step.deviation)
     short = 1.0 - scale * math.exp(-step.rate * step.dt) * total
     return short if short > LEAST else 0.0
@@ -248,10 +236,7 @@ def _met(d, speed, step):  # type: ignore[no-untyped-def]
 def _roundness(bodies, k, pose, x, y, d, slope):  # type: ignore[no-untyped-def]
     """Laplacian [1/m] of the clearance from solid k half-way from (x, y) to it, by differences.
 
-    Args:
-        bodies, k, pose, x, y: as of `clearance_from`.
-        d: clearance at (x, y) [m].
-        slope: (4,) whose last two are its gradient there.
+    `d` is the clearance at (x, y) [m], the last two of `slope` (4,) are its gradient there.
     """
     x, y, e = x - 0.5 * d * slope[2], y - 0.5 * d * slope[3], LEVER * bodies.radius
     total = clearance_from(bodies, k, pose, x - e, y) + clearance_from(bodies, k, pose, x + e, y)

@@ -1,11 +1,10 @@
-"""The discrete-time problem in the plane: `psi(x) = exp(-q dt/lambda) E[psi(x + b dw)]`, exit judged where a step ends.
+"""Solve the discrete-time problem in the plane: `psi(x) = exp(-q dt/lambda) E[psi(x + b dw)]`, exit where a step ends.
 
-What a step leads to is phi(x) = exp(-q dt/lambda) E[...], smooth in all x, on both sides of a wall; psi itself jumps
-from phi to exp(-phi/lambda) at a wall and to 1 at the goal's rim. The expectation is a sum over grid points, which for
-a Gaussian of more than a spacing's width is exact up to exp(-2 pi^2 width^2); close to a jump the points weigh what
-their cubic interpolation polynomials integrate to over the part of their cells on the right side of it.
-The sum is taken axis by axis, and again and again until nothing changes. Each tile of 16 x 16 points has an exponent
-of its own, since phi falls below 1e-300.
+phi(x) = exp(-q dt/lambda) E[...] is smooth on both sides of a wall; psi jumps from phi to exp(-phi/lambda) at a wall
+and to 1 at the goal's rim. The expectation is a sum over grid points, exact up to exp(-2 pi^2 width^2) for a Gaussian
+wider than a spacing; close to a jump the points weigh what their cubic interpolation polynomials integrate to over the
+right part of their cells. The sum is taken axis by axis until nothing changes. Each tile of 16 x 16 points has an
+exponent of its own, since phi falls below 1e-300.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ def _deviation(problem: Problem, dt: float) -> float:
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """The spacing [m] asked for, or a share of how far noise carries a step dt [s].
+    """Return the requested spacing [m], or a share of the distance that noise carries a step dt [s].
 
     Raises:
         OptionError: the grid would have too many points.
@@ -68,7 +67,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 def grid_of(
     problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
 ) -> Lattice:
-    """The solution (nx, ny) [nats] of a problem with steps of dt [s] on a grid of this spacing [m]."""
+    """Solve a problem with steps of dt [s] on a grid of this spacing [m], (nx, ny) [nats]."""
     assert not callable(problem.q)
     assert dt is not None
     loss, wall = problem.q * dt / problem.temperature, problem.phi / problem.temperature
@@ -114,7 +113,7 @@ def solve(domain: Domain, *, deviation: float, loss: float, wall: float, spacing
 
 
 def _weights(domain: Domain, corner: Array, size: Array, spacing: float) -> tuple[Array, Array]:
-    """How much of its surroundings each point stands for: free space outside the goal, and the goal; 2 x (nx, ny)."""
+    """Weights of points for free space outside the goal, and for the goal; 2 x (nx, ny)."""
     index = np.stack(np.meshgrid(*map(np.arange, size), indexing="ij"), axis=-1).reshape(-1, 2)
     points = corner + spacing * index
     free_by = np.maximum(domain.clearance(points), -1.0).reshape(size[0], size[1])
@@ -125,7 +124,7 @@ def _weights(domain: Domain, corner: Array, size: Array, spacing: float) -> tupl
 
 @kernel
 def _integrate(free_by, origin, spacing, goal, radius, into, at_goal):  # type: ignore[no-untyped-def]
-    """Add up, cell by cell, what the cubic Lagrange polynomials of the points around it integrate to."""
+    """Integrate the cubic Lagrange polynomials of the points around each cell."""
     nx, ny = free_by.shape
     base = np.empty((PARTS, 4))
     for a in range(PARTS):
@@ -200,14 +199,10 @@ TILE = 16  # points along each side of a tile
 
 
 def one_round(phi: Array, power: Array, into: Array, known: Array, taps: Array, loss: float) -> tuple[Array, Array]:
-    """One application of `phi = exp(-loss) E[psi]` with psi = into phi + known; returns phi and power.
+    """Apply `phi = exp(-loss) E[psi]` once with psi = into phi + known; returns phi and power.
 
-    Args:
-        phi: (nx, ny), scaled tile by tile: what is meant is phi exp(power).
-        power: (nx/TILE, ny/TILE) exponent of each tile [nats].
-        into, known: (nx, ny).
-        taps: (2 R + 1,) weights of the Gaussian along each axis.
-        loss: q dt/lambda [nats].
+    Args: phi (nx, ny), to be multiplied by exp(power), power (nx/TILE, ny/TILE) [nats]; into and known (nx, ny); taps
+        (2 R + 1,), weights of the Gaussian along each axis; loss, q dt/lambda [nats].
     """
     source, first = np.empty_like(phi), np.empty_like(power)
     _combine(phi, power, into, known, source, first)

@@ -21,7 +21,7 @@ BAND = 0.03  # FCL itself is asked where the clearance field claims less than th
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Domain:
-    """The workspace, the disc on which psi is one, and the clearance that tells where the walls are."""
+    """The workspace, the disc on which psi is one, and the clearance from walls."""
 
     lower: Array  # (2,) corner of the workspace [m]
     upper: Array  # (2,) the opposite one [m]
@@ -30,7 +30,7 @@ class Domain:
 
     @classmethod
     def of(cls, space: FreeSpace) -> Domain:
-        """That of a scene; its clearance is the field's, border included, and FCL's close to obstacles [m]."""
+        """Take that of a scene; its clearance is the field's, border included, and FCL's close to obstacles [m]."""
 
         def at(points: Array) -> Array:
             out = np.empty(len(points))
@@ -55,28 +55,28 @@ class Frame(NamedTuple):
 
 
 def frame_at(corner: Array, spacing: float, goal: Goal) -> Frame:
-    """The frame of a grid whose point (0, 0) is at a corner (2,) [m], spacing in [m]."""
+    """Place a grid whose point (0, 0) is at a corner (2,) [m], spacing in [m]."""
     (x0, y0), (goal_x, goal_y) = corner.tolist(), goal.center.tolist()
     return Frame(x0, y0, spacing, float(goal_x), float(goal_y), float(goal.radius))
 
 
 @inlined
 def in_goal(frame, x):  # type: ignore[no-untyped-def]
-    """Whether the position of x (n,) [m] is in the goal's disc."""
+    """Tell whether the position of x (n,) [m] is in the goal's disc."""
     return (x[0] - frame.goal_x) ** 2 + (x[1] - frame.goal_y) ** 2 <= frame.radius * frame.radius
 
 
 @inlined
 def in_cells(frame, x):  # type: ignore[no-untyped-def]
-    """The position of x (n,) [m] in spacings from point (0, 0), 2 numbers."""
+    """Return the position of x (n,) [m] in spacings from point (0, 0), 2 numbers."""
     return (x[0] - frame.x0) / frame.spacing, (x[1] - frame.y0) / frame.spacing
 
 
 def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> float:
-    """A spacing [m] at which the workspace has at most MOST points.
+    """Return a spacing [m] at which the workspace has at most MOST points.
 
     Raises:
-        OptionError: it has more; says the reason for the spacing and what to choose instead.
+        OptionError: it has more; reports the reason for the spacing and what to choose instead.
     """
     size = (scene.upper - scene.lower) / spacing
     if np.prod(size) > MOST:
@@ -91,7 +91,7 @@ Progress = Callable[[float], None]  # is told the share that is done, from 0 to 
 
 
 def untold(share: float) -> None:
-    """Nobody waits."""
+    """Ignore progress."""
 
 
 @inlined
@@ -108,7 +108,7 @@ def polynomial(t, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def derivative(t, c):  # type: ignore[no-untyped-def]
-    """Its derivative at t [1/spacing]."""
+    """Derivative of `polynomial` at t [1/spacing]."""
     if c == -1:
         return -(3.0 * t * t - 6.0 * t + 2.0) / 6.0
     if c == 0:

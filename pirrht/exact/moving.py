@@ -1,9 +1,8 @@
-"""The continuous-time equation among moving bodies: psi(x, y, t) of a point with isotropic noise.
+"""Solve the continuous-time equation among moving obstacles: psi(x, y, t) of a point with isotropic noise.
 
-`-psi_t = -(q/lambda) psi + (b^2/2) Laplace psi`, psi = 1 on the goal's disc and exp(-phi/lambda) at walls, which are
-where they are at t. After the last row of the motions all stands still and psi is `planar`'s; from there `march` goes
-back in time. Where motions start over, periods are marched until psi repeats itself.
-What lies between grid points and frames `moving_look` says.
+`-psi_t = -(q/lambda) psi + (b^2/2) Laplace psi`, psi = 1 on the goal's disc and exp(-phi/lambda) at walls, where they
+are at t. Steps end at every row of every motion, and often enough in between. After the last row psi is `planar`'s;
+from there `march` goes back in time. Repeated motions are marched period by period until psi repeats itself.
 """
 
 from __future__ import annotations
@@ -49,20 +48,20 @@ class Timetable:
 
     @property
     def before(self) -> Array:
-        """The same times just before a body that starts over jumps [s]."""
+        """Times just before a repeated body jumps [s]."""
         return self.times - BEFORE if self.period > 0.0 else self.times
 
     @property
     def after(self) -> Array:
-        """The same just after it [s]."""
+        """Times just after a repeated body jumps [s]."""
         return self.times + BEFORE if self.period > 0.0 else self.times
 
 
 def timetable(movers: tuple[Mover, ...], longest: float) -> Timetable:
-    """Steps of at most `longest` [s] for the motions of bodies.
+    """Divide the motions of bodies into steps of at most `longest` [s].
 
     Raises:
-        OptionError: motions start over with periods that have no common multiple of a useful length.
+        OptionError: motions repeat with periods that have no common multiple of a useful length.
     """
     motions = [mover.motion for mover in movers]
     repeated = [m for m in motions if m.repeat]
@@ -107,7 +106,7 @@ def _knots(motions: list[Motion], begin: float, end: float) -> Array:
 
 
 def _steps(knots: Array, longest: float) -> Array:
-    """Steps of at most `longest` [s] that end at knots [s]; of knots that are closer than SHORT one is left out."""
+    """Divide time into steps of at most `longest` [s] that end at knots [s], without knots closer than SHORT."""
     kept = [float(knots[0])]
     for t in knots[1:-1]:
         if min(t - kept[-1], knots[-1] - t) >= SHORT * longest:
@@ -132,7 +131,7 @@ look = moving_look.look
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """The spacing [m] asked for, or one that keeps v to 0.1 %.
+    """Return the requested spacing [m], or one that keeps v to 0.1 %.
 
     Raises:
         OptionError: the grid would have too many points or frames, a spacing is too coarse, or there is a step dt.
@@ -151,10 +150,9 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 
 
 def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold) -> March:
-    """The solution (G, nx, ny) [nats] in continuous time on a grid of this spacing [m]; dt is none.
+    """Solve in continuous time on a grid of this spacing [m], (G, nx, ny) [nats]; dt is none.
 
-    Args:
-        progress: called with the share of the march that is done, anew for every period that is tried.
+    Calls `progress` with the share of the march that is done, anew for every period that is tried.
 
     Raises:
         OptionError: as `spacing_for`, or a repeated motion does not settle.
@@ -176,10 +174,10 @@ def _longest(problem: Problem, spacing: float) -> float:
 
 
 def _thinning(scene: Scene, spacing: float, table: Timetable) -> int:
-    """Every which step is kept as a frame.
+    """Steps from one kept frame to the next.
 
     Raises:
-        OptionError: too many would be.
+        OptionError: there would be too many frames.
     """
     points = float(np.prod(np.ceil((scene.upper - scene.lower) / spacing) + 1))
     steps = len(table.times)
@@ -225,7 +223,8 @@ class _Solver:
         last = len(table.times) - 1
         kept = np.unique(np.concatenate([np.arange(last, -1, -self.thinning), [0]]))
         frames = np.empty((len(kept), *self.shape), dtype=np.float32)
-        now = self._at_rest(rest)
+        now = np.empty(self.shape)
+        _sample(rest, self.room, frames_of(self.end[-1]), now)
         if table.period > 0.0:
             now = self._settled(now)
         self._keep(frames, kept, last, now)
@@ -245,7 +244,7 @@ class _Solver:
             frames[at] = now
 
     def _rest(self) -> planar.Expansion:
-        """The solution with all bodies as they stand at the end of the table."""
+        """Solve with all bodies as they stand at the end of the table."""
         end = float(self.table.times[-1])
         still = tuple(solid for mover in self.scene.movers for solid in mover.at(end))
         scene = replace(self.scene, obstacles=(*self.scene.obstacles, *still), movers=())
@@ -264,14 +263,8 @@ class _Solver:
         spacing = min(planar.FINEST / k, planar.COARSEST * scene.robot_radius)
         return planar.solve(domain, wavenumber=k, wall=self.wall, spacing=spacing)
 
-    def _at_rest(self, rest: planar.Expansion) -> Array:
-        """log psi of the stationary solution on the grid of the march."""
-        out = np.empty(self.shape)
-        _sample(rest, self.room, frames_of(self.end[-1]), out)
-        return out
-
     def _settled(self, now: Array) -> Array:
-        """log psi at the end of the table such that it is the same a period before.
+        """Find log psi at the end of the table such that it is equal a period before.
 
         Raises:
             OptionError: it does not settle.
@@ -301,7 +294,7 @@ class _Solver:
             yield k, now
 
     def taps(self, step: Step) -> tuple[Array, Array, Array]:
-        """Weights of a step along x and y, and what it is paid at the goal: none depends on where bodies are."""
+        """Weights of a step along x and y, and its payment at the goal: none depends on where bodies are."""
         key = round(step.dt / self.longest, 9)
         if key not in self._taps:
             room, frame = self.room, self.room.frame
@@ -325,7 +318,7 @@ def _clearances(bodies, pose, points, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _sample(rest, room, pose, out):  # type: ignore[no-untyped-def]
-    """log psi of a stationary solution on the grid of `room`, (nx, ny) [nats]; minus infinity in walls and goal."""
+    """Sample a stationary solution on the grid of `room`, (nx, ny) [nats]; minus infinity in walls and goal."""
     x, slope = np.empty(2), np.empty(2)
     frame = room.frame
     for i in range(out.shape[0]):

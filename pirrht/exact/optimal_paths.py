@@ -1,4 +1,4 @@
-"""Paths of the optimally controlled process, drawn with a grid's law, and the ways around the obstacles they take.
+"""Draw paths of the optimally controlled process with a grid's law, and the classes they take.
 
 In continuous time they are Euler-Maruyama steps, so short near a wall that the law, which grows as 1/distance, turns
 them around. In discrete time the optimal transition is the passive one times psi at its end; it is drawn from many
@@ -35,7 +35,7 @@ SHORTEST = 1e-7  # ... but no step is shorter [s]
 
 
 class Process(NamedTuple):
-    """What is controlled, and how paths of it are drawn."""
+    """The controlled process, and how paths of it are drawn."""
 
     field: Field
     parameters: Array  # (k,) that the drift reads
@@ -48,16 +48,15 @@ class Process(NamedTuple):
 
 @cache
 def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
-    """The compiled loop over paths for one kind of grid and dynamics.
+    """Build the kernel (grid, `Process`, markers (M, 2) [m], start (n,), seed, turns, outcome) over paths.
+
+    It adds the turns of paths, and of the straight lines from their ends to the goal point, to turns (S, M) [turns],
+    zeros before, and fills outcomes (S,).
 
     Args:
         look: compiled, (grid, x (n,), slope (n,)) -> log psi [nats].
         drift: f of the dynamics, (x (n,), p (k,), out (n,)) [state/s].
         discrete: paths of the discrete-time problem.
-
-    Returns:
-        a kernel: grid, `Process`, markers (M, 2) [m], start (n,), seed; it fills turns (S, M) [turns], zeros
-        before, with those of paths and of the straight lines from their ends to the goal point, and outcomes (S,).
     """
     move = as_jitable(drift)
 
@@ -139,7 +138,7 @@ def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
 
 @inlined
 def _end(grid, field, x):  # type: ignore[no-untyped-def]
-    """Where a step has led to: a collision comes first."""
+    """Judge where a step has led to: a collision comes first."""
     if clearance(field, x[0], x[1]) <= 0.0:
         return COLLISION
     return GOAL if in_goal(grid.frame, x) else INSIDE
@@ -159,15 +158,9 @@ def classes_of(
     """Classes (S, M + J) [turns] and outcomes (S,) of paths that leave x (2,) [m] at t [s] under the optimal law.
 
     Args:
-        grid: the solution.
         gain: lambda R^-1 G_c', (2, 2) [control per nats/state].
-        homology: M standing markers.
-        moving: J moving ones.
-        x: where all paths begin, (2,) [m].
-        t: when [s].
+        homology, moving: of M static and J moving markers.
         step: of a path at most [s].
-        samples: S.
-        seed: of the noise.
     """
     M, J = homology.M, moving.J
     turns, outcome = np.zeros((samples, M + J)), np.zeros(samples, dtype=np.int64)
@@ -181,8 +174,7 @@ def classes_of(
 def _walk(grid, gain, markers, tracks, goal, x0, t0, longest, arrival, seed, turns, outcome):  # type: ignore[no-untyped-def]
     """Fill turns (S, M + J), zeros before, with those of paths closed at the goal point, and outcomes (S,).
 
-    Of the standstill after arrival, that of the path counts where it comes before the base's `arrival` [s], and that of
-    the base, with the opposite sign, where the path comes later.
+    Waiting at the goal counts for the path if it comes before the base's `arrival` [s], else for the base, negative.
     """
     M, J = markers.shape[0], tracks.J
     slope, state = np.zeros(2), np.zeros(3)

@@ -1,11 +1,12 @@
-"""The continuous-time equation on a planar grid: `q psi/lambda = tr(BB' Hess psi)/2` for isotropic noise and no drift.
+"""Solve the continuous-time equation on a planar grid: `q psi/lambda = tr(BB' Hess psi)/2`, isotropic noise, no drift.
 
-It is `Laplace psi = k^2 psi`, and psi is, near every grid point, a sum of I_n(kr) cos(n t) and I_n(kr) sin(n t).
-Stencil weights are those that are exact for the eight lowest of these (Trefftz, or flexible local approximation:
-Tsukerman, IEEE Trans. Magnetics 2005), so that plane exponentials exp(k.x) of every direction are solved almost
-exactly on a grid as coarse as their decay length, where differences of psi or upwinding would err by tens of per
-cent. An arm of a stencil that is cut by a wall or by the rim of the goal ends there: no boundary is moved to the grid.
-Unknowns are chi = psi exp(s) with s a length to the goal in units of 1/k, since psi itself falls below 1e-300.
+It is `Laplace psi = k^2 psi`; near every grid point psi is a sum of I_n(kr) cos(n t) and I_n(kr) sin(n t). Stencil
+weights are exact for the eight lowest of these (Trefftz, or flexible local approximation: Tsukerman, IEEE Trans.
+Magnetics 2005), so that plane exponentials exp(k.x) of every direction are solved almost exactly on a grid as coarse as
+their decay length, where differences or upwinding would err by tens of per cent. Arms of a stencil end at walls and at
+the goal's rim: no boundary is moved to the grid. Unknowns are chi = psi exp(s) with s a length to the goal in units of
+1/k, since psi itself falls below 1e-300. Arms of a point that all but touches a wall would end in nearly one place, and
+errors of a tenth of a micrometer would decide on the sign of psi: theirs begin at a place further off the wall.
 """
 
 from __future__ import annotations
@@ -37,11 +38,9 @@ HUG = 0.1  # a point hugs a wall that one of its arms meets within this share of
 def ends_of_arms(
     domain: Domain, points: Array, free_by: Array, rows: IntArray, heads: Array, spacing: float
 ) -> tuple[Array, BoolArray]:
-    """Where arms of points (K, 2), free by (K,) [m], end that would lead to heads (k, 2): (k, 2) [m]; if at the rim.
+    """End arms of points (K, 2), free by (K,), towards heads (k, 2) at walls or rim: ends (k, 2) [m], if at the rim.
 
-    Args:
-        rows: (k,) the points that they belong to.
-        spacing: h [m].
+    `rows` (k,) are the points that arms belong to, `spacing` is h [m].
     """
     tails, room = points[rows], free_by[rows]
     ends, at_goal = _cut(domain, tails, room, heads)
@@ -55,7 +54,7 @@ def ends_of_arms(
 
 
 def _off_walls(domain: Domain, points: Array, spacing: float) -> tuple[Array, Array]:
-    """Of places half an arm beside points (j, 2) those with most clearance, (j, 2) and (j,) [m]; spacing h [m]."""
+    """Find places half an arm from points (j, 2) with most clearance, (j, 2) and (j,) [m]; spacing h [m]."""
     around = points[:, None, :] + 0.5 * spacing * np.vstack([np.zeros(2), ARMS])
     free_by = domain.clearance(around.reshape(-1, 2)).reshape(around.shape[:2])
     best = np.arange(len(points)), np.argmax(np.where(domain.goal.contains(around), -np.inf, free_by), axis=1)
@@ -63,7 +62,7 @@ def _off_walls(domain: Domain, points: Array, spacing: float) -> tuple[Array, Ar
 
 
 def _cut(domain: Domain, tails: Array, free_by: Array, heads: Array) -> tuple[Array, BoolArray]:
-    """Where ways from tails, free by (k,) [m], to heads first meet a wall or the rim, 3 x (k, 2) [m]; if the rim."""
+    """Cut lines from tails, free by (k,) [m], to heads at a wall or the rim, 3 x (k, 2) [m]; tell if at the rim."""
     clearance, goal = domain.clearance, domain.goal
     span = heads - tails
     full = np.hypot(*span.T)
@@ -129,7 +128,7 @@ def wavenumber_of(problem: Problem) -> float:
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """The spacing [m] asked for, or one that keeps v to 0.5 % and u to 2 %.
+    """Return the requested spacing [m], or one that keeps v to 0.5 % and u to 2 %.
 
     Raises:
         OptionError: the grid would have too many points.
@@ -143,7 +142,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 def grid_of(
     problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
 ) -> Expansion:
-    """The solution, (K, 8) coefficients, in continuous time on a grid of this spacing [m]; dt is unused."""
+    """Solve in continuous time on a grid of this spacing [m], (K, 8) coefficients; dt is unused."""
     wall = problem.phi / problem.temperature
     return solve(Domain.of(space), wavenumber=wavenumber_of(problem), wall=wall, spacing=spacing)
 
@@ -182,14 +181,17 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
     if np.any((below > 0.0) & (below > np.where(gap < HUG, gap, 0.0))):
         raise OptionError(f"the grid of {spacing:g} m is too coarse for this scene; choose a smaller spacing")
     number[free] = np.where(below > 0.0, -1, number[free])
+    number = number.reshape(nx, ny)
+    away, nearest = distance_transform_edt(number < 0, return_indices=True)
+    owner = np.where(away <= NEAR, number[tuple(nearest)], -1)
     return Expansion(
-        frame=frame_at(lower, spacing, goal), wavenumber=wavenumber, least=LEAST, owner=_owners(number.reshape(nx, ny)),
+        frame=frame_at(lower, spacing, goal), wavenumber=wavenumber, least=LEAST, owner=owner,
         place=place, coefficients=coefficients, shift=-s,
     )  # fmt: skip
 
 
 def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: float) -> Array:
-    """A guess of -log psi at the free points, (K,): k times the length of arms to the goal or a wall [nats]."""
+    """Estimate -log psi at the free points, (K,): k times the length of arms to the goal or a wall [nats]."""
     K = len(neighbour)
     inner = neighbour >= 0
     rows, arms = np.nonzero(inner)
@@ -202,10 +204,7 @@ def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: flo
 
 
 def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: float) -> tuple[Array, Array]:
-    """Coefficients of chi = psi exp(s) around every free point, (K, 8), by one sparse solution; how far it is below 0.
-
-    The latter, (K,), is a share of the greatest psi around a point.
-    """
+    """Fit chi = psi exp(s) around every free point, (K, 8), by one sparse solution; negative part as a share (K,)."""
     K = len(neighbour)
     finite = np.where(np.isfinite(s), s, 0.0)
     inner = neighbour >= 0
@@ -234,10 +233,7 @@ def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: 
 
 
 def arm_basis(arms: ComplexArray, kh: float) -> Array:
-    """The eight solutions at the ends of eight arms, x + iy in spacings (K, 8) -> (K, 8, 8); kh is k times h.
-
-    Rows are arms.
-    """
+    """Evaluate the eight solutions at ends of arms, x + iy in spacings (K, 8) -> (K, 8 arms, 8); kh is k times h."""
     factor = _series((0.5 * kh * np.abs(arms)) ** 2)
     powers = [arms**n * factor[n] for n in range(5)]
     columns = [powers[0].real]
@@ -256,13 +252,6 @@ def _series(t: Array) -> list[Array]:
             total = total + term
         out.append(total)
     return out
-
-
-def _owners(number: IntArray) -> IntArray:
-    """The free point nearest to every grid point, (nx, ny); -1 where it is far."""
-    away, nearest = distance_transform_edt(number < 0, return_indices=True)
-    owners: IntArray = np.where(away <= NEAR, number[tuple(nearest)], -1)
-    return owners
 
 
 @inlined
