@@ -1,4 +1,8 @@
-"""Legs of a Dubins path: the curves that shortcuts are made of; the last one leads into the goal's disc."""
+"""Build the legs of a Dubins path, the last of which leads into the goal's disc, and tighten the joints between them.
+
+A shortened path is straight between the obstacles it bends around, so its arcs are divided in the middle and the legs
+between these joints are Dubins curves again: few numbers describe the path, a pattern search finds them.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +34,8 @@ class Pieces(NamedTuple):
 def approach(around, start, side, curvature, length):  # type: ignore[no-untyped-def]
     """Write the leg from a pose (3,) into the disc that turns to `side`, then heads for the goal point; its length [m].
 
-    It is written to `curvature` (3,) [1/m] and `length` (3,) [m]; `side` is 1 (left) or -1. It meets the disc at right
-    angles, as the shortest way into a disc with free heading does. Where the goal point is too close for that, the leg
+    It goes to `curvature` (3,) [1/m] and `length` (3,) [m]; `side` is 1 (left) or -1. It meets the disc at right
+    angles, as the shortest path into a disc with free heading does. Where the goal point is too close for that, the leg
     is an arc, and infinitely long if the arc misses the disc.
     """
     x, y, theta, radius = start[0], start[1], start[2], around.radius
@@ -54,7 +58,7 @@ def key_of_leg(around, start, curvature, length, last, x, y):  # type: ignore[no
     """Additive key of the whole turns of a leg from a pose (3,) to (x, y) [m]; the last goes on straight to the goal.
 
     The leg is `curvature` (P,) [1/m], `length` (P,) [m]. Paths with common ends are homologous exactly when the keys of
-    their legs have the same sum.
+    their legs have equal sums.
     """
     most = length.shape[0] * around.weights.shape[0]
     marker, turn = np.empty(most, np.int32), np.empty(most, np.int16)
@@ -64,7 +68,7 @@ def key_of_leg(around, start, curvature, length, last, x, y):  # type: ignore[no
 
 @kernel
 def append(pieces, count, start, curvature, length):  # type: ignore[no-untyped-def]
-    """Append a leg from a pose (3,), `curvature` (P,) [1/m] and `length` (P,) [m], to `count` pieces; number of pieces.
+    """Append a leg from a pose (3,), `curvature` (P,) [1/m], `length` (P,) [m], to `count` pieces; number of pieces.
 
     Neighbours that turn alike become one.
     """
@@ -153,7 +157,7 @@ def _last_leg(around, start, kappa, ell):  # type: ignore[no-untyped-def]
 
 @kernel
 def _outside(around, start, kappa, ell):  # type: ignore[no-untyped-def]
-    """Whether a leg keeps out of the goal's disc, as all but the last must."""
+    """Tell whether a leg keeps out of the goal's disc, as all but the last must."""
     return entry_of_curve(start, kappa, ell, around.goal_x, around.goal_y, around.reach) == np.inf
 
 

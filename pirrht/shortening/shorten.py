@@ -1,4 +1,4 @@
-"""Shortening a path inside its homology class until it is taut."""
+"""Shorten a path inside its homology class by the method that suits its steering."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ AHEAD = 4  # corners of an earlier path that it may go on from
 
 
 def polish(path: Any, steering: Steering, space: FreeSpace) -> Any:
-    """A path (k consecutive curves, (k, P) pieces, into the goal) of the same class that is never longer [m].
+    """Shorten a path (k consecutive curves, (k, P) pieces, into the goal) inside its class; never longer [m].
 
     Every new piece is certified by the clearance field, which is FCL's distance less its error bound.
     """
@@ -37,9 +37,9 @@ def polish(path: Any, steering: Steering, space: FreeSpace) -> Any:
 
 @singledispatch
 def shorten(steering: Steering, path: Any, space: FreeSpace) -> Any:
-    """How paths of one steering method are polished; `shorten.register` adds a method.
+    """Shorten paths of one steering method; `shorten.register` adds a method.
 
-    Straight lines of a system of two states are pulled taut like a point's; anything else gets the best chain of the
+    Straight lines of a system of two states are shortened like a point's; anything else gets the best chain of the
     method's own connections.
     """
     if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):
@@ -48,12 +48,12 @@ def shorten(steering: Steering, path: Any, space: FreeSpace) -> Any:
 
 
 def resumes(steering: Steering) -> bool:
-    """Whether paths of a method are shortened much faster from an earlier path of the class."""
+    """Tell whether paths of a method are shortened much faster from an earlier path of the class."""
     return isinstance(steering, InTime | RoverSteering | Tracked) or searches(steering)
 
 
 def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any:
-    """The cheapest path from x (n,) near an earlier one, into the goal, whatever its class; None if there is none."""
+    """Find the cheapest path from x (n,) near an earlier one into the goal, in any class; None if there is none."""
     if isinstance(steering, InTime):
         return in_time.resumed(x, path, steering, checker)
     if isinstance(steering, RoverSteering):
@@ -64,7 +64,7 @@ def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any
 
 
 def searches(steering: Steering) -> bool:
-    """Whether paths of a method are shortened by searching."""
+    """Tell whether paths of a method are shortened by searching."""
     return shorten.dispatch(type(steering)) is shorten.dispatch(object) and not (
         steering.motion is ARCS and steering.n == 2
     )
@@ -79,7 +79,7 @@ def _straight(steering: Steering, path: Curves, space: FreeSpace) -> Curves:
 
 
 def _over_corners(x: Array, path: Curves, steering: Tracked, checker: EdgeChecker) -> Curves | None:
-    """A taut path from x (2,) beside its start: straight to the furthest of the next corners that is free to go to."""
+    """Go straight from x (2,), near a path's start, to the furthest next corner that is free to go to, and on."""
     count = min(AHEAD, len(path.cost))
     legs = steering.connect(np.repeat(x[None], count, axis=0), path.heads[:count])
     free = checker.inspect(legs, np.arange(count) == len(path.cost) - 1).free
@@ -120,9 +120,9 @@ ROWS = ("start", "curvature", "length", "tails", "heads")  # of curves
 
 
 def resumed_along_arcs(x: Array, path: Curves, steering: RoverSteering, checker: EdgeChecker) -> Curves | None:
-    """The cheapest path from x (3,) that joins an earlier one into the goal, whatever its class; None if none is free.
+    """Find the cheapest path from x (3,) that joins an earlier one into the goal, in any class; None if none is free.
 
-    Free is the word that joins; what is kept of the path is not judged.
+    A word leads back to it; the kept rest of the path is not judged.
     """
     keep = path.length.ravel() > SHORT
     curvature, length = path.curvature.ravel()[keep], path.length.ravel()[keep]

@@ -84,7 +84,7 @@ def _most(arcs):  # type: ignore[no-untyped-def]
 
 
 def _ask(arcs: Arcs, i: int, space: FreeSpace) -> bool:
-    """One swept capsule where a curve is straight, bisection where it turns."""
+    """Ask FCL: one swept capsule where a curve is straight, bisection where it turns."""
     collision, length = space.collision, arcs.length[i]
     x, y, theta = (float(v) for v in arcs.start[i])
     for kappa, total in zip(arcs.curvature[i], length, strict=True):
@@ -114,7 +114,7 @@ def _until_goal(path: Curves, around: Surroundings) -> Curves:
 
 
 def _trajectory(steering: Any, path: Curves) -> Trajectory:
-    """Piecewise constant controls along a path whose rows are consecutive curves."""
+    """Make piecewise constant controls along a path whose rows are consecutive curves."""
     pieces = path.curvature.shape[1]
     heading = path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
     length, keep = path.length.ravel(), path.length.ravel() > 0
@@ -126,7 +126,7 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
 
 
 def _between(path: Curves, i: int, shares: Array) -> Array:
-    """Positions of a system of two states; poses of one whose third is the heading."""
+    """States along motion i: positions of a system of two states; poses of one whose third is the heading."""
     n = path.tails.shape[1]
     if n > 3 or (n == 3 and abs(math.remainder(path.tails[i, 2] - path.start[i, 2], TWO_PI)) > SAME):
         return np.empty((0, n))
@@ -184,7 +184,7 @@ PRICED = MotionKernels(_judge_priced, ARCS.kernels.pairs, ARCS.kernels.most)
 
 
 def priced(path: Curves, straight: float, turning: float) -> Curves:
-    """The same curves (k, P) at prices as `price_of` takes them."""
+    """Price curves (k, P) as `price_of` does."""
     return replace(path, cost=np.sum(_prices(path.curvature, straight, turning) * path.length, axis=1))
 
 
@@ -194,7 +194,7 @@ def _prices(curvature: Array, straight: float, turning: float) -> Array:
 
 @cache
 def priced_arcs(q: float, straight: float, turning: float) -> Motion:
-    """The kind of motions for a rate of cost q [cost/s] and prices as `price_of` takes them."""
+    """Make the kind of motions for a rate of cost q [cost/s] and prices of `price_of`."""
 
     def prices(curvature: Array) -> Array:
         return _prices(curvature, straight, turning)

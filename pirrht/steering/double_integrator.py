@@ -23,13 +23,14 @@ from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_cubics import CUBICS, CubicRecord, Cubics
-from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.steering import Compiled, Steering, rows
 from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
+from pirrht.systems.dynamics import check_positive
 
 
 @kernel
 def optimum(tail, head, q, r):  # type: ignore[no-untyped-def]
-    """Duration [s] and cost of the optimum between states (4,), as tuples of numbers; infinite from a free velocity."""
+    """Duration [s] and cost of the optimum between states (4,), as tuples; infinite from a free velocity."""
     if math.isnan(tail[2]):
         return np.inf, np.inf
     dx, dy, ux, uy = head[0] - tail[0], head[1] - tail[1], tail[2], tail[3]
@@ -70,7 +71,7 @@ ALONG = (0.5, 1.0)  # shares of the top speed with which states in passages driv
 
 @kernel
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
-    """One motion each; the numbers are q and r."""
+    """Connect each pair by one motion; the numbers are q and r."""
     k, q, r = tails.shape[0], numbers[0], numbers[1]
     path, duration, cost, rates = np.empty((k, 8)), np.empty(k), np.empty(k), np.empty((k, 2))
     for i in range(k):
@@ -88,7 +89,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
     """Fill `chosen` with the states of least cost, cheapest first; of equal ones the earlier comes first.
 
-    A change of velocity alone costs sqrt(2 q r) |dv| at least: what that rules out is not asked.
+    A change of velocity alone costs sqrt(2 q r) |dv| at least: costs above `limit` are not computed.
     """
     count, found, q, r = chosen.shape[0], 0, numbers[0], numbers[1]
     here, turn = (x[0], x[1], x[2], x[3]), math.sqrt(2.0 * q * r)
@@ -141,14 +142,11 @@ class MassSteering(Steering):
     motion = CUBICS
 
     def __post_init__(self) -> None:
-        for name in ("q", "r", "top"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+        check_positive(self, "q", "r", "top")
 
     @classmethod
     def of(cls, problem: Problem) -> MassSteering:
-        """The optimum of a problem of a `DoubleIntegrator` with q constant and R a multiple of the identity.
+        """Take the optimum of a problem of a `DoubleIntegrator` with q constant and R a multiple of the identity.
 
         Speeds are drawn up to that at which the best motion from rest across the workspace arrives.
 
@@ -174,12 +172,12 @@ class MassSteering(Steering):
         """Least cost from tails to heads, (..., 4) x 2 -> (...,) [cost]. Not symmetric."""
         tails, heads = np.broadcast_arrays(tails, heads)
         out = np.empty(tails.shape[:-1])
-        _costs(_rows(tails), _rows(heads), self.q, self.r, out.reshape(-1))
+        _costs(rows(tails, 4), rows(heads, 4), self.q, self.r, out.reshape(-1))
         return out
 
     def connect(self, tails: Array, heads: Array) -> Cubics:
         """The cheapest motions from tails (k, 4) to heads (k, 4)."""
-        tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
+        tails, heads = rows(np.atleast_2d(tails), 4), rows(np.atleast_2d(heads), 4)
         found = _connect(tails, heads, self.compiled.numbers)
         return Cubics(**found._asdict(), tails=tails)
 
@@ -190,19 +188,15 @@ class MassSteering(Steering):
         return np.array([x, y, speed * np.cos(angle), speed * np.sin(angle)])
 
     def at_rest(self, x: Array) -> Array:
-        """The same place (4,) with no velocity."""
+        """Return that place (4,) with no velocity."""
         return np.array([x[0], x[1], 0.0, 0.0])
 
     def states_along(self, way: Array, scene: Scene) -> Array:
         """Every point (k, 3) driven through both ways, slower and faster, (4 k, 4)."""
         turned = np.column_stack([np.cos(way[:, 2]), np.sin(way[:, 2])])
-        rows = [np.hstack([way[:, :2], sign * share * self.top * turned]) for share in ALONG for sign in (1.0, -1.0)]
-        return np.stack(rows, axis=1).reshape(-1, 4)
+        states = [np.hstack([way[:, :2], sign * share * self.top * turned]) for share in ALONG for sign in (1.0, -1.0)]
+        return np.stack(states, axis=1).reshape(-1, 4)
 
     def roots(self, goal: Array) -> Array:
         """The goal point (2,) [m] at any velocity, (1, 4)."""
         return np.array([[*goal, np.nan, np.nan]])
-
-
-def _rows(states: Array) -> Array:
-    return np.ascontiguousarray(states, dtype=float).reshape(-1, 4)

@@ -1,7 +1,7 @@
-"""Dubins curves: the shortest paths of a car that drives forwards and turns no tighter than a given radius.
+"""Connect poses by Dubins curves: the shortest paths of a car that drives forwards and turns no tighter than a radius.
 
-Six words suffice: two arcs with a straight piece between, LSL, RSR, LSR, RSL, and three arcs, LRL, RLR
-(Dubins, 1957). The centres of the outer circles fix the straight piece or the middle circle.
+Six words suffice: two arcs with a straight piece between, LSL, RSR, LSR, RSL, and three arcs, LRL, RLR (Dubins, 1957).
+The centres of the outer circles fix the straight piece or the middle circle.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from pirrht.geometry.arcs import TWO_PI, Curves
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_arcs import Arcs
-from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.steering import Compiled, Steering, rows
+from pirrht.systems.dynamics import check_positive
 from pirrht.systems.unicycle import Unicycle
 
 ROOTS = 16  # headings at the goal point
@@ -49,11 +50,6 @@ class PoseSteering(Steering):
         return np.column_stack([np.broadcast_to(goal, (ROOTS, 2)), headings])
 
 
-def rows(states: Array) -> Array:
-    """Poses as contiguous rows (k, 3), as kernels read them."""
-    return np.ascontiguousarray(states, dtype=float).reshape(-1, 3)
-
-
 EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a whole circle is none
 
 
@@ -70,14 +66,11 @@ class Dubins(PoseSteering):
 
     def __post_init__(self) -> None:
         """Refuse what is not a positive number."""
-        for name in ("V", "rho"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+        check_positive(self, "V", "rho")
 
     @classmethod
     def of(cls, problem: Problem) -> Dubins:
-        """The Dubins curves of a problem whose dynamics is a `Unicycle` (the paper's second example).
+        """Take the Dubins curves of a problem whose dynamics is a `Unicycle` (the paper's second example).
 
         Raises:
             OptionError: the dynamics is another.
@@ -111,13 +104,13 @@ class Dubins(PoseSteering):
         """Least time from tails to heads, (..., 3) x 2 -> (...,) [s]. Not symmetric."""
         tails, heads = np.broadcast_arrays(tails, heads)
         out = np.empty(tails.shape[:-1])
-        _lengths(rows(tails), rows(heads), self.radius, out.reshape(-1))
+        _lengths(rows(tails, 3), rows(heads, 3), self.radius, out.reshape(-1))
         out *= self.cost_per_meter
         return out
 
     def connect(self, tails: Array, heads: Array) -> Curves:
         """The shortest curves from tails (k, 3) to heads (k, 3), (k, 3) pieces; cost in [s]."""
-        tails, heads = rows(np.atleast_2d(tails)), rows(np.atleast_2d(heads))
+        tails, heads = rows(np.atleast_2d(tails), 3), rows(np.atleast_2d(heads), 3)
         arcs = _connect(tails, heads, self.compiled.numbers)
         return Curves(**arcs._asdict(), tails=tails)
 
@@ -129,7 +122,7 @@ class Dubins(PoseSteering):
 
 @inlined
 def _turn(angle):  # type: ignore[no-untyped-def]
-    """An angle in [0, 2 pi); what rounding made of 0 is 0."""
+    """Wrap an angle to [0, 2 pi), 0 where rounding left a whole turn."""
     angle -= TWO_PI * math.floor(angle / TWO_PI)
     return 0.0 if angle > TWO_PI - EPS else angle
 
@@ -171,9 +164,9 @@ def _same_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
 
 @kernel
 def _opposite_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
-    """The word that begins turning to side s, goes straight and ends turning to the other: (length, t, p, q).
+    """Word that begins turning to side s, goes straight and ends turning to the other: (length, t, p, q).
 
-    Arguments as above, but across = sin b + sin a and ahead = cos b + cos a.
+    Arguments as of `_same_turns`, but across = sin b + sin a and ahead = cos b + cos a.
     """
     vx, vy = ends.dx + s * across, ends.dy - s * ahead
     square = vx * vx + vy * vy - 4.0

@@ -1,4 +1,8 @@
-"""A point with mass that is pushed by forces: velocity is state, acceleration is control."""
+"""A point with mass that is pushed by forces: velocity is state, acceleration is control.
+
+The cost of an optimal motion that takes T seconds is J(T) = q T + A / T^3 + B / T^2 + C / T (Webb and van den Berg
+2013; `steering.double_integrator` has the coefficients). It may have two minima.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, jitable, kernel
 from pirrht.systems.dynamics import Dynamics, _check_noise
+from pirrht.systems.heading import AIM
 
 NEWTON = 60  # iterations at most; from above, where the quartic is convex, a few do
 PRECISE = 1e-13  # relative change of T that ends them
@@ -83,9 +88,6 @@ def best_duration(q, A, B, C):  # type: ignore[no-untyped-def]
     return T, best
 
 
-AIM = 0.9  # share of the goal's radius that is aimed at
-
-
 @jitable
 def coasting(x, p, out):  # type: ignore[no-untyped-def]
     """f = [vx, vy, 0, 0] at x (4,), written to out (4,) [m/s, m/s, m/s^2, m/s^2]."""
@@ -94,10 +96,10 @@ def coasting(x, p, out):  # type: ignore[no-untyped-def]
 
 @jitable
 def into_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """What the best motion from x (4,) into the goal's disc, at any velocity there, begins with; written to out (2,).
+    """Begin the best motion from x (4,) into the goal's disc, at any velocity there; written to out (2,).
 
-    With D = p1 - p0 and lambda R^-1 = b^2 it is a = 3 (D - v T) / T^2, here in units of the noise b [1/sqrt(s)].
-    p1 is where coasting enters the disc; if it misses that, a point as far off the middle as AIM of the radius.
+    With D = p1 - p0 and lambda R^-1 = b^2 it is a = 3 (D - v T) / T^2, here in units of the noise b [1/sqrt(s)]. p1 is
+    where coasting enters the disc; if it misses that, a point as far off the middle as AIM of the radius.
     """
     dx, dy, b = aim[0] - x[0], aim[1] - x[1], B[0, 0]
     speed = x[2] * x[2] + x[3] * x[3]
