@@ -20,7 +20,7 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.guidance.barrier import price
 from pirrht.guidance.car import Course, class_of, is_free
-from pirrht.rollouts.homing import STEEP, homing
+from pirrht.rollouts.general.law import STEEP, homing
 from pirrht.systems.heading import wrapped
 
 ACROSS = 1.0 / math.sqrt(3.0)  # share of half a step's turn by which as much sway turns the way

@@ -232,12 +232,10 @@ def _behind_body(traffic, j, near, x, y, mx, my, dt, c, d, way):  # type: ignore
 
 @inlined
 def at_moving_wall(near, j, dx, dy, fx, fy, dt, share, deviation, state):  # type: ignore[no-untyped-def]
-    """Displace an isotropic bridge to where it first meets body j.
+    """Displace an isotropic bridge to where it first meets body j, at its distance then; across it is drawn.
 
-    Towards the wall that is the distance to it then, across it the bridge is drawn.
     Args, after j: (dx, dy) [m] at the end of the step, drift (fx, fy) [m/s], step [s], share of it until then, standard
-        deviation of the whole step [m], and state of the random sequence.
-    Returns: next state of the sequence, displacement in x and y [m].
+        deviation of the whole step [m], and state of the random sequence; returns the next one, and displacement [m].
     """
     nx, ny = -near[j, NX], -near[j, NY]
     gap = max(near[j, D], 0.0) + share * dt * ((near[j, WX] - fx) * nx + (near[j, WY] - fy) * ny)

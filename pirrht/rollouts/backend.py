@@ -18,10 +18,9 @@ from pirrht.compiled.jit import as_jitable, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import Kind
+from pirrht.rollouts.general.law import car_home, straight_home
 from pirrht.rollouts.general.path import Kept, any_path
-from pirrht.rollouts.homing import car_home, straight_home
-from pirrht.rollouts.point.block import is_point, sample
-from pirrht.rollouts.point.replay import control, trace
+from pirrht.rollouts.point.block import control, is_point, sample, trace
 from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup, empty_paths
 from pirrht.systems.dynamics import no_homing
 from pirrht.systems.unicycle import unicycle_drift

@@ -256,8 +256,8 @@ def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state, line=Fa
 def fitting(near, rest, least, scale):  # type: ignore[no-untyped-def]
     """Fit a step [s] to the place: noise carries a path over a third of the way to what ends it, or less.
 
-    Args: distance to the nearest wall or the goal [m]; time left in the step of the grid, least step [s]; 1 / (9 times
-        the variance per second) [s/m^2].
+    Args: distance to wall or goal [m]; rest of the step of the grid, least step [s]; 1 / (9 variance per second)
+        [s/m^2].
     """
     wish = max(scale * near * near, least)
     if wish >= rest:
@@ -284,11 +284,11 @@ def facing(field, x, y, cov):  # type: ignore[no-untyped-def]
 
 @kernel
 def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type: ignore[no-untyped-def]
-    """Displace an isotropic bridge to its first crossing; (dx, dy) is that at the end of the step.
+    """Displace an isotropic bridge to its first crossing, the distance to wall or rim; along it the bridge is drawn.
 
-    Towards the wall or the goal's rim it is the distance to it; along it the bridge is drawn.
-    Args, in order: arena, start (x, y) [m], (dx, dy) [m], GOAL or else COLLISION, share of the step until the crossing,
-        standard deviation of the whole step [m], and state of the random sequence.
+    Args, in order: arena, start (x, y) [m], displacement (dx, dy) at the end of the step [m], GOAL or else COLLISION,
+        share of the step until the crossing, standard deviation of the whole step [m], and state of the random
+        sequence.
     Returns: next state of the sequence, displacement in x and y [m].
     """
     field = arena.field

@@ -42,12 +42,7 @@ class Nearby(NamedTuple):
 
     @classmethod
     def of(cls, traffic: Traffic, frame: Sequence[float], times: Array, reach: float) -> Nearby:
-        """Build it for paths within a frame (least x, least y, greatest x, greatest y) [m].
-
-        Args:
-            times: ends of their steps on the clock of moving obstacles (T + 1,) [s].
-            reach: to which bodies count [m].
-        """
+        """Build it for paths in a frame (x, y, X, Y) [m] whose steps end at times (T + 1,) [s], and a reach [m]."""
         stretch, bounds = _stretches(times)
         left, low, right, high = map(float, frame)
         wide, deep, most = right - left, high - low, MOST / (len(bounds) - 1)
@@ -94,9 +89,8 @@ def _jumps(traffic, begin, end):  # type: ignore[no-untyped-def]
 def _mark(traffic, bounds, cells, reach, room, body):  # type: ignore[no-untyped-def]
     """Note which bodies count in which cells of stretches that begin, and end, at bounds (stretches + 1,) [s].
 
-    A cell is its middle, grown by half of its diagonal; `cells` are their corner [m], one over their side [1/m] and
-    numbers along x and y. `room` (cells,) is where in `body` its next one goes, counted up; without `body` they are
-    counted only.
+    `cells` are their corner [m], one over their side [1/m] and numbers; a cell is its middle, grown by half its
+    diagonal. `room` (cells,) tells where in `body` its next one goes, counted up; without `body` they are counted only.
     """
     _, per, shape = cells
     seen = np.full(shape[0] * shape[1], -1)

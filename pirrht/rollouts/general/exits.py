@@ -100,9 +100,8 @@ def ended_for(kind: Kind) -> Any:
 def exits(kind: Kind) -> Any:
     """Build the kernel that judges a step by how it moved.
 
-    It returns the state of the stream, exit, share of the step, time [s] for which its noise counts, log probability
-    that no wall was met, distances (noisy positions) and clearance (others) at its end, and the count of moving
-    obstacles near.
+    It returns the stream's state, exit, share of the step, time [s] for which its noise counts, log probability that no
+    wall was met, distances (noisy positions) and clearance (others) at its end, and the count of moving obstacles near.
     """
     noisy_position, moving, along_line, turning = kind.noisy_position, kind.moving, kind.along_line, kind.turning
     isotropic = kind.n == 2 and kind.m == 2  # the noise of a step is its displacement; then an exit cuts both alike

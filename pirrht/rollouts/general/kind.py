@@ -97,7 +97,7 @@ def diffusion_of(kind: Kind) -> Any:
 
 
 def is_gated(kind: Kind) -> bool:
-    """Tell whether walls that are yet to be passed bend its law (`gates`): of a point among moving obstacles."""
+    """Tell whether walls that are yet to be passed bend its law (`law`): of a point among moving obstacles."""
     return kind.moving and kind.n == kind.m == 2 and not kind.input_form
 
 

@@ -1,24 +1,92 @@
 """Compute the control of every reference at a state, in noise units: a_g = B_c^-1 G_c u_g.
 
-A linear law has rows of m modes per step or, where sways are drawn too, twice as many (`law_width`).
+A linear law has rows of m modes per step or, where sways are drawn too, twice as many (`law_width`). Gates bend it:
+walls that a point has yet to pass make log psi rise towards their free sides. Past its end samples home in on the goal.
 """
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from pirrht.compiled.addresses import load_float64
-from pirrht.compiled.jit import inlined, part
+from pirrht.compiled.jit import inlined, jitable, part
 from pirrht.compiled.vectors import bounded, mixed, product, summed
-from pirrht.rollouts.gates import gate_slope
 from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
-from pirrht.rollouts.homing import STEEP, homing
 from pirrht.rollouts.records import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
-from pirrht.systems.heading import wrapped
+from pirrht.systems.heading import TURN_GAIN, beyond_disc, wrapped
+
+STEEP = 6.0  # |u| of a guide stays below this
+
+
+@inlined
+def homing(x, y, theta, gx, gy, radius, bound):  # type: ignore[no-untyped-def]
+    """Turn rate that brings the goal's disc ahead of (x, y) [m], at most `bound`; none where it lies ahead [rad/s]."""
+    return max(-bound, min(bound, TURN_GAIN * beyond_disc(gx - x, gy - y, theta, radius)))
+
+
+@jitable
+def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """Head straight for the goal from x (2,) at the best speed: `Dynamics.homing` of a point among moving obstacles."""
+    dx, dy = aim[0] - x[0], aim[1] - x[1]
+    det = B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]
+    a, b = (B[1, 1] * dx - B[0, 1] * dy) / det, (B[0, 0] * dy - B[1, 0] * dx) / det
+    size = math.sqrt(a * a + b * b) + 1e-12
+    scale = math.sqrt(2.0 * rate) / size
+    out[0], out[1] = scale * a, scale * b
+
+
+@jitable
+def car_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """Turn a car at x (3,) towards the goal: its `Dynamics.homing` among moving obstacles."""
+    bound = STEEP * math.sqrt(rate) * B[0, 0]
+    out[0] = homing(x[0], x[1], x[2], aim[0], aim[1], radius, bound) / B[0, 0]
+
+
+GATES = 2  # of a row of a law
+GATE = 5  # numbers of one: direction (x, y) of its free side, z on the guide, its change per meter [1/m], weight
+
+
+FAR_IN, FAR_OUT, PER_UNIT = -6.0, 6.0, 16  # where its table begins and ends, and rows of that per unit of z
+_AT = np.linspace(FAR_IN, FAR_OUT, int((FAR_OUT - FAR_IN) * PER_UNIT) + 1)
+MILLS = np.exp(-0.5 * _AT**2) * math.sqrt(2.0 / math.pi) / np.array([math.erfc(-z / math.sqrt(2.0)) for z in _AT])
+
+
+@inlined
+def mills(z):  # type: ignore[no-untyped-def]
+    """phi(z) / Phi(z), by which log Phi grows with z, within 1e-4 of itself between FAR_IN and FAR_OUT.
+
+    It is h with h' = -h (z + h), so a cubic between two rows of a table has both slopes at no more than their h.
+    """
+    if z <= FAR_IN:
+        return -z + 1.0 / -z  # to z^-3
+    if z >= FAR_OUT:
+        return 0.0
+    at = (z - FAR_IN) * PER_UNIT
+    k = int(at)
+    u, left, right, width = at - k, MILLS[k], MILLS[k + 1], 1.0 / PER_UNIT
+    begin = FAR_IN + width * k
+    rise, fall = -width * left * (begin + left), -width * right * (begin + width + right)
+    v = 1.0 - u
+    return v * v * ((1.0 + 2.0 * u) * left + u * rise) + u * u * ((1.0 + 2.0 * v) * right - v * fall)
+
+
+@inlined
+def gate_slope(law, g, s, at, dx, dy):  # type: ignore[no-untyped-def]
+    """Slope (x, y) of log psi that gates add [1/m], (dx, dy) [m] off the guide; row s of a law has them from `at`."""
+    sx, sy = 0.0, 0.0
+    for k in range(GATES):
+        first = at + GATE * k
+        per = law[g, s, first + 3]
+        if per > 0.0:
+            nx, ny = law[g, s, first], law[g, s, first + 1]
+            push = law[g, s, first + 4] * per * mills(law[g, s, first + 2] + per * (nx * dx + ny * dy))
+            sx, sy = sx + push * nx, sy + push * ny
+    return sx, sy
 
 
 @inlined

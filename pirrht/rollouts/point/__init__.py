@@ -2,5 +2,5 @@
 
 `block` advances a block of paths through the stages of a step: length, controls, noise and weights (`stages`), walls
 and exits (`exits`). Each path keeps its own time, since steps fit the place. Stages are loops over lanes without
-branches, in single precision, which compile to vector instructions. `replay` simulates chosen samples again.
+branches, in single precision, which compile to vector instructions. Chosen samples are simulated again with steps.
 """

@@ -196,10 +196,9 @@ def settle(h, f, a, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def advance(h, window, follows, f, short, a, n):  # type: ignore[no-untyped-def]
-    """Take the step of the lanes that go on; sum up noise over the first `window` steps of the grid.
+    """Take the step of the lanes that go on; sum up noise over the first `window` steps. Returns the most steps taken.
 
-    Of a lead that `follows` the state half is taken off here, half by `settle`. Returns the most steps of the grid
-    taken.
+    Of a lead that `follows` the state half is taken off here, half by `settle`.
     """
     n = min(n, LANES)
     row, window, most = row_of(h, 2), np.int32(window), np.int32(0)
