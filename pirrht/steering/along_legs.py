@@ -163,12 +163,8 @@ def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-
     path = record.path
     ax, ay, s, bx, by, t = path[i, 0], path[i, 1], path[i, 2], path[i, 3], path[i, 4], path[i, 5]
     count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
-    goal, standing, kept = (
-        (around.goal_x, around.goal_y),
-        around.markers.shape[0],
-        around.bases.state.shape[0] > 0 and not to_goal,
-    )
-    one = two = 0
+    goal, standing, one, two = (around.goal_x, around.goal_y), around.markers.shape[0], 0, 0
+    kept = around.bases.state.shape[0] > 0 and not to_goal
     if kept:
         one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
         two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)

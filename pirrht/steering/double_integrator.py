@@ -23,7 +23,7 @@ from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_cubics import CUBICS, CubicRecord, Cubics
-from pirrht.steering.steering import Compiled, Steering, rows
+from pirrht.steering.steering import Compiled, Steering, insert, rows
 from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
 from pirrht.systems.dynamics import check_positive
 
@@ -100,15 +100,7 @@ def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-unt
             continue
         there = (states[i, 0], states[i, 1], states[i, 2], states[i, 3])
         _, d = optimum(here, there, q, r) if forward else optimum(there, here, q, r)
-        if found < count:
-            found += 1
-        elif d >= limit:
-            continue
-        at = found - 1
-        while at > 0 and least[at - 1] > d:
-            least[at], chosen[at] = least[at - 1], chosen[at - 1]
-            at -= 1
-        least[at], chosen[at] = d, i
+        found = insert(chosen, least, found, d, i)
 
 
 @kernel
@@ -148,10 +140,8 @@ class MassSteering(Steering):
     def of(cls, problem: Problem) -> MassSteering:
         """Take the optimum of a problem of a `DoubleIntegrator` with q constant and R a multiple of the identity.
 
-        Speeds are drawn up to that at which the best motion from rest across the workspace arrives.
-
-        Raises:
-            OptionError: the dynamics or R is another.
+        Speeds are drawn up to that at which the best motion from rest across the workspace arrives. OptionError for
+        others.
         """
         d = problem.dynamics
         if not isinstance(d, DoubleIntegrator):

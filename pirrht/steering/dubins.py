@@ -20,7 +20,7 @@ from pirrht.geometry.arcs import TWO_PI, Curves
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_arcs import Arcs
-from pirrht.steering.steering import Compiled, Steering, rows
+from pirrht.steering.steering import Compiled, Steering, insert, rows
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.unicycle import Unicycle
 
@@ -249,12 +249,4 @@ def _nearest(states, x, numbers, forward, chosen, length):  # type: ignore[no-un
             continue
         there = (states[i, 0], states[i, 1], states[i, 2])  # numbers: an array's references would be counted
         d = length_between(here, there, radius, limit) if forward else length_between(there, here, radius, limit)
-        if found < count:
-            found += 1
-        elif d >= limit:
-            continue
-        at = found - 1
-        while at > 0 and length[at - 1] > d:
-            length[at], chosen[at] = length[at - 1], chosen[at - 1]
-            at -= 1
-        length[at], chosen[at] = d, i
+        found = insert(chosen, length, found, d, i)

@@ -22,7 +22,7 @@ from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_legs import LEGS, LegRecord, Legs, TimedSurroundings
-from pirrht.steering.steering import Compiled, Steering, rows
+from pirrht.steering.steering import Compiled, Steering, insert, rows
 from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import Trajectory
 from pirrht.steering.useful import drawn, offered
@@ -65,21 +65,13 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 @kernel
 def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
     """Fill `chosen` with the states of least cost, cheapest first; of equal ones the earlier comes first."""
-    count, found = chosen.shape[0], 0
+    found = 0
     for i in range(states.shape[0]):
         if forward:
             d, _ = _cost(x[0], x[1], x[2], states[i, 0], states[i, 1], states[i, 2], numbers)
         else:
             d, _ = _cost(states[i, 0], states[i, 1], states[i, 2], x[0], x[1], x[2], numbers)
-        if found < count:
-            found += 1
-        elif d >= least[count - 1]:
-            continue
-        at = found - 1
-        while at > 0 and least[at - 1] > d:
-            least[at], chosen[at] = least[at - 1], chosen[at - 1]
-            at -= 1
-        least[at], chosen[at] = d, i
+        found = insert(chosen, least, found, d, i)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,11 +162,7 @@ class InTime(Steering):
         return around._replace(bases=Bases.room(around.tracks.J))
 
     def vertex_of(self, x: Array) -> Array:
-        """The place and the time, (..., 3) [m, m, s], of states that begin with them.
-
-        Raises:
-            OptionError: a state has no time.
-        """
+        """Place and time, (..., 3) [m, m, s], of states that begin with them; OptionError if a state has no time."""
         if np.shape(x)[-1] < self.n:
             raise OptionError(f"a state among bodies that move is x, y and t; this one has {np.shape(x)[-1]} numbers")
         return np.ascontiguousarray(x[..., :3], dtype=float)

@@ -26,7 +26,7 @@ from pirrht.problem import Problem
 from pirrht.steering.along_arcs import PricedArcs, price_of, priced, priced_arcs
 from pirrht.steering.dubins import EPS, PoseSteering, _ends, _opposite_turns, _same_turns
 from pirrht.steering.motion import Motion
-from pirrht.steering.steering import Compiled, rows
+from pirrht.steering.steering import Compiled, insert, rows
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.rover import Rover
@@ -96,15 +96,7 @@ def _nearest(states, x, numbers, forward, chosen, cost):  # type: ignore[no-unty
         there = (states[i, 0], states[i, 1], states[i, 2])
         tail, head = (here, there) if forward else (there, here)
         d = _cheapest(tail, head, numbers, np.inf, none, none)
-        if found < count:
-            found += 1
-        elif d >= limit:
-            continue
-        at = found - 1
-        while at > 0 and cost[at - 1] > d:
-            cost[at], chosen[at] = cost[at - 1], chosen[at - 1]
-            at -= 1
-        cost[at], chosen[at] = d, i
+        found = insert(chosen, cost, found, d, i)
 
 
 @kernel
@@ -136,11 +128,7 @@ class RoverSteering(PoseSteering):
 
     @classmethod
     def of(cls, problem: Problem) -> RoverSteering:
-        """Take that of a problem of a `Rover` with q constant and R diagonal.
-
-        Raises:
-            OptionError: the dynamics or R is another.
-        """
+        """Take that of a problem of a `Rover` with q constant and R diagonal; OptionError for another."""
         if not isinstance(problem.dynamics, Rover):
             raise OptionError(f"a rover's arcs steer a Rover, not {type(problem.dynamics).__name__}; bring a Steering")
         R = problem.control_cost(np.zeros(3))

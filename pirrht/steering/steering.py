@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
@@ -150,3 +151,18 @@ class Steering(ABC):
 def rows(states: Array, n: int) -> Array:
     """States (..., n) as contiguous rows (k, n), as kernels read them."""
     return np.ascontiguousarray(states, dtype=float).reshape(-1, n)
+
+
+@inlined
+def insert(chosen, least, found, d, i):  # type: ignore[no-untyped-def]
+    """Insert i of cost d into the `found` of `chosen` (c,), whose costs `least` (c,) rise; how many there are then."""
+    if found < chosen.shape[0]:
+        found += 1
+    elif d >= least[found - 1]:
+        return found
+    at = found - 1
+    while at > 0 and least[at - 1] > d:
+        least[at], chosen[at] = least[at - 1], chosen[at - 1]
+        at -= 1
+    least[at], chosen[at] = d, i
+    return found

@@ -54,14 +54,6 @@ class Useful(NamedTuple):
         (sx, sy, begin), (gx, gy) = origin.tolist(), scene.goal.center.tolist()
         return cls((sx, sy), begin, (gx, gy), q, r, meter, multiple * meter * math.hypot(gx - sx, gy - sy))
 
-    def cost(self, x: float, y: float, t: float) -> float:
-        """Lower bound of a path's cost over a place at a time [cost]."""
-        return _cost(self, x, y, t)
-
-    def __call__(self, x: float, y: float, t: float) -> bool:
-        """Tell whether a place at a time is of use."""
-        return _is_of_use(self, x, y, t)
-
 
 @jitable
 def _cost(useful: Useful, x: float, y: float, t: float) -> float:
@@ -95,13 +87,8 @@ def _write_draw(unhindered, traffic, box, goal, chances, out):  # type: ignore[n
     most = (1.0 + SLOWER * chances[2] / max(1.0 - chances[2], 1e-3)) * unhindered.most
     u = unhindered
     useful, tries = Useful(u.start, u.begin, u.goal, u.q, u.r, u.meter, most), chances[SINGLE:]
-    if chances[0] < WIDE:
-        found = False
-    elif traffic.J > 0 and chances[1] < BESIDE:
-        found = _found_beside(useful, traffic, box, goal, tries, out)
-    else:
-        found = _found(useful, box, goal, tries, out)
-    if not found:
+    beside = traffic.J > 0 and chances[1] < BESIDE
+    if chances[0] < WIDE or not _found(useful, traffic, box, goal, tries, beside, out):
         x, y, far_x, far_y, horizon, _ = box
         out[0], out[1] = x + (far_x - x) * chances[3], y + (far_y - y) * chances[4]
         out[2] = useful.begin + horizon * chances[5]
@@ -111,33 +98,24 @@ def _write_draw(unhindered, traffic, box, goal, chances, out):  # type: ignore[n
 
 
 @inlined
-def _found(useful, box, goal, tries, out):  # type: ignore[no-untyped-def]
+def _found(useful, traffic, box, goal, tries, beside, out):  # type: ignore[no-untyped-def]
     """Write the first place and time (3,) of use that numbers (4 TRIES,) lead to; whether there is one.
 
-    They are uniform in the workspace off the goal, and in the time that is left.
+    They are uniform in the workspace off the goal, and in the time that is left, or `beside` bodies, where these are.
     """
     x, y, far_x, far_y, horizon, speed = box
-    latest = min(useful.most / useful.q, horizon)
+    latest = min(max(useful.most / useful.q, 0.0), horizon)
     for i in range(0, tries.shape[0], 4):
-        px, py = x + (far_x - x) * tries[i], y + (far_y - y) * tries[i + 1]
-        soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / speed
-        t = useful.begin + soonest + tries[i + 2] * max(latest - soonest, 0.0)
-        if _serves(useful, box, goal, px, py, t):
-            out[0], out[1], out[2] = px, py, t
-            return True
-    return False
-
-
-@inlined
-def _found_beside(useful, traffic, box, goal, tries, out):  # type: ignore[no-untyped-def]
-    """Write the first place and time (3,) of use near bodies, where these are then; whether there is one."""
-    latest = min(max(useful.most / useful.q, 0.0), box[4])
-    for i in range(0, tries.shape[0], 4):
-        t, j = useful.begin + tries[i + 2] * latest, int(tries[i + 3] * traffic.J)
-        px, py, _, _, _, _, _ = piece_of(traffic, j, t)
-        angle = 2.0 * math.pi * tries[i]
-        away = disc_of(traffic, j) + tries[i + 1] ** 2 * NEAR * traffic.robot
-        px, py = px + away * math.cos(angle), py + away * math.sin(angle)
+        if beside:
+            t, j = useful.begin + tries[i + 2] * latest, int(tries[i + 3] * traffic.J)
+            px, py, _, _, _, _, _ = piece_of(traffic, j, t)
+            angle = 2.0 * math.pi * tries[i]
+            away = disc_of(traffic, j) + tries[i + 1] ** 2 * NEAR * traffic.robot
+            px, py = px + away * math.cos(angle), py + away * math.sin(angle)
+        else:
+            px, py = x + (far_x - x) * tries[i], y + (far_y - y) * tries[i + 1]
+            soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / speed
+            t = useful.begin + soonest + tries[i + 2] * max(latest - soonest, 0.0)
         if _serves(useful, box, goal, px, py, t):
             out[0], out[1], out[2] = px, py, t
             return True
@@ -186,7 +164,7 @@ def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, or
         places, late = middle + along * radius * ahead, along * radius / (speed * numbers[3])
         for (x, y), away in zip(places.tolist(), np.hypot(*(middle - start).T).tolist(), strict=True):
             t = useful.begin + away / (speed * numbers[3]) + late
-            if useful(x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
-                found.append((useful.cost(x, y, t), x, y, t))
+            if _is_of_use(useful, x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
+                found.append((_cost(useful, x, y, t), x, y, t))
     found.sort()
     return np.array([row[1:] for row in found[:OFFERED]]).reshape(-1, 3)
