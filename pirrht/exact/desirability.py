@@ -61,11 +61,7 @@ AMONG_MOVERS: Modules = {SingleIntegrator: ("moving", "moving")}  # where bodies
 
 
 def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
-    """Choose the module that solves a problem, in continuous time or with a step dt [s].
-
-    Raises:
-        OptionError: there is none.
-    """
+    """Choose the module that solves a problem in continuous time or with a step dt [s]; OptionError if none does."""
     d = problem.dynamics
     # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
     solvers, where = (AMONG_MOVERS, " among moving bodies") if space.scene.movers else (SOLVERS, "")
@@ -121,11 +117,7 @@ class Desirability:
     def spacing_for(
         problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None
     ) -> float:
-        """Return the spacing [m] of the grid that `of` solves on, quickly.
-
-        Raises:
-            OptionError: as `of`.
-        """
+        """Return the spacing [m] of the grid that `of` solves on, quickly; refuses what `of` does."""
         solver = solver_for(problem, space, dt)
         if spacing is not None and not (math.isfinite(spacing) and spacing > 0):
             raise OptionError(f"spacing is {spacing:g}; it must be a positive number of meters")

@@ -53,11 +53,7 @@ def _deviation(problem: Problem, dt: float) -> float:
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """Return the requested spacing [m], or a share of the distance that noise carries a step dt [s].
-
-    Raises:
-        OptionError: the grid would have too many points.
-    """
+    """Return the requested spacing [m], or a share of a step's deviation in dt [s]; refuses too many points."""
     assert dt is not None
     deviation = _deviation(problem, dt)
     reason = f"noise carries a step {deviation:.2g} m"
@@ -75,16 +71,9 @@ def grid_of(
 
 
 def solve(domain: Domain, *, deviation: float, loss: float, wall: float, spacing: float) -> Lattice:
-    """Solve the discrete-time problem for log phi, (nx, ny) [nats].
+    """Solve the discrete-time problem for log phi, (nx, ny) [nats]; OptionError if the rounds do not settle.
 
-    Args:
-        deviation: b sqrt(dt) [m].
-        loss: q dt/lambda [nats].
-        wall: phi/lambda [nats]; may be infinite.
-        spacing: h [m].
-
-    Raises:
-        OptionError: the rounds do not settle.
+    Args: deviation b sqrt(dt) [m]; loss q dt/lambda and wall phi/lambda [nats], which may be infinite; spacing h [m].
     """
     tilt = math.sqrt(2.0 * loss)
     taps = math.ceil((tilt + BEYOND) * deviation / spacing)

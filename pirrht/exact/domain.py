@@ -75,8 +75,7 @@ def in_cells(frame, x):  # type: ignore[no-untyped-def]
 def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> float:
     """Return a spacing [m] at which the workspace has at most MOST points.
 
-    Raises:
-        OptionError: it has more; reports the reason for the spacing and what to choose instead.
+    OptionError if it has more, with the reason for the spacing and what to choose instead.
     """
     size = (scene.upper - scene.lower) / spacing
     if np.prod(size) > MOST:

@@ -61,8 +61,7 @@ class Rays(NamedTuple):
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
     """Return the requested spacing [m], or one at which the grid smears paths less than the noise does.
 
-    Raises:
-        OptionError: there is a step dt, the spacing is too coarse, or the grid would have too many points.
+    OptionError if there is a step dt, the spacing is too coarse, or the grid would have too many points.
     """
     if dt is not None:
         raise OptionError("no grid solves the discrete-time problem of a car; use the exit rule bridge")
@@ -85,11 +84,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 def grid_of(
     problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
 ) -> Headings:
-    """Solve for v (nx, ny, nt) [cost] of a car in continuous time on a grid of this spacing [m]; dt is unused.
-
-    Raises:
-        OptionError: the sweeps do not settle.
-    """
+    """Solve for v (nx, ny, nt) [cost] of a car at a spacing [m], dt unused; OptionError if sweeps do not settle."""
     d = problem.dynamics
     assert isinstance(d, Unicycle)
     assert not callable(problem.q)

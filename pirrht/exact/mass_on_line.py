@@ -63,11 +63,7 @@ class MassOnLine:
     coarse: Strip  # of twice the spacing
 
     def value(self, p: float, v: float) -> float:
-        """v = -lambda log psi at position p from 0 to 1 [m] and velocity v [m/s], [cost].
-
-        Raises:
-            OptionError: that is beside the grid.
-        """
+        """v = -lambda log psi [cost] at position p from 0 to 1 [m] and velocity v [m/s]; OptionError off the grid."""
         return self._look(self.fine, p, v)[0]
 
     def error(self, p: float, v: float) -> float:

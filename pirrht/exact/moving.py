@@ -58,11 +58,7 @@ class Timetable:
 
 
 def timetable(movers: tuple[Mover, ...], longest: float) -> Timetable:
-    """Divide the motions of bodies into steps of at most `longest` [s].
-
-    Raises:
-        OptionError: motions repeat with periods that have no common multiple of a useful length.
-    """
+    """Divide motions into steps of at most `longest` [s]; OptionError if periods have no useful common multiple."""
     motions = [mover.motion for mover in movers]
     repeated = [m for m in motions if m.repeat]
     still = max([0.0, *(-m.lead if m.repeat else m.last for m in motions)])
@@ -79,11 +75,7 @@ def timetable(movers: tuple[Mover, ...], longest: float) -> Timetable:
 
 
 def _common(periods: list[float]) -> float:
-    """The least common multiple of periods [s].
-
-    Raises:
-        OptionError: it is too long.
-    """
+    """Find the least common multiple of periods [s]; OptionError if it is too long."""
     longest = max(periods)
     for n in range(1, math.floor(LONGEST / longest) + 1):
         if all(abs(n * longest / p - round(n * longest / p)) * p < CLOSE for p in periods):
@@ -133,8 +125,7 @@ look = moving_look.look
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
     """Return the requested spacing [m], or one that keeps v to 0.1 %.
 
-    Raises:
-        OptionError: the grid would have too many points or frames, a spacing is too coarse, or there is a step dt.
+    OptionError if the grid would have too many points or frames, a spacing is too coarse, or there is a step dt.
     """
     if dt is not None:
         raise OptionError("no grid solves a problem in steps among moving bodies; leave out dt (--exit bridge)")
@@ -152,10 +143,8 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold) -> March:
     """Solve in continuous time on a grid of this spacing [m], (G, nx, ny) [nats]; dt is none.
 
-    Calls `progress` with the share of the march that is done, anew for every period that is tried.
-
-    Raises:
-        OptionError: as `spacing_for`, or a repeated motion does not settle.
+    Calls `progress` with the share of the march that is done, anew for every period. OptionError as of `spacing_for`,
+    or if a repeated motion does not settle.
     """
     scene = space.scene
     table = timetable(scene.movers, _longest(problem, spacing))
@@ -174,11 +163,7 @@ def _longest(problem: Problem, spacing: float) -> float:
 
 
 def _thinning(scene: Scene, spacing: float, table: Timetable) -> int:
-    """Steps from one kept frame to the next.
-
-    Raises:
-        OptionError: there would be too many frames.
-    """
+    """Count steps from one kept frame to the next; OptionError if there would be too many frames."""
     points = float(np.prod(np.ceil((scene.upper - scene.lower) / spacing) + 1))
     steps = len(table.times)
     thinning = max(1, math.ceil(4.0 * points * steps / MEMORY))
@@ -264,11 +249,7 @@ class _Solver:
         return planar.solve(domain, wavenumber=k, wall=self.wall, spacing=spacing)
 
     def _settled(self, now: Array) -> Array:
-        """Find log psi at the end of the table such that it is equal a period before.
-
-        Raises:
-            OptionError: it does not settle.
-        """
+        """Find log psi at the table's end that is equal a period before; OptionError if it does not settle."""
         table, last = self.table, len(self.table.times) - 1
         for _ in range(PERIODS):
             before = now

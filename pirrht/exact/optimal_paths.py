@@ -51,12 +51,8 @@ def walker(look: Any, drift: Callable[..., None], discrete: bool) -> Any:
     """Build the kernel (grid, `Process`, markers (M, 2) [m], start (n,), seed, turns, outcome) over paths.
 
     It adds the turns of paths, and of the straight lines from their ends to the goal point, to turns (S, M) [turns],
-    zeros before, and fills outcomes (S,).
-
-    Args:
-        look: compiled, (grid, x (n,), slope (n,)) -> log psi [nats].
-        drift: f of the dynamics, (x (n,), p (k,), out (n,)) [state/s].
-        discrete: paths of the discrete-time problem.
+    zeros before, and fills outcomes (S,). `look` is (grid, x (n,), slope (n,)) -> log psi [nats], `drift` f (x, p, out)
+    [state/s]; `discrete` paths are those of the discrete-time problem.
     """
     move = as_jitable(drift)
 
@@ -157,10 +153,7 @@ def classes_of(
 ) -> tuple[IntArray, IntArray]:
     """Classes (S, M + J) [turns] and outcomes (S,) of paths that leave x (2,) [m] at t [s] under the optimal law.
 
-    Args:
-        gain: lambda R^-1 G_c', (2, 2) [control per nats/state].
-        homology, moving: of M static and J moving markers.
-        step: of a path at most [s].
+    `gain` is lambda R^-1 G_c', (2, 2) [control per nats/state], `step` that of a path at most [s].
     """
     M, J = homology.M, moving.J
     turns, outcome = np.zeros((samples, M + J)), np.zeros(samples, dtype=np.int64)

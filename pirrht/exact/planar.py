@@ -128,11 +128,7 @@ def wavenumber_of(problem: Problem) -> float:
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """Return the requested spacing [m], or one that keeps v to 0.5 % and u to 2 %.
-
-    Raises:
-        OptionError: the grid would have too many points.
-    """
+    """Return the requested spacing [m], or one that keeps v to 0.5 % and u to 2 %; refuses too many points."""
     length = 1.0 / wavenumber_of(problem)
     default = min(FINEST * length, COARSEST * space.scene.robot_radius)
     reason = f"psi falls by a factor e in {length:.2g} m"
@@ -150,13 +146,8 @@ def grid_of(
 def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> Expansion:
     """Solve `Laplace psi = k^2 psi` with psi = 1 on the rim of the goal and exp(-wall) at walls and border.
 
-    Args:
-        wavenumber: k [1/m].
-        wall: phi/lambda [nats]; may be infinite.
-        spacing: h [m].
-
-    Raises:
-        OptionError: the spacing is too coarse for the scene.
+    Args: wavenumber k [1/m]; wall phi/lambda [nats], which may be infinite; spacing h [m]. OptionError if h is too
+        coarse.
     """
     lower, goal = domain.lower, domain.goal
     nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1

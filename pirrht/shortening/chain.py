@@ -18,6 +18,7 @@ from pirrht.geometry.certify import FREE, UNSURE
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Steering
+from pirrht.topology.turns import Turns
 
 EVEN = 16  # stations of the first round, vertices not counted
 CORNERS = 6  # rounds that follow, each with stations twice as near to the corners
@@ -60,7 +61,7 @@ def resumed(x: Array, path: Motions, steering: Steering, space: FreeSpace) -> An
     free, direct = edges.free[:count], edges.cost[:count]
     if edges.status[0] == UNSURE:
         free[0] = checker.motion.ask(record, 0, checker.space)
-    key = _keys(edges.turns.first, edges.turns.marker, edges.turns.turn, checker.around.weights)
+    key = _keys(edges.turns, checker.around.weights)
     if free[0]:
         free &= key[:count] == key[0] + np.concatenate([[0], np.cumsum(key[count:])])
     if not free.any():
@@ -107,19 +108,17 @@ def _joined(checker: EdgeChecker, steering: Steering, stations: Array) -> Any:
         free[row] = checker.motion.ask(record, row, checker.space)
     if not free[next_].all():
         return None
-    key = _keys(edges.turns.first, edges.turns.marker, edges.turns.turn, checker.around.weights)
+    key = _keys(edges.turns, checker.around.weights)
     passed = np.concatenate([[0], np.cumsum(key[next_])])
     free &= key == passed[j] - passed[i]
     order = _cheapest(count, i, j, edges.cost, free)
     return checker.until_goal(steering.connect(stations[order[:-1]], stations[order[1:]]))
 
 
-def _keys(
-    first: NDArray[np.int64], marker: NDArray[np.int32], turn: NDArray[np.int16], weights: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Additive key of the turns of each of k motions, (k,); pairs as in `Turns`."""
-    summed = np.concatenate([[0], np.cumsum(weights[marker] * turn)])
-    return np.asarray(summed[first[1:]] - summed[first[:-1]])
+def _keys(turns: Turns, weights: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Additive key of the turns of each of k motions, (k,)."""
+    summed = np.concatenate([[0], np.cumsum(weights[turns.marker] * turns.turn)])
+    return np.asarray(summed[turns.first[1:]] - summed[turns.first[:-1]])
 
 
 def _cheapest(

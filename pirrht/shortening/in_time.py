@@ -21,13 +21,9 @@ from pirrht.steering.in_time import LATE, InTime
 from pirrht.topology.cuts import crossed
 from pirrht.topology.in_time import whole_turns
 
-# Legs of a round, and clearances that are wanted [m]; the first with which all legs are certified counts.
+# Legs of a round, and clearances to keep [m]; the first with which all legs are certified counts.
 ROUNDS = (24, (1e-2, 3e-2)), (40, (1e-3, 4e-3, 1.5e-2))
-AGAIN = (
-    4e-3,
-    1.5e-2,
-    0.0,
-)  # and where an earlier path is made taut again; with 0 it stays as it is but for its start [m]
+AGAIN = (4e-3, 1.5e-2, 0.0)  # when an earlier path is shortened again; with 0 only its start changes [m]
 SOON = 0.5  # of the mean duration of its legs: a knot that is so near in time is left out
 PATIENCE = 2  # knots that are tried without success before a straight way is as long as it gets
 BENDS = 0.6  # share of the knots of the second round that go where the path bends
@@ -81,9 +77,9 @@ def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: E
     knots = _meshed(path.knots, count)
     relax(checker.around, steering.compiled.numbers, knots, margin, checker.space.scene.robot_radius, 0)
     found = _joined(knots, steering, checker, far=False)
-    if found is None or found.cost.sum() >= path.cost.sum() or _key(found.knots, checker) != _key(path.knots, checker):
+    if found is None or found.cost.sum() >= path.cost.sum():
         return None
-    return found
+    return found if _key_of(checker.around, found.knots) == _key_of(checker.around, path.knots) else None
 
 
 def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) -> Legs | None:
@@ -94,11 +90,6 @@ def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) 
     path: Legs = checker.until_goal(steering.connect(kept[: count - 1], kept[1:count]))
     last = np.arange(count - 1) == count - 2
     return path if checker.inspect(path, last).free.all() else None
-
-
-def _key(knots: Array, checker: EdgeChecker) -> int:
-    """Additive key of the class of a path over knots (k, 3)."""
-    return int(_key_of(checker.around, knots))
 
 
 def _meshed(knots: Array, count: int) -> Array:

@@ -39,8 +39,7 @@ def polish(path: Any, steering: Steering, space: FreeSpace) -> Any:
 def shorten(steering: Steering, path: Any, space: FreeSpace) -> Any:
     """Shorten paths of one steering method; `shorten.register` adds a method.
 
-    Straight lines of a system of two states are shortened like a point's; anything else gets the best chain of the
-    method's own connections.
+    Straight lines of a system of two states are shortened like a point's, others by the method's own connections.
     """
     if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):
         return _straight(steering, path, space)
@@ -129,8 +128,11 @@ def resumed_along_arcs(x: Array, path: Curves, steering: RoverSteering, checker:
     ends = np.cumsum(length)
     if not len(ends) or ends[-1] <= REACH:
         return None
-    starts = _poses(path.start[0], curvature, length)
-    price = steering.priced(_one_each(starts, curvature, length)).cost
+    poses = [path.start[0]]
+    for kappa, s in zip(curvature[:-1], length[:-1], strict=True):
+        poses.append(np.array(along(*poses[-1], kappa, s)))
+    starts, alone = np.array(poses), {"curvature": curvature[:, None], "length": length[:, None]}
+    price = steering.priced(Curves(start=starts, cost=length, tails=starts, heads=starts, **alone)).cost
     places = REACH * np.arange(1, STATIONS + 1) / STATIONS
     piece = np.searchsorted(ends, places, side="right")
     into = places - (ends[piece] - length[piece])
@@ -144,25 +146,5 @@ def resumed_along_arcs(x: Array, path: Curves, steering: RoverSteering, checker:
     i = int(piece[k])
     left = np.r_[length[i] - into[k], length[i + 1 :]]
     kept = in_rows(Pieces(np.vstack([heads[k], starts[i + 1 :]]), curvature[i:], left), 1.0)
-    return steering.priced(_after(words, k, kept))
-
-
-def _poses(start: Array, curvature: Array, length: Array) -> Array:
-    """Where consecutive pieces (k,) begin, (k, 3)."""
-    poses = [start]
-    for kappa, s in zip(curvature[:-1], length[:-1], strict=True):
-        poses.append(np.array(along(*poses[-1], kappa, s)))
-    return np.array(poses)
-
-
-def _one_each(starts: Array, curvature: Array, length: Array) -> Curves:
-    """Pieces (k,) as curves of one piece."""
-    return Curves(
-        start=starts, curvature=curvature[:, None], length=length[:, None], cost=length, tails=starts, heads=starts
-    )
-
-
-def _after(words: Curves, k: int, kept: Curves) -> Curves:
-    """The k-th word and what it leads to, as one path."""
     pairs = {name: np.vstack([getattr(words, name)[k], getattr(kept, name)]) for name in ROWS}
-    return Curves(cost=np.r_[words.cost[k], kept.cost], **pairs)
+    return steering.priced(Curves(cost=np.r_[words.cost[k], kept.cost], **pairs))

@@ -126,12 +126,8 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
                 lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
                 total += 0.5 * weight * lacking * lacking
                 if model:
-                    along[0], along[1], along[2], along[3] = (
-                        (share - 1.0) * nx,
-                        (share - 1.0) * ny,
-                        -share * nx,
-                        -share * ny,
-                    )
+                    along[0], along[1] = (share - 1.0) * nx, (share - 1.0) * ny
+                    along[2], along[3] = -share * nx, -share * ny
                     along[4] = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
                     _add(matrix, border, slope, i, along, lacking, weight)
     gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y

@@ -347,11 +347,7 @@ def _check_noise(b: float) -> None:
 
 
 def check_positive(owner: object, *names: str) -> None:
-    """Refuse attributes that are no positive numbers.
-
-    Raises:
-        OptionError: one of them is not.
-    """
+    """Refuse attributes that are no positive numbers by an OptionError."""
     for name in names:
         value = getattr(owner, name)
         if not (np.isfinite(value) and value > 0):

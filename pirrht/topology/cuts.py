@@ -125,8 +125,7 @@ def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 def turn_at_cut(mx, my, gx, gy, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     """Turn, -1, 0 or 1, that the segment from a to c [m] adds by crossing the cut of the marker (mx, my).
 
-    (gx, gy) is the goal point [m]. Points on the cut count as on its right, as in `straight_turns`; counter-clockwise
-    is positive.
+    (gx, gy) is the goal point [m]. Points on the cut count as on its right (`straight_turns`); left turns are positive.
     """
     bx, by = gx - mx, gy - my
     ax, ay, cx, cy = ax - mx, ay - my, cx - mx, cy - my

@@ -103,12 +103,9 @@ def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[n
 def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append the pairs of a curve, in which a marker may come up more than once; number of pairs.
 
-    Args:
-        start, curvature, length: the curve as in `Curves`, (3,) [m, m, rad], (P,) [1/m], (P,) [m].
-        to_goal: whether it goes on straight from its end to the goal point, which crosses no cut.
-        hx, hy: the state at its end; used unless `to_goal` [m].
-        marker, turn: the pairs, 2 x (l,) [turns], of arrays that can hold M more per piece.
-        count: pairs that are there already.
+    Args: `Cuts`; the curve as in `Curves`, (3,) [m, m, rad], (P,) [1/m], (P,) [m]; whether it goes on straight from its
+        end to the goal point, which crosses no cut; else the state (hx, hy) at its end [m]; pairs, 2 x (l,) [turns],
+        with room for M more per piece, and how many are there already.
     """
     last = length.shape[0] - 1
     while last > 0 and length[last] <= 0.0:
