@@ -132,7 +132,7 @@ class Desirability:
 
     @property
     def moves(self) -> bool:
-        """Whether log psi depends on the time."""
+        """Tell whether log psi depends on the time."""
         return bool(self.space.scene.movers)
 
     def log_psi(self, x: Array, t: Array | float = 0.0) -> Array | float:

@@ -1,4 +1,4 @@
-"""What the grids share: where psi is solved for, where points lie, cubic interpolation, and progress."""
+"""Hold what the grids share: the domain of psi, frames of points, cubic interpolation, and progress."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Domain:
 
 
 class Frame(NamedTuple):
-    """Where the points of a grid lie, and the goal's disc."""
+    """Frame of a grid's points, and the goal's disc."""
 
     x0: float  # position of point (0, 0) [m]
     y0: float  # [m]

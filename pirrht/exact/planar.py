@@ -102,7 +102,7 @@ ComplexArray = NDArray[np.complex128]
 
 FINEST = 1.0  # default spacing in decay lengths 1/k of psi ...
 COARSEST = 0.2  # ... but at most this share of the robot's radius
-WHOLE = ARMS @ np.array([1.0, 1j])  # the same as x + iy
+WHOLE = ARMS @ np.array([1.0, 1j])  # arms as x + iy
 NEAR = 2.5  # a point of the plane is spoken for by a free grid point at most so many cells away
 TINY = 1e-300
 LEAST = 1e-5  # a control is never that of a place nearer to a wall [m]

@@ -47,7 +47,7 @@ class Setup(NamedTuple):
 class MovingSetup(NamedTuple):
     """Scene and problem as rollouts need them among moving obstacles."""
 
-    arena: Arena  # of what stands
+    arena: Arena  # of static obstacles
     cuts: Cuts
     parameters: Array
     gain: Array

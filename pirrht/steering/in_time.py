@@ -125,7 +125,7 @@ class InTime(Steering):
 
     @property
     def drives(self) -> bool:  # type: ignore[override]
-        """Whether the legs are a point's own, with the velocities that drive it."""
+        """Tell whether the legs are a point's own, with the velocities that drive it."""
         return self.m == 0
 
     @property

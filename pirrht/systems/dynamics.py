@@ -47,7 +47,7 @@ class Dynamics(ABC):
     drift: Callable[..., None]  # f, out (n,) [state/s]
     control_block: Array | Callable[..., None]  # G_c, (m, m) [state/s per control]
     diffusion_block: Array | Callable[..., None]  # B_c, (m, m) [state/sqrt(s)]
-    # The input form: G, (n, m) [state/s per control], an array or a function (x, p, out) likewise, and s, (m, m)
+    # The input form: G, (n, m) [state/s per control], an array or a function (x, p, out), and s, (m, m)
     # [control sqrt(s)], an array with an inverse.
     input_matrix: Array | Callable[..., None] | None = None
     input_noise: Array | None = None
@@ -72,7 +72,7 @@ class Dynamics(ABC):
 
     @property
     def input_form(self) -> bool:
-        """Whether noise enters through the inputs of an `input_matrix`, not through the paper's square blocks."""
+        """Tell whether noise enters through the inputs of an `input_matrix`, not through the paper's square blocks."""
         return self.input_matrix is not None
 
     @property
@@ -82,29 +82,29 @@ class Dynamics(ABC):
 
     @property
     def constant(self) -> bool:
-        """Whether neither G nor B depends on the state; then both are arrays (rows, m)."""
+        """Tell whether neither G nor B depends on the state; then both are arrays (rows, m)."""
         if self.input_form:
             return isinstance(self.input_matrix, np.ndarray)
         return isinstance(self.control_block, np.ndarray) and isinstance(self.diffusion_block, np.ndarray)
 
     @property
     def noisy_position(self) -> bool:
-        """Whether the noise acts on the position itself (then exits need a Brownian bridge, else a sweep)."""
+        """Tell whether the noise acts on the position itself (then exits need a Brownian bridge, else a sweep)."""
         return self._stirred if self.input_form else self.n - self.m < 2
 
     @property
     def drifting_away(self) -> bool:
-        """Whether the drift moves states in directions that no control does."""
+        """Tell whether the drift moves states in directions that no control does."""
         return self.drift is not no_drift if self.input_form else self.n > self.m
 
     @cached_property
     def _stirred(self) -> bool:
-        """Whether the rows of x and y of G are other than zero anywhere; asked at some states."""
+        """Tell whether the rows of x and y of G are other than zero anywhere, by probing some states."""
         return any(bool(np.any(self.G_c(x)[:2])) for x in self._some_states())
 
     @cached_property
     def even(self) -> bool:
-        """Whether it is a point that nothing carries along and noise shakes alike every way; asked at some states."""
+        """Tell whether it is a point without drift whose noise is isotropic, by probing some states."""
         if not self.n == self.m == 2:
             return False
         noise = [self.B_c(x) @ self.B_c(x).T for x in self._some_states()]

@@ -19,7 +19,7 @@ class Kind(NamedTuple):
 
     drift: Callable[..., None]  # (x, p, out)
     control_block: Callable[..., None] | None  # G_c (x, p, out); None: what turns u into a is constant, in `Setup`
-    diffusion_block: Callable[..., None] | None  # B_c, likewise; in input form G, of which B = G s
+    diffusion_block: Callable[..., None] | None  # B_c (x, p, out); in input form G, of which B = G s
     q: Callable[..., float]  # (x, p) [cost/s], if it varies
     n: int  # states
     m: int  # controls
@@ -39,32 +39,32 @@ class Kind(NamedTuple):
 
     @property
     def drifting(self) -> bool:
-        """Whether its state moves by itself."""
+        """Tell whether its state moves by itself."""
         return self.drift is not no_drift
 
     @property
     def varying(self) -> bool:
-        """Whether B does."""
+        """Tell whether B varies with the state."""
         return self.diffusion_block is not None
 
     @property
     def gaining(self) -> bool:
-        """Whether B^-1 G does, which turns u into a."""
+        """Tell whether B^-1 G, which turns u into a, varies with the state."""
         return self.control_block is not None
 
     @property
     def turning(self) -> bool:
-        """Whether it moves as a car at constant speed does, along arcs."""
+        """Tell whether it moves along arcs, as a car at constant speed."""
         return self.drift is unicycle_drift and self.rows == self.m == 1 and not self.moving
 
     @property
     def along_line(self) -> bool:
-        """Whether its position moves to and fro along a line alone."""
+        """Tell whether its position moves to and fro along a line alone."""
         return self.rows > self.m and self.noisy_position and not self.drifting
 
     @property
     def bending(self) -> bool:
-        """Whether its path bends within a step as the noise of the step has it."""
+        """Tell whether its path bends within a step as the noise of the step has it."""
         return takes_law(self) and self.drifting and not self.noisy_position
 
     @property

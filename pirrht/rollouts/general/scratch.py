@@ -29,7 +29,7 @@ class Scratch(NamedTuple):
     D: Array  # (m, m) B^-1 G
     B: Array  # (rows, m)
     a: Array  # (H, m) B^-1 G u of every reference
-    aside: Array  # (H,) likewise of a car's sway
+    aside: Array  # (H,) control of a car's sway
     pushed: Array  # (m,) what walls push on top
     stage: NDArray[np.int64]  # (H,) the node of its way, or the step of its law
     lost: NDArray[np.bool_]  # (H,) whether it is out of question
