@@ -156,7 +156,7 @@ def _delay(problem: Problem, pace: float) -> float:
 
 
 def _actuated(problem: Problem) -> list[float]:
-    """Mobilities of the position under a control of a given cost, by direction, least first; empty where none moves it."""
+    """Mobilities of the position under a control of a given cost, by direction, least first; empty without any."""
     here = problem.dynamics.state_of(problem.scene.start)
     moved = np.linalg.eigvalsh(_yield(problem, here)[:2, :2])
     return [float(part) for part in moved if part > max(0.0, 1e-9 * float(moved[-1]))]

@@ -2,8 +2,8 @@
 
 In the paper's partition the state is x = [x_m; x_c]: control and noise enter x_c only, through the square blocks G_c
 and B_c. In the input form dx = f(x) dt + G(x) (u dt + s dw) they enter any states, through the columns of one matrix: B
-= G s. Either way increments in noise units are y = a dt + dw with a = B_c^-1 G_c u, or a = s^-1 u, and the likelihood
-ratio is one of m numbers per step. Rollout kernels, the analytic plant and tests share this definition.
+= G s. Increments in noise units are y = a dt + dw with a = B_c^-1 G_c u, or a = s^-1 u, and the likelihood ratio is one
+of m numbers per step.
 """
 
 from __future__ import annotations
@@ -51,9 +51,8 @@ class Dynamics(ABC):
     # [control sqrt(s)], an array with an inverse.
     input_matrix: Array | Callable[..., None] | None = None
     input_noise: Array | None = None
-    # Whether the equation is meant in Stratonovich's sense, so that a step takes f and G half-way, and not in Ito's, so
-    # that it takes G from its start. Both are one where no column of B = G s changes along itself, as noise along a
-    # heading and other noise on that heading: there half-way is only closer to the equation.
+    # Whether the equation is Stratonovich's, whose steps take f and G half-way, or Ito's, whose steps take G from their
+    # start. Both are one where no column of B = G s changes along itself, as noise along a heading does not.
     stratonovich: bool = False
     # Optional: what samples do that outlive their guide, (x, p, B, aim, radius, rate, out) -> None, compiled by numba:
     # the control towards the goal's disc at aim (x, y) [m] as a = B_c^-1 G_c u, out (m,) [1/sqrt(s)]; rate is q/lambda.
@@ -154,11 +153,7 @@ class Dynamics(ABC):
         return lower, upper
 
     def check(self) -> None:
-        """Check that scenes and rollouts can serve this system.
-
-        Raises:
-            OptionError: they cannot; names the class and says what would have worked.
-        """
+        """Refuse a system that scenes and rollouts cannot serve: OptionError, with what would have worked."""
         name, given = type(self).__name__, ", ".join(self.states)
         blocks = ("input_matrix", "input_noise") if self.input_form else ("control_block", "diffusion_block")
         needed = ("n", "m", "parameters", "drift", *blocks)
@@ -314,7 +309,7 @@ class Dynamics(ABC):
     def step(self, x: Array, u: Array, dw: Array, dt: float) -> Array:
         """Take one Euler-Maruyama step of dt [s] from x (n,) under u (m,), increment dw (m,) [sqrt(s)] handed in, (n,).
 
-        A Stratonovich equation takes f and G of the step's middle.
+        A Stratonovich equation takes f and G of its middle.
         """
         if self.input_form:
             rate, middle = self.rate(x, u, dw, dt), x
