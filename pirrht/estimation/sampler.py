@@ -31,9 +31,8 @@ from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.guidance.tracking import Guidance
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollouts.backend import kernels_for
+from pirrht.rollouts.backend import kernels_for, setup_of
 from pirrht.rollouts.records import Kernels, MovingSetup, Origin, Setup, empty_paths
-from pirrht.rollouts.setup import setup_of
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology

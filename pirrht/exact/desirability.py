@@ -1,12 +1,12 @@
-"""The exact answer on a grid: log psi, v = -lambda log psi and u* = lambda R^-1 G' grad log psi as functions of x.
+"""Solve for log psi, v = -lambda log psi and u* = lambda R^-1 G' grad log psi as functions of x, on a grid.
 
-Samples are judged against it. Three problems can be asked for:
+Three problems can be solved:
 
 * in continuous time, `q psi/lambda = f.grad psi + tr(BB' Hess psi)/2` with psi = 1 on the goal's disc and
-  exp(-phi/lambda) at obstacles and border: what drives and the exit rule "bridge" tend to;
-* the same among bodies that move, as a function of x and t;
-* with a step dt, `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a path ends only where a step ends: what
-  the paper's procedure samples ("endpoint").
+  exp(-phi/lambda) at obstacles and border: the limit of runs and of the exit rule "bridge";
+* among moving obstacles, as a function of x and t;
+* with a step dt, `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a path ends only where a step ends: the
+  paper's sampling procedure ("endpoint").
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.progress import Progress, untold
+from pirrht.exact.domain import Progress, untold
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -43,14 +43,14 @@ class Solver(Protocol):
     # among moving bodies x is (n + 1,), the last of them the time [s]
 
     def spacing_for(self, problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-        """The spacing [m] asked for, or a default; refuses a grid that is too fine or too coarse."""
+        """Return the requested spacing [m], or a default; refuses a grid that is too fine or too coarse."""
 
     def grid_of(
         self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
     ) -> Any:
-        """The solution for a spacing [m] and a step dt [s] or none, a record whose `frame` is a `domain.Frame`.
+        """Solve for a spacing [m] and a step dt [s] or none: a record whose `frame` is a `domain.Frame`.
 
-        What takes minutes calls `progress` with the share of it that is done.
+        If it takes minutes it calls `progress` with the share that is done.
         """
 
 
@@ -61,11 +61,7 @@ AMONG_MOVERS: Modules = {SingleIntegrator: ("moving", "moving")}  # where bodies
 
 
 def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
-    """Who solves a problem, in continuous time or with a step dt [s].
-
-    Raises:
-        OptionError: nobody does.
-    """
+    """Choose the module that solves a problem in continuous time or with a step dt [s]; OptionError if none does."""
     d = problem.dynamics
     # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
     solvers, where = (AMONG_MOVERS, " among moving bodies") if space.scene.movers else (SOLVERS, "")
@@ -78,7 +74,7 @@ def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Desirability:
-    """log psi of one problem as a function of the state, and among moving bodies of the time [s]."""
+    """log psi of one problem as a function of the state, and among moving obstacles of the time [s]."""
 
     problem: Problem
     space: FreeSpace
@@ -105,10 +101,10 @@ class Desirability:
             space: of the same scene.
             spacing: of the grid [m]; None: fine enough for v to 0.5 % and u to 2 %.
             dt: step of the discrete-time problem [s]; None: continuous time.
-            progress: called with the share that is done where bodies move, anew for every period that is tried.
+            progress: called with the share that is done among moving obstacles, anew for every period that is tried.
 
         Raises:
-            OptionError: a problem that no grid of this package solves, or one that needs too fine a grid.
+            OptionError: no grid of this package solves the problem, or it needs too fine a grid.
         """
         d, x = problem.dynamics, np.zeros(problem.dynamics.n)
         spacing = cls.spacing_for(problem, space, spacing=spacing, dt=dt)
@@ -121,11 +117,7 @@ class Desirability:
     def spacing_for(
         problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None
     ) -> float:
-        """The spacing [m] of the grid that `of` solves on; quick, so that what it refuses can be refused early.
-
-        Raises:
-            OptionError: as `of`.
-        """
+        """Return the spacing [m] of the grid that `of` solves on, quickly; refuses what `of` does."""
         solver = solver_for(problem, space, dt)
         if spacing is not None and not (math.isfinite(spacing) and spacing > 0):
             raise OptionError(f"spacing is {spacing:g}; it must be a positive number of meters")
@@ -140,13 +132,13 @@ class Desirability:
 
     @property
     def moves(self) -> bool:
-        """Whether log psi depends on the time."""
+        """Tell whether log psi depends on the time."""
         return bool(self.space.scene.movers)
 
     def log_psi(self, x: Array, t: Array | float = 0.0) -> Array | float:
-        """log psi at one state (n,) or many (k, n), (k,) [nats]; 0 in the goal, -phi/lambda at walls.
+        """log psi at one state (n,) or many (k, n), (k,) [nats], at a time t [s], one or (k,); 0 in the goal.
 
-        The time t [s], one or (k,), counts where bodies move.
+        At walls it is -phi/lambda. The time counts among moving obstacles.
         """
         states = np.atleast_2d(np.asarray(x, dtype=float))
         value, _ = self._at(states, t)
@@ -176,10 +168,10 @@ class Desirability:
         return control
 
     def shares(self, x: Array, samples: int = 2000, seed: int = 0, *, t: float = 0.0) -> dict[str, float]:
-        """How often optimally controlled paths from x (n,) take each class, most frequent first; drawn, not solved for.
+        """Draw optimally controlled paths from x (n,): the share that takes each class, most frequent first.
 
-        The names are those of the straight line from x. Their standard error is sqrt(share (1 - share) / samples).
-        Among moving bodies paths leave at t [s], and integers for each body follow those for what stands.
+        Names are those of the straight line from x. Standard errors are sqrt(share (1 - share) / samples). Among moving
+        obstacles paths leave at t [s], and integers for each of these follow those for static ones.
         """
         x = np.array(x, dtype=float)
         whole, outcome = self._paths(x, t, samples, seed) if self.moves else self._standing_paths(x, samples, seed)
@@ -202,7 +194,7 @@ class Desirability:
         return np.rint(turns - self.space.homology.straight(x[None, :2])[0]).astype(int), outcome
 
     def _paths(self, x: Array, t: float, samples: int, seed: int) -> tuple[IntArray, IntArray]:
-        from pirrht.exact.moving_paths import classes_of
+        from pirrht.exact.optimal_paths import classes_of
 
         scene = self.space.scene
         homology = MovingHomology.of(scene.movers, scene.footprint, scene.goal.center, best_speed(self.problem))
@@ -218,6 +210,6 @@ class Desirability:
 
 
 def best_speed(problem: Problem) -> float:
-    """sqrt(2 q / r), at which a point comes cheapest to where nothing is in the way [m/s]."""
+    """sqrt(2 q / r) [m/s], at which a point reaches the goal at least cost where nothing is in the way."""
     assert not callable(problem.q)
     return math.sqrt(2.0 * problem.q / float(problem.control_cost(np.zeros(2))[0, 0]))

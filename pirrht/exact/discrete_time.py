@@ -1,11 +1,10 @@
-"""The discrete-time problem in the plane: `psi(x) = exp(-q dt/lambda) E[psi(x + b dw)]`, exit judged where a step ends.
+"""Solve the discrete-time problem in the plane: `psi(x) = exp(-q dt/lambda) E[psi(x + b dw)]`, exit where a step ends.
 
-What a step leads to is phi(x) = exp(-q dt/lambda) E[...], smooth in all x, on both sides of a wall; psi itself jumps
-from phi to exp(-phi/lambda) at a wall and to 1 at the goal's rim. The expectation is a sum over grid points, which for
-a Gaussian of more than a spacing's width is exact up to exp(-2 pi^2 width^2); close to a jump the points weigh what
-their cubic interpolation polynomials integrate to over the part of their cells on the right side of it.
-The sum is taken axis by axis, and again and again until nothing changes. Each tile of 16 x 16 points has an exponent
-of its own, since phi falls below 1e-300.
+phi(x) = exp(-q dt/lambda) E[...] is smooth on both sides of a wall; psi jumps from phi to exp(-phi/lambda) at a wall
+and to 1 at the goal's rim. The expectation is a sum over grid points, exact up to exp(-2 pi^2 width^2) for a Gaussian
+wider than a spacing; close to a jump the points weigh what their cubic interpolation polynomials integrate to over the
+right part of their cells. The sum is taken axis by axis until nothing changes. Each tile of 16 x 16 points has an
+exponent of its own, since phi falls below 1e-300.
 """
 
 from __future__ import annotations
@@ -16,12 +15,20 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
+from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_cells, in_goal
-from pirrht.exact.lagrange import derivative, polynomial
-from pirrht.exact.progress import Progress, untold
-from pirrht.exact.tiles import TILE, logarithm, one_round
+from pirrht.exact.domain import (
+    Domain,
+    Frame,
+    Progress,
+    affordable,
+    derivative,
+    frame_at,
+    in_cells,
+    in_goal,
+    polynomial,
+    untold,
+)
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 
@@ -46,11 +53,7 @@ def _deviation(problem: Problem, dt: float) -> float:
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """The spacing [m] asked for, or a share of how far noise carries a step dt [s].
-
-    Raises:
-        OptionError: the grid would have too many points.
-    """
+    """Return the requested spacing [m], or a share of a step's deviation in dt [s]; refuses too many points."""
     assert dt is not None
     deviation = _deviation(problem, dt)
     reason = f"noise carries a step {deviation:.2g} m"
@@ -60,7 +63,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 def grid_of(
     problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
 ) -> Lattice:
-    """The solution (nx, ny) [nats] of a problem with steps of dt [s] on a grid of this spacing [m]."""
+    """Solve a problem with steps of dt [s] on a grid of this spacing [m], (nx, ny) [nats]."""
     assert not callable(problem.q)
     assert dt is not None
     loss, wall = problem.q * dt / problem.temperature, problem.phi / problem.temperature
@@ -68,16 +71,9 @@ def grid_of(
 
 
 def solve(domain: Domain, *, deviation: float, loss: float, wall: float, spacing: float) -> Lattice:
-    """Solve the discrete-time problem for log phi, (nx, ny) [nats].
+    """Solve the discrete-time problem for log phi, (nx, ny) [nats]; OptionError if the rounds do not settle.
 
-    Args:
-        deviation: b sqrt(dt) [m].
-        loss: q dt/lambda [nats].
-        wall: phi/lambda [nats]; may be infinite.
-        spacing: h [m].
-
-    Raises:
-        OptionError: the rounds do not settle.
+    Args: deviation b sqrt(dt) [m]; loss q dt/lambda and wall phi/lambda [nats], which may be infinite; spacing h [m].
     """
     tilt = math.sqrt(2.0 * loss)
     taps = math.ceil((tilt + BEYOND) * deviation / spacing)
@@ -106,7 +102,7 @@ def solve(domain: Domain, *, deviation: float, loss: float, wall: float, spacing
 
 
 def _weights(domain: Domain, corner: Array, size: Array, spacing: float) -> tuple[Array, Array]:
-    """How much of its surroundings each point stands for: free space outside the goal, and the goal; 2 x (nx, ny)."""
+    """Weights of points for free space outside the goal, and for the goal; 2 x (nx, ny)."""
     index = np.stack(np.meshgrid(*map(np.arange, size), indexing="ij"), axis=-1).reshape(-1, 2)
     points = corner + spacing * index
     free_by = np.maximum(domain.clearance(points), -1.0).reshape(size[0], size[1])
@@ -117,7 +113,7 @@ def _weights(domain: Domain, corner: Array, size: Array, spacing: float) -> tupl
 
 @kernel
 def _integrate(free_by, origin, spacing, goal, radius, into, at_goal):  # type: ignore[no-untyped-def]
-    """Add up, cell by cell, what the cubic Lagrange polynomials of the points around it integrate to."""
+    """Integrate the cubic Lagrange polynomials of the points around each cell."""
     nx, ny = free_by.shape
     base = np.empty((PARTS, 4))
     for a in range(PARTS):
@@ -186,3 +182,119 @@ def look(grid, x, slope):  # type: ignore[no-untyped-def]
         slope[0], slope[1] = 0.0, 0.0
         return -math.inf
     return value
+
+
+TILE = 16  # points along each side of a tile
+
+
+def one_round(phi: Array, power: Array, into: Array, known: Array, taps: Array, loss: float) -> tuple[Array, Array]:
+    """Apply `phi = exp(-loss) E[psi]` once with psi = into phi + known; returns phi and power.
+
+    Args: phi (nx, ny), to be multiplied by exp(power), power (nx/TILE, ny/TILE) [nats]; into and known (nx, ny); taps
+        (2 R + 1,), weights of the Gaussian along each axis; loss, q dt/lambda [nats].
+    """
+    source, first = np.empty_like(phi), np.empty_like(power)
+    _combine(phi, power, into, known, source, first)
+    middle, second = np.empty_like(phi), np.empty_like(power)
+    _along_y(source, first, taps, middle, second)
+    out, third = np.empty_like(phi), np.empty_like(power)
+    _along_x(middle, second, taps, out, third)
+    return out, third - loss
+
+
+def logarithm(phi: Array, power: Array) -> Array:
+    """log phi at every point, (nx, ny) [nats], of phi (nx, ny) and power (nx/TILE, ny/TILE) [nats]."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value: Array = np.log(np.maximum(phi, 0.0)) + np.kron(power, np.ones((TILE, TILE)))
+    return value
+
+
+@kernel
+def _combine(phi, power, into, known, out, raised):  # type: ignore[no-untyped-def]
+    """psi = into * phi + known, tile by tile with a new exponent."""
+    for a in range(power.shape[0]):
+        for b in range(power.shape[1]):
+            i, j = a * TILE, b * TILE
+            most = 0.0
+            for k in range(i, i + TILE):
+                for e in range(j, j + TILE):
+                    most = max(most, known[k, e])
+            base = max(power[a, b], math.log(most) if most > 0.0 else -math.inf)
+            raised[a, b] = base
+            if base == -math.inf:
+                out[i : i + TILE, j : j + TILE] = 0.0
+                continue
+            old, new = math.exp(power[a, b] - base), math.exp(-base) if most > 0.0 else 0.0
+            for k in range(i, i + TILE):
+                for e in range(j, j + TILE):
+                    out[k, e] = into[k, e] * phi[k, e] * old + known[k, e] * new
+
+
+@kernel
+def _along_y(source, power, taps, out, raised):  # type: ignore[no-untyped-def]
+    """Convolve every row with the taps."""
+    reach = taps.shape[0] // 2
+    wide = -(-reach // TILE)
+    window = np.zeros((2 * wide + 1) * TILE)
+    for a in range(power.shape[0]):
+        for b in range(power.shape[1]):
+            base = -math.inf
+            for c in range(max(b - wide, 0), min(b + wide + 1, power.shape[1])):
+                base = max(base, power[a, c])
+            most = 0.0
+            for k in range(a * TILE, (a + 1) * TILE):
+                if base == -math.inf:
+                    out[k, b * TILE : (b + 1) * TILE] = 0.0
+                    continue
+                window[:] = 0.0
+                for c in range(max(b - wide, 0), min(b + wide + 1, power.shape[1])):
+                    factor = math.exp(power[a, c] - base)
+                    at = (c - b + wide) * TILE
+                    for e in range(TILE):
+                        window[at + e] = source[k, c * TILE + e] * factor
+                for e in range(TILE):
+                    total = 0.0
+                    first = wide * TILE + e - reach
+                    for t in range(taps.shape[0]):
+                        total += taps[t] * window[first + t]
+                    out[k, b * TILE + e] = total
+                    most = max(most, abs(total))
+            raised[a, b] = _normalise(out, a, b, base, most)
+
+
+@kernel
+def _along_x(source, power, taps, out, raised):  # type: ignore[no-untyped-def]
+    """Convolve every column with the taps."""
+    reach = taps.shape[0] // 2
+    wide = -(-reach // TILE)
+    factor = np.zeros(2 * wide + 1)
+    for a in range(power.shape[0]):
+        low, high = max(a - wide, 0), min(a + wide + 1, power.shape[0])
+        for b in range(power.shape[1]):
+            base = -math.inf
+            for c in range(low, high):
+                base = max(base, power[c, b])
+            out[a * TILE : (a + 1) * TILE, b * TILE : (b + 1) * TILE] = 0.0
+            most = 0.0
+            if base > -math.inf:
+                for c in range(low, high):
+                    factor[c - a + wide] = math.exp(power[c, b] - base)
+                for k in range(a * TILE, (a + 1) * TILE):
+                    for t in range(max(k - reach, 0), min(k + reach + 1, source.shape[0])):
+                        f = taps[t - k + reach] * factor[t // TILE - a + wide]
+                        for e in range(b * TILE, (b + 1) * TILE):
+                            out[k, e] += f * source[t, e]
+                    for e in range(b * TILE, (b + 1) * TILE):
+                        most = max(most, abs(out[k, e]))
+            raised[a, b] = _normalise(out, a, b, base, most)
+
+
+@inlined
+def _normalise(out, a, b, base, most):  # type: ignore[no-untyped-def]
+    """Scale a tile to a greatest entry of one; its exponent."""
+    if most == 0.0:
+        return -math.inf
+    for k in range(a * TILE, (a + 1) * TILE):
+        for e in range(b * TILE, (b + 1) * TILE):
+            out[k, e] /= most
+    return base + math.log(most)

@@ -1,4 +1,4 @@
-"""Where psi is solved for, and where the points of a grid lie."""
+"""Hold what the grids share: the domain of psi, frames of points, cubic interpolation, and progress."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BAND = 0.03  # FCL itself is asked where the clearance field claims less than th
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Domain:
-    """The workspace, the disc on which psi is one, and the clearance that tells where the walls are."""
+    """The workspace, the disc on which psi is one, and the clearance from walls."""
 
     lower: Array  # (2,) corner of the workspace [m]
     upper: Array  # (2,) the opposite one [m]
@@ -30,7 +30,7 @@ class Domain:
 
     @classmethod
     def of(cls, space: FreeSpace) -> Domain:
-        """That of a scene; its clearance is the field's, border included, and FCL's close to obstacles [m]."""
+        """Take that of a scene; its clearance is the field's, border included, and FCL's close to obstacles [m]."""
 
         def at(points: Array) -> Array:
             out = np.empty(len(points))
@@ -44,7 +44,7 @@ class Domain:
 
 
 class Frame(NamedTuple):
-    """Where the points of a grid lie, and the goal's disc."""
+    """Frame of a grid's points, and the goal's disc."""
 
     x0: float  # position of point (0, 0) [m]
     y0: float  # [m]
@@ -55,28 +55,27 @@ class Frame(NamedTuple):
 
 
 def frame_at(corner: Array, spacing: float, goal: Goal) -> Frame:
-    """The frame of a grid whose point (0, 0) is at a corner (2,) [m], spacing in [m]."""
+    """Place a grid whose point (0, 0) is at a corner (2,) [m], spacing in [m]."""
     (x0, y0), (goal_x, goal_y) = corner.tolist(), goal.center.tolist()
     return Frame(x0, y0, spacing, float(goal_x), float(goal_y), float(goal.radius))
 
 
 @inlined
 def in_goal(frame, x):  # type: ignore[no-untyped-def]
-    """Whether the position of x (n,) [m] is in the goal's disc."""
+    """Tell whether the position of x (n,) [m] is in the goal's disc."""
     return (x[0] - frame.goal_x) ** 2 + (x[1] - frame.goal_y) ** 2 <= frame.radius * frame.radius
 
 
 @inlined
 def in_cells(frame, x):  # type: ignore[no-untyped-def]
-    """The position of x (n,) [m] in spacings from point (0, 0), 2 numbers."""
+    """Return the position of x (n,) [m] in spacings from point (0, 0), 2 numbers."""
     return (x[0] - frame.x0) / frame.spacing, (x[1] - frame.y0) / frame.spacing
 
 
 def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> float:
-    """A spacing [m] at which the workspace has at most MOST points.
+    """Return a spacing [m] at which the workspace has at most MOST points.
 
-    Raises:
-        OptionError: it has more; says the reason for the spacing and what to choose instead.
+    OptionError if it has more, with the reason for the spacing and what to choose instead.
     """
     size = (scene.upper - scene.lower) / spacing
     if np.prod(size) > MOST:
@@ -85,3 +84,34 @@ def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> f
             f"choose more --noise{remedy} or a smaller workspace"
         )
     return spacing
+
+
+Progress = Callable[[float], None]  # is told the share that is done, from 0 to 1
+
+
+def untold(share: float) -> None:
+    """Ignore progress."""
+
+
+@inlined
+def polynomial(t, c):  # type: ignore[no-untyped-def]
+    """Value at t [spacings] of the cubic polynomial that is 1 at point c of -1, 0, 1, 2 and 0 at the others."""
+    if c == -1:
+        return -t * (t - 1.0) * (t - 2.0) / 6.0
+    if c == 0:
+        return (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0
+    if c == 1:
+        return -(t + 1.0) * t * (t - 2.0) / 2.0
+    return (t + 1.0) * t * (t - 1.0) / 6.0
+
+
+@inlined
+def derivative(t, c):  # type: ignore[no-untyped-def]
+    """Derivative of `polynomial` at t [1/spacing]."""
+    if c == -1:
+        return -(3.0 * t * t - 6.0 * t + 2.0) / 6.0
+    if c == 0:
+        return (3.0 * t * t - 4.0 * t - 1.0) / 2.0
+    if c == 1:
+        return -(3.0 * t * t - 2.0 * t - 2.0) / 2.0
+    return (3.0 * t * t - 1.0) / 6.0

@@ -1,10 +1,9 @@
-"""The car on a grid of positions and headings: `q psi/lambda = V (cos th psi_x + sin th psi_y) + b^2/2 psi_thth`.
+"""Solve for a car on positions and headings: `q psi/lambda = V (cos th psi_x + sin th psi_y) + b^2/2 psi_thth`.
 
-Noise acts on the heading only, so psi is moved along straight rays and smoothed over headings, in turn (Strang: half a
-smoothing, a ray of length V tau, half a smoothing). The rays interpolate v = -lambda log psi, which is smooth where psi
-changes by many factors of e from one grid point to the next: cubic in space, kept between the values around it where
-v has a kink. A ray that meets a wall or the goal ends there. Sweeps over the grid, in place and in alternating
-directions, go on until v no longer changes.
+Noise acts on the heading only, so psi moves along straight rays and is smoothed over headings, in turn (Strang: half a
+smoothing, a ray of length V tau, half a smoothing). Rays interpolate v = -lambda log psi, smooth where psi changes by
+many factors of e per grid point: cubic in space, kept between the values around it where v has a kink. A ray that meets
+a wall or the goal ends there. Sweeps in place, in alternating directions, go on until v no longer changes.
 """
 
 from __future__ import annotations
@@ -19,9 +18,7 @@ from scipy.ndimage import distance_transform_edt
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Frame, frame_at, in_cells, in_goal
-from pirrht.exact.lagrange import derivative, polynomial
-from pirrht.exact.progress import Progress, untold
+from pirrht.exact.domain import Frame, Progress, derivative, frame_at, in_cells, in_goal, polynomial, untold
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.problem import Problem
@@ -50,7 +47,7 @@ class Headings(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """What becomes of the ray that leaves each grid point at each heading."""
+    """Fate of the ray that leaves each grid point at each heading."""
 
     fate: NDArray[np.int8]  # (nx, ny, nt) INSIDE or the Outcome; -1 at points in a wall
     share: NDArray[np.float32]  # (nx, ny, nt) share of the ray until then
@@ -62,10 +59,9 @@ class Rays(NamedTuple):
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """The spacing [m] asked for, or one at which the grid smears paths less than the noise does.
+    """Return the requested spacing [m], or one at which the grid smears paths less than the noise does.
 
-    Raises:
-        OptionError: a step dt is asked for, the spacing is too coarse, or the grid would have too many points.
+    OptionError if there is a step dt, the spacing is too coarse, or the grid would have too many points.
     """
     if dt is not None:
         raise OptionError("no grid solves the discrete-time problem of a car; use the exit rule bridge")
@@ -88,11 +84,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 def grid_of(
     problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
 ) -> Headings:
-    """Solve for v (nx, ny, nt) [cost] of a car in continuous time on a grid of this spacing [m]; dt is unused.
-
-    Raises:
-        OptionError: the sweeps do not settle.
-    """
+    """Solve for v (nx, ny, nt) [cost] of a car at a spacing [m], dt unused; OptionError if sweeps do not settle."""
     d = problem.dynamics
     assert isinstance(d, Unicycle)
     assert not callable(problem.q)
@@ -134,13 +126,13 @@ def _taps(deviation: float, tau: float, headings: int) -> Array:
 
 @kernel
 def _trace(arena, frame, length, fate, share):  # type: ignore[no-untyped-def]
-    """How the ray from every point ends, and after which share of it; -1 for points in a wall."""
+    """Trace the ray from every point: how it ends, and after which share of it; -1 for points in a wall."""
     nx, ny, nt = fate.shape
     for i in range(nx):
         for j in range(ny):
             x, y = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
             for k in range(nt):
-                if _blocked(arena.field, x, y):
+                if clearance(arena.field, x, y) <= 0.0:
                     fate[i, j, k] = -1
                     continue
                 th = 2.0 * math.pi * k / nt
@@ -149,11 +141,6 @@ def _trace(arena, frame, length, fate, share):  # type: ignore[no-untyped-def]
                     continue
                 end, s = sweep_exit(arena, x, y, x + length * math.cos(th), y + length * math.sin(th))
                 fate[i, j, k], share[i, j, k] = end, s
-
-
-@inlined
-def _blocked(field, x, y):  # type: ignore[no-untyped-def]
-    return clearance(field, x, y) <= 0.0
 
 
 @kernel
@@ -204,7 +191,7 @@ def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
 
 @kernel
 def _far(ray, taps, k, temperature, ceiling):  # type: ignore[no-untyped-def]
-    """The same sum where the best heading of all is too far ahead to scale by."""
+    """Smooth where the best heading of all is too far ahead to scale by."""
     nt, reach = ray.shape[0], taps.shape[0] // 2
     least = ceiling
     for t in range(taps.shape[0]):

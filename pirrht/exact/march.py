@@ -1,9 +1,9 @@
-"""One step of psi back in time: `psi(x, t) = e^(-q dt/lambda) sum_y N(y - x) prod_g (missed g) psi(y, t + dt) + paid`.
+"""Step psi back in time: `psi(x, t) = e^(-q dt/lambda) sum_y N(y - x) prod_g (missed g) psi(y, t + dt) + paid`.
 
 A sum over points closer than the Gaussian is wide is exact but for rounding even where psi is a steep exponential; far
-from walls it is taken axis by axis. What is kept is log psi: each tile of 16 x 16 points is summed relative to the
-greatest psi around it. Inside of walls and of the goal log psi is minus infinity here: no path goes on from there, and
-what is paid to one that ends there is added where it began.
+from walls it is taken axis by axis. Kept is log psi: each tile of 16 x 16 points is summed relative to the greatest psi
+around it. Inside of walls and goal log psi is minus infinity: no path goes on from there, and the payment of one that
+ends there is added where it began.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
-from pirrht.exact.bridges import WALLS, Step, log_sum, missed, outside, walls_around
-from pirrht.exact.payoffs import log_paid
+from pirrht.exact.bridges import WALLS, Step, log_paid, log_sum, missed, outside, walls_around
 from pirrht.geometry.bodies import clearance_from
 
 TILE = 16  # points along each side of a tile
@@ -24,14 +23,9 @@ SMALL = 575.0  # minus its logarithm [nats]
 
 
 def taps_along(count: int, first: float, spacing: float, low: float, high: float, step: Step) -> Array:
-    """What each of `count` points along an axis takes from those up to R before and after it, (count, 2 R + 1).
+    """Weights that each of `count` points along an axis gives those up to R before and after it, (count, 2 R + 1).
 
-    Args:
-        count: points.
-        first: coordinate of the first [m].
-        spacing: h [m].
-        low, high: border along the axis [m].
-        step: one step; R is its reach in spacings.
+    Args: `first`, coordinate of the first point, `spacing` h, `low` and `high` border [m]; `step`, whose reach is R.
     """
     R = math.ceil(step.reach / spacing)
     offset = spacing * np.arange(-R, R + 1)
@@ -50,12 +44,9 @@ def taps_along(count: int, first: float, spacing: float, low: float, high: float
 def march(later, out, room, begin, end, taps_x, taps_y, alone, step):  # type: ignore[no-untyped-def]
     """Fill `out` with log psi at the beginning of a step.
 
-    Args:
-        later, out: log psi at its end and its beginning, 2 x (nx, ny) [nats].
-        room, step: of `Room` and `Step`.
-        begin, end: poses of all bodies at its beginning and its end, 2 x (1 + J, 4), as `frames_of` has them.
-        taps_x, taps_y: of `taps_along`, (nx, 2 R + 1) and (ny, 2 R + 1).
-        alone: of `at_goal`, (nx, ny).
+    Args: `later` and `out`, log psi at its end and its beginning, 2 x (nx, ny) [nats]; `Room` and `Step`; `begin` and
+        `end`, poses of all bodies, 2 x (1 + J, 4), as of `frames_of`; `taps_x` and `taps_y` of `taps_along`, (nx, 2 R +
+        1) and (ny, 2 R + 1); `alone` of `at_goal`, (nx, ny).
     """
     nx, ny = later.shape
     R = taps_x.shape[1] // 2
@@ -102,7 +93,7 @@ def _block(later, i0, j0, i1, j1, block):  # type: ignore[no-untyped-def]
 
 @kernel
 def _plain(block, half, i0, j0, i1, j1, taps_x, taps_y, base, loss, out):  # type: ignore[no-untyped-def]
-    """The sum axis by axis, for points from which only the border is within reach."""
+    """Sum axis by axis, for points from which only the border is within reach."""
     width = taps_x.shape[1]
     if base == -math.inf:
         out[i0:i1, j0:j1] = -math.inf
@@ -126,7 +117,7 @@ def _plain(block, half, i0, j0, i1, j1, taps_x, taps_y, base, loss, out):  # typ
 
 @kernel
 def _careful(later, block, i0, j0, i1, j1, base, out, room, begin, end, near, taps_x, taps_y, alone, step):  # type: ignore[no-untyped-def]
-    """The same for a tile with walls or the goal within reach; arguments as of `march`."""
+    """Sum point by point for a tile with walls or the goal within reach; arguments as of `march`."""
     frame, bodies = room.frame, room.bodies
     h, width, count = frame.spacing, taps_x.shape[1], near.shape[0]
     R = width // 2
@@ -166,17 +157,11 @@ def _careful(later, block, i0, j0, i1, j1, base, out, room, begin, end, near, ta
 
 @kernel
 def _alive(around, rim, free_by, i, j, to_rim, n, wall, clear, taps_x, taps_y, step):  # type: ignore[no-untyped-def]
-    """What is left of psi around a point by those who miss the goal and n walls.
+    """Sum psi around a point over paths that miss the goal and n walls.
 
-    Args:
-        around: psi, (2 R + 1, 2 R + 1).
-        rim, free_by: clearances from the goal, (k, l), and from each solid, (count, k, l), at the end of the step [m].
-        i, j: the point's place in them.
-        to_rim, clear: its clearances at the beginning, from the goal and from the walls, (WALLS,) [m].
-        n: number of walls.
-        wall: that each solid belongs to, (count,).
-        taps_x, taps_y: weights, 2 x (2 R + 1,).
-        step: of `Step`.
+    Args: `around`, psi (2 R + 1, 2 R + 1); `rim` (k, l) and `free_by` (count, k, l), clearances from goal and solids at
+        the end of the step [m]; i, j, the point's place in them; `to_rim` and `clear` (WALLS,), its clearances at the
+        beginning [m]; `wall` (count,) of each solid; taps, 2 x (2 R + 1,); `Step`.
     """
     width, total = taps_x.shape[0], 0.0
     R = width // 2

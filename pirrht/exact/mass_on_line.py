@@ -1,12 +1,11 @@
-"""The truth for a mass on a line: dp = v dt, dv = u dt + b dw between a wall at p = 0 and a goal at p = 1.
+"""Solve for a mass on a line: dp = v dt, dv = u dt + b dw between a wall at p = 0 and a goal at p = 1.
 
 psi(p, v) solves -(q/lambda) psi + v psi_p + (b^2/2) psi_vv = 0 with lambda = r b^2. A path ends only where it leaves:
 in the wall (p = 0, v < 0: psi = exp(-phi/lambda)) or in the goal (p = 1, v > 0: psi = 1), at any velocity; where v
 points inward there is no condition. In a step, noise of half of it changes v, then p moves along v over all of it, then
-the other half follows (Strang). The Gaussian of the noise is a sum over velocities that are closer than it is wide,
-which is exact but for rounding even where psi is a steep exponential. Since psi underflows, -lambda log psi is what is
-kept, and what is interpolated along p, always between the values around: the scheme is monotone. A second grid of half
-the spacing, and with it half the step, tells the error.
+the other half follows (Strang). The noise's Gaussian is a sum over velocities closer than it is wide, exact but for
+rounding. Kept, and interpolated along p between the values around, is -lambda log psi, since psi underflows: the scheme
+is monotone. A second grid of half the spacing and step tells the error.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
-from pirrht.exact.lagrange import derivative, polynomial
+from pirrht.exact.domain import derivative, polynomial
 
 SPACING = 0.005  # of the finer grid: v is within 0.1 % [m]
 STEP = 4.0  # a step takes so many spacings at 1 m/s
@@ -44,7 +43,7 @@ class Strip(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What a sweep needs to know of one step."""
+    """One step as sweeps need it."""
 
     first: float  # as in `Strip`
     apart: float
@@ -64,15 +63,11 @@ class MassOnLine:
     coarse: Strip  # of twice the spacing
 
     def value(self, p: float, v: float) -> float:
-        """v = -lambda log psi at position p from 0 to 1 [m] and velocity v [m/s], [cost].
-
-        Raises:
-            OptionError: that is beside the grid.
-        """
+        """v = -lambda log psi [cost] at position p from 0 to 1 [m] and velocity v [m/s]; OptionError off the grid."""
         return self._look(self.fine, p, v)[0]
 
     def error(self, p: float, v: float) -> float:
-        """By how much `value` may be off there: what the last halving of the spacing changed [cost].
+        """Error of `value` there: the change by the last halving of the spacing [cost].
 
         Errors fall fourfold with it where the wall is far, about twofold where it is grazed; so this is not too little.
         """
@@ -225,7 +220,7 @@ def _ahead(value, motion, i, k):  # type: ignore[no-untyped-def]
 
 @inlined
 def _parabola(zero, one, two, u):  # type: ignore[no-untyped-def]
-    """At u the parabola through values at 0, 1 and 2."""
+    """Evaluate at u the parabola through values at 0, 1 and 2."""
     return 0.5 * (1.0 - u) * (2.0 - u) * zero + u * (2.0 - u) * one + 0.5 * u * (u - 1.0) * two
 
 

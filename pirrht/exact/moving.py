@@ -1,16 +1,16 @@
-"""The continuous-time equation among moving bodies: psi(x, y, t) of a point with isotropic noise.
+"""Solve the continuous-time equation among moving obstacles: psi(x, y, t) of a point with isotropic noise.
 
-`-psi_t = -(q/lambda) psi + (b^2/2) Laplace psi`, psi = 1 on the goal's disc and exp(-phi/lambda) at walls, which are
-where they are at t. After the last row of the motions all stands still and psi is `planar`'s; from there `march` goes
-back in time. Where motions start over, periods are marched until psi repeats itself.
-What lies between grid points and frames `moving_look` says.
+`-psi_t = -(q/lambda) psi + (b^2/2) Laplace psi`, psi = 1 on the goal's disc and exp(-phi/lambda) at walls, where they
+are at t. Steps end at every row of every motion, and often enough in between. After the last row psi is `planar`'s;
+from there `march` goes back in time. Repeated motions are marched period by period until psi repeats itself.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,95 @@ from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.exact import moving_look, planar
-from pirrht.exact.bridges import Room, Step
-from pirrht.exact.domain import Domain, affordable, frame_at, in_goal
+from pirrht.exact.bridges import Room, Step, at_goal
+from pirrht.exact.domain import Domain, Progress, affordable, frame_at, in_goal, untold
 from pirrht.exact.march import march, taps_along
 from pirrht.exact.moving_look import BEYOND, March, in_wall
-from pirrht.exact.payoffs import at_goal
-from pirrht.exact.progress import Progress, untold
-from pirrht.exact.timetable import Timetable, timetable
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.bodies import bodies_of, clearance_from, frames_of, poses_at
+from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
+
+SHORT = 0.5  # no step is shorter than this share of the longest
+MARGIN = 5  # steps of the longest kind beyond the end, for frames that come next
+LONGEST = 200.0  # common period of motions that start over at most [s]
+CLOSE = 1e-6  # periods that differ by less are one [s]
+BEFORE = 1e-9  # a body arrives at a jump so much before it [s]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Timetable:
+    """Ends of steps."""
+
+    times: Array  # (F + 1,) from 0 on [s]
+    last: float  # when all stands still for good [s]; infinite where motions start over
+    first: float  # when all that moves starts over ...
+    period: float  # ... every so many seconds; 0 where nothing does [s]
+    again: int  # place in `times` of the time one period before the last one; 0 where nothing starts over
+
+    @property
+    def before(self) -> Array:
+        """Times just before a repeated body jumps [s]."""
+        return self.times - BEFORE if self.period > 0.0 else self.times
+
+    @property
+    def after(self) -> Array:
+        """Times just after a repeated body jumps [s]."""
+        return self.times + BEFORE if self.period > 0.0 else self.times
+
+
+def timetable(movers: tuple[Mover, ...], longest: float) -> Timetable:
+    """Divide motions into steps of at most `longest` [s]; OptionError if periods have no useful common multiple."""
+    motions = [mover.motion for mover in movers]
+    repeated = [m for m in motions if m.repeat]
+    still = max([0.0, *(-m.lead if m.repeat else m.last for m in motions)])
+    lead = _steps(_knots(motions, 0.0, still), longest)
+    margin = MARGIN * longest
+    if not repeated:
+        rest = still + longest * np.arange(1, MARGIN + 1)
+        return Timetable(times=np.concatenate([lead, rest]), last=still, first=0.0, period=0.0, again=0)
+    period = _common([float(m.rows[-1, 0]) for m in repeated])
+    cycle = _steps(_knots(motions, still, still + period), longest)
+    more = cycle[1 : 2 + int(np.searchsorted(cycle, still + margin))] + period
+    times = np.concatenate([lead[:-1], cycle, more])
+    return Timetable(times=times, last=math.inf, first=still, period=period, again=len(lead) - 1 + len(more))
+
+
+def _common(periods: list[float]) -> float:
+    """Find the least common multiple of periods [s]; OptionError if it is too long."""
+    longest = max(periods)
+    for n in range(1, math.floor(LONGEST / longest) + 1):
+        if all(abs(n * longest / p - round(n * longest / p)) * p < CLOSE for p in periods):
+            return n * longest
+    raise OptionError(
+        f"motions start over every {', '.join(f'{p:g}' for p in periods)} s, which has no common multiple up to "
+        f"{LONGEST:g} s; choose periods that have one"
+    )
+
+
+def _knots(motions: list[Motion], begin: float, end: float) -> Array:
+    """Times from begin to end [s], both included, at which a motion has a row."""
+    found = [np.array([begin, end])]
+    for m in motions:
+        rows, period = m.rows[:, 0] - m.lead, float(m.rows[-1, 0])
+        first, last = ((t - rows[0]) / period for t in (begin, end)) if m.repeat else (0.0, 0.0)
+        found += [rows + k * period for k in range(max(math.floor(first), 0), math.floor(last) + 1)]
+    every = np.unique(np.concatenate(found))
+    return every[(every >= begin) & (every <= end)]
+
+
+def _steps(knots: Array, longest: float) -> Array:
+    """Divide time into steps of at most `longest` [s] that end at knots [s], without knots closer than SHORT."""
+    kept = [float(knots[0])]
+    for t in knots[1:-1]:
+        if min(t - kept[-1], knots[-1] - t) >= SHORT * longest:
+            kept.append(float(t))
+    out = [np.array(kept[:1])]
+    for a, b in itertools.pairwise([*kept, *([float(knots[-1])] if knots[-1] > kept[-1] else [])]):
+        out.append(np.linspace(a, b, math.ceil((b - a) / longest - CLOSE) + 1)[1:])
+    return np.concatenate(out)
+
 
 WIDEST = 0.28  # deviation of a step at most, as a share of the robot's radius ...
 FASTEST = 1.1  # ... as one of the decay length 1/k, so that psi changes by e or so in a step ...
@@ -45,10 +123,9 @@ look = moving_look.look
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """The spacing [m] asked for, or one that keeps v to 0.1 %.
+    """Return the requested spacing [m], or one that keeps v to 0.1 %.
 
-    Raises:
-        OptionError: the grid would have too many points or frames, a spacing is too coarse, or there is a step dt.
+    OptionError if the grid would have too many points or frames, a spacing is too coarse, or there is a step dt.
     """
     if dt is not None:
         raise OptionError("no grid solves a problem in steps among moving bodies; leave out dt (--exit bridge)")
@@ -64,13 +141,10 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 
 
 def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold) -> March:
-    """The solution (G, nx, ny) [nats] in continuous time on a grid of this spacing [m]; dt is none.
+    """Solve in continuous time on a grid of this spacing [m], (G, nx, ny) [nats]; dt is none.
 
-    Args:
-        progress: called with the share of the march that is done, anew for every period that is tried.
-
-    Raises:
-        OptionError: as `spacing_for`, or a repeated motion does not settle.
+    Calls `progress` with the share of the march that is done, anew for every period. OptionError as of `spacing_for`,
+    or if a repeated motion does not settle.
     """
     scene = space.scene
     table = timetable(scene.movers, _longest(problem, spacing))
@@ -89,11 +163,7 @@ def _longest(problem: Problem, spacing: float) -> float:
 
 
 def _thinning(scene: Scene, spacing: float, table: Timetable) -> int:
-    """Every which step is kept as a frame.
-
-    Raises:
-        OptionError: too many would be.
-    """
+    """Count steps from one kept frame to the next; OptionError if there would be too many frames."""
     points = float(np.prod(np.ceil((scene.upper - scene.lower) / spacing) + 1))
     steps = len(table.times)
     thinning = max(1, math.ceil(4.0 * points * steps / MEMORY))
@@ -138,7 +208,8 @@ class _Solver:
         last = len(table.times) - 1
         kept = np.unique(np.concatenate([np.arange(last, -1, -self.thinning), [0]]))
         frames = np.empty((len(kept), *self.shape), dtype=np.float32)
-        now = self._at_rest(rest)
+        now = np.empty(self.shape)
+        _sample(rest, self.room, frames_of(self.end[-1]), now)
         if table.period > 0.0:
             now = self._settled(now)
         self._keep(frames, kept, last, now)
@@ -158,7 +229,7 @@ class _Solver:
             frames[at] = now
 
     def _rest(self) -> planar.Expansion:
-        """The solution with all bodies as they stand at the end of the table."""
+        """Solve with all bodies as they stand at the end of the table."""
         end = float(self.table.times[-1])
         still = tuple(solid for mover in self.scene.movers for solid in mover.at(end))
         scene = replace(self.scene, obstacles=(*self.scene.obstacles, *still), movers=())
@@ -177,18 +248,8 @@ class _Solver:
         spacing = min(planar.FINEST / k, planar.COARSEST * scene.robot_radius)
         return planar.solve(domain, wavenumber=k, wall=self.wall, spacing=spacing)
 
-    def _at_rest(self, rest: planar.Expansion) -> Array:
-        """log psi of the stationary solution on the grid of the march."""
-        out = np.empty(self.shape)
-        _sample(rest, self.room, frames_of(self.end[-1]), out)
-        return out
-
     def _settled(self, now: Array) -> Array:
-        """log psi at the end of the table such that it is the same a period before.
-
-        Raises:
-            OptionError: it does not settle.
-        """
+        """Find log psi at the table's end that is equal a period before; OptionError if it does not settle."""
         table, last = self.table, len(self.table.times) - 1
         for _ in range(PERIODS):
             before = now
@@ -214,7 +275,7 @@ class _Solver:
             yield k, now
 
     def taps(self, step: Step) -> tuple[Array, Array, Array]:
-        """Weights of a step along x and y, and what it is paid at the goal: none depends on where bodies are."""
+        """Weights of a step along x and y, and its payment at the goal: none depends on where bodies are."""
         key = round(step.dt / self.longest, 9)
         if key not in self._taps:
             room, frame = self.room, self.room.frame
@@ -238,7 +299,7 @@ def _clearances(bodies, pose, points, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _sample(rest, room, pose, out):  # type: ignore[no-untyped-def]
-    """log psi of a stationary solution on the grid of `room`, (nx, ny) [nats]; minus infinity in walls and goal."""
+    """Sample a stationary solution on the grid of `room`, (nx, ny) [nats]; minus infinity in walls and goal."""
     x, slope = np.empty(2), np.empty(2)
     frame = room.frame
     for i in range(out.shape[0]):

@@ -1,7 +1,7 @@
-"""psi among moving bodies at any place and time, between the frames of a march.
+"""Evaluate psi among moving obstacles at any place and time, between the frames of a march.
 
-It is one more step of the march, from the place itself to the frame that comes next: it has the same walls, so that the
-control grows as 1/distance at each.
+It is one more step of the march, from the place itself to the next frame: with the march's walls the control grows as
+1/distance at each.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, IntArray
 from pirrht.compiled.jit import kernel
 from pirrht.exact import planar
-from pirrht.exact.bridges import WALLS, Room, Step, log_sum, missed, outside, walls_around
+from pirrht.exact.bridges import WALLS, Room, Step, log_paid, log_sum, missed, outside, walls_around
 from pirrht.exact.domain import Frame, in_goal
-from pirrht.exact.payoffs import log_paid
 from pirrht.geometry.bodies import clearance_from
 
 BEYOND = 6.0  # a step is cut off so many deviations beyond the one that the law asks for
@@ -44,7 +43,7 @@ class March(NamedTuple):
 
 @kernel
 def in_wall(room, pose, x, y):  # type: ignore[no-untyped-def]
-    """Whether (x, y) [m] is in a solid, posed (1 + J, 4), or not inside the border."""
+    """Tell whether (x, y) [m] is in a solid, posed (1 + J, 4), or not inside the border."""
     for k in range(room.bodies.owner.shape[0]):
         if clearance_from(room.bodies, k, pose, x, y) <= 0.0:
             return True
@@ -97,15 +96,9 @@ def poses_of(grid, t, pose):  # type: ignore[no-untyped-def]
 
 @kernel
 def _from(grid, later, begin, end, step, x, y, slope):  # type: ignore[no-untyped-def]
-    """log psi [nats] one step before a frame; its gradient goes to slope (2,) [1/m].
+    """log psi [nats] at (x, y) [m] a step before the frame `later` (nx, ny); its gradient goes to slope (2,) [1/m].
 
-    Args:
-        grid: of `March`.
-        later: the frame, (nx, ny) [nats].
-        begin, end: poses of all bodies, 2 x (1 + J, 4), as `frames_of` has them.
-        step: of `Step`.
-        x, y: position [m].
-        slope: filled, (2,) [1/m].
+    `begin` and `end` are poses of all bodies, 2 x (1 + J, 4), as of `frames_of`.
     """
     room, frame, bodies = grid.room, grid.frame, grid.room.bodies
     near, count = np.empty(bodies.owner.shape[0], dtype=np.int64), 0
@@ -191,7 +184,7 @@ def _steep(d, e, square):  # type: ignore[no-untyped-def]
 
 @kernel
 def _axis(weight, steep, first, h, x, low, high, step):  # type: ignore[no-untyped-def]
-    """What x takes from points along an axis, as `taps_along`, and the derivative of its logarithm [1/m]."""
+    """Weights of points along an axis for x (`taps_along`), and derivatives of their logarithms [1/m]."""
     square = step.deviation * step.deviation
     scale = h / (step.deviation * math.sqrt(2.0 * math.pi))
     for a in range(len(weight)):

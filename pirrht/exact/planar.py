@@ -1,16 +1,18 @@
-"""The continuous-time equation on a planar grid: `q psi/lambda = tr(BB' Hess psi)/2` for isotropic noise and no drift.
+"""Solve the continuous-time equation on a planar grid: `q psi/lambda = tr(BB' Hess psi)/2`, isotropic noise, no drift.
 
-It is `Laplace psi = k^2 psi`, and psi is, near every grid point, a sum of I_n(kr) cos(n t) and I_n(kr) sin(n t).
-Stencil weights are those that are exact for the eight lowest of these (Trefftz, or flexible local approximation:
-Tsukerman, IEEE Trans. Magnetics 2005), so that plane exponentials exp(k.x) of every direction are solved almost
-exactly on a grid as coarse as their decay length, where differences of psi or upwinding would err by tens of per
-cent. An arm of a stencil that is cut by a wall or by the rim of the goal ends there: no boundary is moved to the grid.
-Unknowns are chi = psi exp(s) with s a length to the goal in units of 1/k, since psi itself falls below 1e-300.
+It is `Laplace psi = k^2 psi`; near every grid point psi is a sum of I_n(kr) cos(n t) and I_n(kr) sin(n t). Stencil
+weights are exact for the eight lowest of these (Trefftz, or flexible local approximation: Tsukerman, IEEE Trans.
+Magnetics 2005), so that plane exponentials exp(k.x) of every direction are solved almost exactly on a grid as coarse as
+their decay length, where differences or upwinding would err by tens of per cent. Arms of a stencil end at walls and at
+the goal's rim: no boundary is moved to the grid. Unknowns are chi = psi exp(s) with s a length to the goal in units of
+1/k, since psi itself falls below 1e-300. Arms of a point that all but touches a wall would end in nearly one place, and
+errors of a tenth of a micrometer would decide on the sign of psi: theirs begin at a place further off the wall.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -20,20 +22,87 @@ from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
-from pirrht.arrays import Array, IntArray
+from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
-from pirrht.exact.arms import ARMS, CLOSE, HUG, ends_of_arms
-from pirrht.exact.domain import Domain, Frame, affordable, frame_at, in_cells, in_goal
-from pirrht.exact.progress import Progress, untold
+from pirrht.exact.domain import Domain, Frame, Progress, affordable, frame_at, in_cells, in_goal, untold
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
+
+ARMS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
+SECANTS = 20  # steps of the search for the end of an arm at most
+CLOSE = 1e-7  # of that end [m]
+HUG = 0.1  # a point hugs a wall that one of its arms meets within this share of the spacing
+
+
+def ends_of_arms(
+    domain: Domain, points: Array, free_by: Array, rows: IntArray, heads: Array, spacing: float
+) -> tuple[Array, BoolArray]:
+    """End arms of points (K, 2), free by (K,), towards heads (k, 2) at walls or rim: ends (k, 2) [m], if at the rim.
+
+    `rows` (k,) are the points that arms belong to, `spacing` is h [m].
+    """
+    tails, room = points[rows], free_by[rows]
+    ends, at_goal = _cut(domain, tails, room, heads)
+    short = ~at_goal & (np.hypot(*(ends - tails).T) < HUG * spacing)
+    hugging = np.unique(rows[short])
+    again = np.isin(rows, hugging)
+    which = np.searchsorted(hugging, rows[again])
+    beside, beside_by = _off_walls(domain, points[hugging], spacing)
+    ends[again], at_goal[again] = _cut(domain, beside[which], beside_by[which], heads[again])
+    return ends, at_goal
+
+
+def _off_walls(domain: Domain, points: Array, spacing: float) -> tuple[Array, Array]:
+    """Find places half an arm from points (j, 2) with most clearance, (j, 2) and (j,) [m]; spacing h [m]."""
+    around = points[:, None, :] + 0.5 * spacing * np.vstack([np.zeros(2), ARMS])
+    free_by = domain.clearance(around.reshape(-1, 2)).reshape(around.shape[:2])
+    best = np.arange(len(points)), np.argmax(np.where(domain.goal.contains(around), -np.inf, free_by), axis=1)
+    return around[best], free_by[best]
+
+
+def _cut(domain: Domain, tails: Array, free_by: Array, heads: Array) -> tuple[Array, BoolArray]:
+    """Cut lines from tails, free by (k,) [m], to heads at a wall or the rim, 3 x (k, 2) [m]; tell if at the rim."""
+    clearance, goal = domain.clearance, domain.goal
+    span = heads - tails
+    full = np.hypot(*span.T)
+    unit = span / full[:, None]
+    to_goal = goal.center - tails
+    along = np.sum(to_goal * unit, axis=1)
+    inside = goal.radius**2 - (np.sum(to_goal**2, axis=1) - along**2)
+    to_rim = np.where(inside > 0.0, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
+    to_rim[(to_rim < 0.0) | (to_rim > full + CLOSE)] = np.inf
+    to_wall = _first_zero(lambda k, t: clearance(tails[k] + t[:, None] * unit[k]), free_by, clearance(heads), full)
+    length = np.clip(np.minimum(to_rim, to_wall), CLOSE, full)
+    return tails + length[:, None] * unit, to_rim <= to_wall
+
+
+def _first_zero(f: Callable[[IntArray, Array], Array], at_0: Array, at_end: Array, end: Array) -> Array:
+    """Zeros (k,) of functions that are positive at 0, in (0, end]; infinite where there is none (Illinois rule)."""
+    low, high, f_low, f_high = np.zeros(len(end)), end.copy(), at_0.copy(), at_end.copy()
+    side = np.zeros(len(end))
+    zero = np.where(at_end <= CLOSE, end, np.inf)
+    busy = np.flatnonzero(at_end < 0.0)
+    for _ in range(SECANTS):
+        t = low[busy] + (high - low)[busy] * f_low[busy] / (f_low - f_high)[busy]
+        value = f(busy, t)
+        zero[busy] = t
+        up, down = busy[value > 0.0], busy[value <= 0.0]
+        f_high[up[side[up] > 0.0]] *= 0.5
+        f_low[down[side[down] < 0.0]] *= 0.5
+        low[up], f_low[up], side[up] = t[value > 0.0], value[value > 0.0], 1.0
+        high[down], f_high[down], side[down] = t[value <= 0.0], value[value <= 0.0], -1.0
+        busy = busy[np.abs(value) > CLOSE]
+        if len(busy) == 0:
+            break
+    return zero
+
 
 ComplexArray = NDArray[np.complex128]
 
 FINEST = 1.0  # default spacing in decay lengths 1/k of psi ...
 COARSEST = 0.2  # ... but at most this share of the robot's radius
-WHOLE = ARMS @ np.array([1.0, 1j])  # the same as x + iy
+WHOLE = ARMS @ np.array([1.0, 1j])  # arms as x + iy
 NEAR = 2.5  # a point of the plane is spoken for by a free grid point at most so many cells away
 TINY = 1e-300
 LEAST = 1e-5  # a control is never that of a place nearer to a wall [m]
@@ -59,11 +128,7 @@ def wavenumber_of(problem: Problem) -> float:
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """The spacing [m] asked for, or one that keeps v to 0.5 % and u to 2 %.
-
-    Raises:
-        OptionError: the grid would have too many points.
-    """
+    """Return the requested spacing [m], or one that keeps v to 0.5 % and u to 2 %; refuses too many points."""
     length = 1.0 / wavenumber_of(problem)
     default = min(FINEST * length, COARSEST * space.scene.robot_radius)
     reason = f"psi falls by a factor e in {length:.2g} m"
@@ -73,7 +138,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 def grid_of(
     problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
 ) -> Expansion:
-    """The solution, (K, 8) coefficients, in continuous time on a grid of this spacing [m]; dt is unused."""
+    """Solve in continuous time on a grid of this spacing [m], (K, 8) coefficients; dt is unused."""
     wall = problem.phi / problem.temperature
     return solve(Domain.of(space), wavenumber=wavenumber_of(problem), wall=wall, spacing=spacing)
 
@@ -81,13 +146,8 @@ def grid_of(
 def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> Expansion:
     """Solve `Laplace psi = k^2 psi` with psi = 1 on the rim of the goal and exp(-wall) at walls and border.
 
-    Args:
-        wavenumber: k [1/m].
-        wall: phi/lambda [nats]; may be infinite.
-        spacing: h [m].
-
-    Raises:
-        OptionError: the spacing is too coarse for the scene.
+    Args: wavenumber k [1/m]; wall phi/lambda [nats], which may be infinite; spacing h [m]. OptionError if h is too
+        coarse.
     """
     lower, goal = domain.lower, domain.goal
     nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1
@@ -112,19 +172,17 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
     if np.any((below > 0.0) & (below > np.where(gap < HUG, gap, 0.0))):
         raise OptionError(f"the grid of {spacing:g} m is too coarse for this scene; choose a smaller spacing")
     number[free] = np.where(below > 0.0, -1, number[free])
+    number = number.reshape(nx, ny)
+    away, nearest = distance_transform_edt(number < 0, return_indices=True)
+    owner = np.where(away <= NEAR, number[tuple(nearest)], -1)
     return Expansion(
-        frame=frame_at(lower, spacing, goal),
-        wavenumber=wavenumber,
-        least=LEAST,
-        owner=_owners(number.reshape(nx, ny)),
-        place=place,
-        coefficients=coefficients,
-        shift=-s,
-    )
+        frame=frame_at(lower, spacing, goal), wavenumber=wavenumber, least=LEAST, owner=owner,
+        place=place, coefficients=coefficients, shift=-s,
+    )  # fmt: skip
 
 
 def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: float) -> Array:
-    """A guess of -log psi at the free points, (K,): k times the length of arms to the goal or a wall [nats]."""
+    """Estimate -log psi at the free points, (K,): k times the length of arms to the goal or a wall [nats]."""
     K = len(neighbour)
     inner = neighbour >= 0
     rows, arms = np.nonzero(inner)
@@ -137,10 +195,7 @@ def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: flo
 
 
 def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: float) -> tuple[Array, Array]:
-    """Coefficients of chi = psi exp(s) around every free point, (K, 8), by one sparse solution; how far it is below 0.
-
-    The latter, (K,), is a share of the greatest psi around a point.
-    """
+    """Fit chi = psi exp(s) around every free point, (K, 8), by one sparse solution; negative part as a share (K,)."""
     K = len(neighbour)
     finite = np.where(np.isfinite(s), s, 0.0)
     inner = neighbour >= 0
@@ -169,10 +224,7 @@ def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: 
 
 
 def arm_basis(arms: ComplexArray, kh: float) -> Array:
-    """The eight solutions at the ends of eight arms, x + iy in spacings (K, 8) -> (K, 8, 8); kh is k times h.
-
-    Rows are arms.
-    """
+    """Evaluate the eight solutions at ends of arms, x + iy in spacings (K, 8) -> (K, 8 arms, 8); kh is k times h."""
     factor = _series((0.5 * kh * np.abs(arms)) ** 2)
     powers = [arms**n * factor[n] for n in range(5)]
     columns = [powers[0].real]
@@ -191,13 +243,6 @@ def _series(t: Array) -> list[Array]:
             total = total + term
         out.append(total)
     return out
-
-
-def _owners(number: IntArray) -> IntArray:
-    """The free point nearest to every grid point, (nx, ny); -1 where it is far."""
-    away, nearest = distance_transform_edt(number < 0, return_indices=True)
-    owners: IntArray = np.where(away <= NEAR, number[tuple(nearest)], -1)
-    return owners
 
 
 @inlined

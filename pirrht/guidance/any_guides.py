@@ -26,8 +26,8 @@ from pirrht.guidance.tracking import MARGIN, NONE, PARABOLA, SAG, TOLERANCE, WIL
 from pirrht.guidance.walls import Scales
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import kind_of
-from pirrht.rollouts.gates import GATE, GATES
 from pirrht.rollouts.general.kind import is_gated, takes_law
+from pirrht.rollouts.general.law import GATE, GATES
 from pirrht.rollouts.records import FINER, MovingSetup, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import no_homing

@@ -22,7 +22,7 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.guidance.clearance_cost import price
 from pirrht.rollouts.first_exit import COLLISION
-from pirrht.rollouts.homing import STEEP, homing
+from pirrht.rollouts.general.law import STEEP, homing
 from pirrht.rollouts.sweep import sweep_exit
 from pirrht.systems.heading import wrapped
 from pirrht.topology.cuts import key_of_segment

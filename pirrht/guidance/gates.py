@@ -19,7 +19,7 @@ from pirrht.geometry.listed import held_of
 from pirrht.geometry.moving_walls import WALL
 from pirrht.rollouts.among import walls_along, with_walls
 from pirrht.rollouts.first_exit import two_walls
-from pirrht.rollouts.gates import GATE, GATES, gate_slope, mills
+from pirrht.rollouts.general.law import GATE, GATES, gate_slope, mills
 
 WALLS = 6  # evaluated at one place, at most
 APART = 0.5  # cosine of the angle between walls below which they are different

@@ -2,7 +2,7 @@
 
 A step has m modes of control in noise units, a = B_c^-1 G_c u (in input form s^-1 u), or 2 m where it sways: with
 u + 2 sqrt(3) r (t/dt - 1/2) at t within a step, r leaves the end of the step and moves the mean over it, as the noise
-of rollouts does (`rollouts.general.motion`).
+of rollouts does (`rollouts.general.step`).
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""What bodies that move do to a step of a sampled path: how near they are, how they end it, what its survival weighs.
+"""Account for moving obstacles in a step: how near they are, how they end it, what its survival weighs.
 
-Of many bodies few are near: those are listed (`nearby`). A listed body is looked at where it is when a step begins;
-till its motion next changes it keeps its velocity, and seen from a flat wall at constant speed a noisy path is a
-Brownian bridge again: it misses that with probability 1 - exp(-2 c d / variance), c and d being the clearances from
-where the wall is when the step begins and when it ends.
+Only the near ones are listed (`nearby`), each posed when the step begins; it keeps its velocity until its motion next
+changes. Relative to a flat wall at constant speed a noisy path is a Brownian bridge, which misses that wall with
+probability 1 - exp(-2 c d / variance), c and d being the clearances when the step begins and ends.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, WAL
 
 @inlined
 def look_anew(near):  # type: ignore[no-untyped-def]
-    """Another path begins: nothing is known of any body (J, NEAR)."""
+    """Forget all about moving obstacles (J, NEAR) for another path."""
     for j in range(near.shape[0]):
         near[j, UNTIL] = -math.inf
 
@@ -93,7 +92,7 @@ def _know(traffic, j, x, y, near):  # type: ignore[no-untyped-def]
 
 @inlined
 def _with_wall(c, nx, ny, d, mx, my, e, ex, ey, widest):  # type: ignore[no-untyped-def]
-    """The two nearest of two walls in order and a third, which is not taken to be nearer than `widest` [m]."""
+    """Return the two nearest of two walls in order and a third, which counts as no nearer than `widest` [m]."""
     e, ex, ey = np.float32(max(e, widest)), np.float32(ex), np.float32(ey)
     if e < c:
         return e, ex, ey, c, nx, ny
@@ -104,10 +103,7 @@ def _with_wall(c, nx, ny, d, mx, my, e, ex, ey, widest):  # type: ignore[no-unty
 
 @inlined
 def with_moving(walls, near, listed, count, widest):  # type: ignore[no-untyped-def]
-    """The two nearest walls, as `two_walls` gives them, of two that stand and those that move; none nearer than widest.
-
-    In single precision, which suffices for a guide.
-    """
+    """Return the two nearest walls (`two_walls`), static or moving, in single precision; none nearer than `widest`."""
     c, nx, ny, d, mx, my = walls
     for k in range(count):
         j = listed[k]
@@ -120,9 +116,9 @@ def with_moving(walls, near, listed, count, widest):  # type: ignore[no-untyped-
 
 @inlined
 def walls_among(traffic, walls, x, y, t, within, widest):  # type: ignore[no-untyped-def]
-    """The two nearest to (x, y) [m] of two walls that stand, as `two_walls` gives them, and bodies at a time t [s].
+    """Return the two nearest to (x, y) [m] of two static walls (`two_walls`) and moving obstacles at t [s].
 
-    Bodies farther than `within` are not asked, and none is taken to be nearer than `widest` [m].
+    Those farther than `within` are not asked, and none counts as nearer than `widest` [m].
     """
     near = np.empty((traffic.J, WALL))
     return with_walls(walls, near, moving_walls(traffic, x, y, t, within, near), widest)
@@ -130,7 +126,7 @@ def walls_among(traffic, walls, x, y, t, within, widest):  # type: ignore[no-unt
 
 @inlined
 def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
-    """The same from what `moving_walls` has written to `near` (J, WALL)."""
+    """Return the two nearest of two static walls and `count` rows of `near` (J, WALL); none nearer than `widest`."""
     c, nx, ny, d, mx, my = walls
     for k in range(count):
         c, nx, ny, d, mx, my = _with_wall(c, nx, ny, d, mx, my, near[k, 0], near[k, 1], near[k, 2], widest)
@@ -139,7 +135,7 @@ def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
 
 @inlined
 def walls_along(traffic, x, y, t, within, held, listed, count, near):  # type: ignore[no-untyped-def]
-    """What `moving_walls` writes, at one place and time after the other; how many bodies are listed, and are written.
+    """Write `moving_walls` at one place and time after another; how many bodies are listed, and are written.
 
     `held`, `listed` and `count` are what the last call has left.
     """
@@ -171,11 +167,11 @@ def facing_among(near, listed, count, cov):  # type: ignore[no-untyped-def]
 
 @inlined
 def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
-    """Which listed body a noisy step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] meets, and when.
+    """Find which listed body a noisy step from (x, y) to (mx, my) [m], from t on for dt [s], meets and when.
 
-    Args: as of `bridge_exit`; `near` is what `look_around` says at the beginning of the step.
-    Returns: next state of the random sequence, share of the step until then or NEVER, number of the body, and
-        the logarithm of the probability that none is met, where that is weighed [nats].
+    Args: as of `bridge_exit`; `near` is that of `look_around` at the beginning of the step.
+    Returns: next state of the random sequence, share of the step until then or NEVER, number of the body, and log
+        probability that none is met, where that is weighed [nats].
     """
     reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
     length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y))
@@ -236,12 +232,10 @@ def _behind_body(traffic, j, near, x, y, mx, my, dt, c, d, way):  # type: ignore
 
 @inlined
 def at_moving_wall(near, j, dx, dy, fx, fy, dt, share, deviation, state):  # type: ignore[no-untyped-def]
-    """Displacement by noise of an isotropic bridge when it first meets body j.
+    """Displace an isotropic bridge to where it first meets body j, at its distance then; across it is drawn.
 
-    Towards the wall it is the distance to where that is then, across it the bridge is drawn.
     Args, after j: (dx, dy) [m] at the end of the step, drift (fx, fy) [m/s], step [s], share of it until then, standard
-        deviation of the whole step [m], and state of the random sequence.
-    Returns: next state of the sequence, displacement in x and y [m].
+        deviation of the whole step [m], and state of the random sequence; returns the next one, and displacement [m].
     """
     nx, ny = -near[j, NX], -near[j, NY]
     gap = max(near[j, D], 0.0) + share * dt * ((near[j, WX] - fx) * nx + (near[j, WY] - fy) * ny)
@@ -254,9 +248,8 @@ def at_moving_wall(near, j, dx, dy, fx, fy, dt, share, deviation, state):  # typ
 def met_on_way(traffic, listed, count, x, y, mx, my, turn, t, dt, stop):  # type: ignore[no-untyped-def]
     """Share of a step from (x, y) to (mx, my) [m] without position noise at which a listed body is met, or NEVER.
 
-    It begins at t and takes dt [s], of which a share `stop` is looked at; a step that turns by so much in all [rad] is
-    an arc beside its chord. What moves and the path come nearer no faster than by their speeds, so that certified
-    clearances tell how much of the step is free.
+    It begins at t and takes dt [s]; a share `stop` is judged. A step that turns [rad] is an arc next to its chord.
+    Clearances certify parts of the step, since path and bodies come nearer no faster than by their speeds.
     """
     length = math.sqrt((mx - x) ** 2 + (my - y) ** 2)
     bow, pace, share = 0.5 * turn * length, length * math.sqrt(1.0 + 0.25 * turn * turn), 0.0

@@ -1,64 +1,124 @@
-"""Compiled rollouts: noisy paths around references, their cost, and how likely each reference makes them.
+"""Choose the compiled rollouts of a problem, and what they need to know of it and its scene.
 
-Everything is expressed in noise units: with a = B_c^-1 G_c u, or s^-1 u in input form, and the path's own increments
-y = a dt + dw, a step is x + f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper,
-Girsanov's theorem).
+In noise units, with a = B_c^-1 G_c u, or s^-1 u in input form, and the path's own increments y = a dt + dw, a step is x
++ f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper, Girsanov's theorem). A path
+is a function of the seed and its number alone, so that what was not kept is simulated once more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 
-from pirrht.arrays import Array
-from pirrht.compiled.jit import as_jitable
+from pirrht.arrays import Array, IntArray
+from pirrht.compiled.jit import as_jitable, kernel
+from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import Kind
-from pirrht.rollouts.general.loops import loops
-from pirrht.rollouts.general.path import any_path
-from pirrht.rollouts.homing import car_home, straight_home
-from pirrht.rollouts.point.block import is_point, sample
-from pirrht.rollouts.point.replay import control, trace
-from pirrht.rollouts.records import Kernels
+from pirrht.rollouts.general.law import car_home, straight_home
+from pirrht.rollouts.general.path import Kept, any_path
+from pirrht.rollouts.point.block import control, is_point, sample, trace
+from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup, empty_paths
 from pirrht.systems.dynamics import no_homing
 from pirrht.systems.unicycle import unicycle_drift
+
+KEPT: Any = Kept
+NO_STATES = np.empty((0, 0, 0)), np.empty(0, np.int64)
+NO_GROUPS = np.empty(0, np.int64), np.empty(0)
+NO_CONTROLS = np.empty((0, 0, 0)), np.empty((0, 0))
+NONE_CHOSEN = Chosen(np.empty(0, np.int64), *NO_GROUPS)
+
+
+@cache
+def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
+    """Build kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
+    no_paths = empty_paths(0, 0, m)
+
+    @kernel
+    def simulate(setup, leads, origin, start, stop, paths, chosen, total, alive, states, steps):  # type: ignore[no-untyped-def]
+        """Fill `paths` for the samples from `start` to `stop`; if there are none, simulate chosen samples once more.
+
+        Those fill the arguments of `control` and `trace`, unless empty.
+        """
+        number, group, weight = chosen
+        again, drawn, window, times = start == stop, states.shape[0] > 0, leads.window, leads.times
+        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, leads)
+        applied, base = np.zeros((alive.shape[1] if again else window, m)), np.empty(m)
+        led_by, h = np.empty((0 if again else window, m)), 0
+        for c in range(number.shape[0] if again else stop - start):
+            s = number[c] if again else start + c
+            while s >= leads.first[h + 1]:
+                h += 1
+            while s < leads.first[h]:
+                h -= 1
+            log_ratio = ratio if again else paths.log_ratio[s]
+            keep = KEPT(log_ratio, states[c] if drawn else nothing, applied, led_by, base)
+            work, key, outcome, taken, last, lasting = one_path(setup, leads, origin, h, s, keep, scratch)
+            if again:
+                if drawn:
+                    steps[c] = taken
+                for i in range(taken if alive.shape[0] > 0 else 0):
+                    alive[group[c], i] += weight[c]
+                    for j in range(m):
+                        total[group[c], i, j] += weight[c] * applied[i, j]
+                continue
+            paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
+            paths.lasting[s] = lasting
+            for j in range(m):
+                paths.led[s, j] = base[j]
+            for i in range(min(taken, window)):
+                dt = times[i + 1] - times[i]
+                under_way = last if i == taken - 1 else dt
+                paths.span[s] += under_way
+                for j in range(m):
+                    paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + under_way * base[j]
+
+    def sample(setup: Any, leads: Any, origin: Any, start: int, stop: int, paths: Any) -> None:
+        """Fill `paths` for the samples from `start` to `stop`."""
+        if stop > start:
+            simulate(setup, leads, origin, start, stop, paths, NONE_CHOSEN, *NO_CONTROLS, *NO_STATES)
+
+    def control(setup: Any, leads: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
+        """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
+        simulate(setup, leads, origin, 0, 0, no_paths, chosen, total, alive, *NO_STATES)
+
+    def trace(setup: Any, leads: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
+        """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
+        simulate(setup, leads, origin, 0, 0, no_paths, Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps)
+
+    return Kernels(sample, control, trace)
+
 
 ALONE = 2400  # samples of a point, many abreast
 
 
 def kernels_for(problem: Problem) -> Kernels:
-    """The compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
+    """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
     if is_point(problem.dynamics) and not callable(problem.q) and not problem.scene.movers:
         return Kernels(sample, control, trace, alone=ALONE)
     return loops(*any_path(kind_of(problem)), problem.dynamics.m)
 
 
 def kind_of(problem: Problem) -> Kind:
-    """What kernels of a problem are compiled for."""
+    """Describe a problem for which kernels are compiled."""
     d = problem.dynamics
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
     return Kind(
         drift=as_jitable(d.drift),
         control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
         diffusion_block=None if d.constant else as_jitable(_function(noise)),
-        q=as_jitable(problem.q) if callable(problem.q) else unit_rate,
-        n=d.n,
-        m=d.m,
-        varying_rate=callable(problem.q),
-        noisy_position=d.noisy_position,
-        angles=sum(1 << i for i in d.angles),
-        homing=as_jitable(_homing(problem)),
-        input_form=d.input_form,
-        midway=d.stratonovich,
-        astray=d.n == d.m == 2 and not d.even,
+        q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
+        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(_homing(problem)),
+        input_form=d.input_form, midway=d.stratonovich, astray=d.n == d.m == 2 and not d.even,
         moving=bool(problem.scene.movers),
-    )
+    )  # fmt: skip
 
 
 def _homing(problem: Problem) -> Callable[..., None]:
-    """What samples do that outlive their law; where bodies move also points and cars are led by one."""
+    """Choose the control of samples that outlive their law; among moving obstacles also for points and cars."""
     d = problem.dynamics
     if problem.scene.movers and d.homing is no_homing:
         if d.n == d.m == 2 and not d.input_form:
@@ -80,3 +140,19 @@ def _filling(data: bytes, m: int) -> Callable[..., None]:
         out[:, :] = matrix
 
     return fill
+
+
+def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup | MovingSetup:
+    """Collect what rollouts need of a problem and its scene, exits judged along the step (`bridge`) or at its end."""
+    d = problem.dynamics
+    x = np.zeros(d.n)
+    constant, told = d.constant, d.constant or d.input_form
+    setup = Setup(
+        arena=space.arena, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
+        inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
+        gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
+        diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
+        rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
+        pace=problem.least_rate / problem.temperature,
+    )  # fmt: skip
+    return MovingSetup.of(setup, space.traffic) if problem.scene.movers else setup

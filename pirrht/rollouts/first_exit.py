@@ -1,8 +1,7 @@
-"""First exit within one step of a sampled path (design of the exit rules; paper, eq. 3 and section III-B).
+"""Find the first exit within one step of a sampled path (paper, eq. 3 and section III-B).
 
 Between two grid points the path is a Brownian bridge. It crosses a flat wall at distances c0 and c1 with probability
-exp(-2 c0 c1 / variance); given that it does, the time of the first crossing is drawn exactly. Where no noise
-acts on the position, the step is swept through the clearance field instead (`sweep`).
+exp(-2 c0 c1 / variance); the time of the first crossing is then drawn exactly. Without position noise, see `sweep`.
 """
 
 from __future__ import annotations
@@ -74,14 +73,14 @@ def slope_of(field, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def two_walls(field, x, y):  # type: ignore[no-untyped-def]
-    """The two nearest walls at (x, y) [m], border included: distance [m] and unit vector (x, y) away from it, each."""
+    """Return the two nearest walls at (x, y) [m], border included: distance [m] and unit vector away from it, each."""
     nearest, second = with_slope(field, field.nearest, x, y), with_slope(field, field.second, x, y)
     return walls_of(field, x, y, nearest, second)
 
 
 @inlined
 def _with_edge(e, ex, ey, c, nx, ny, d, mx, my):  # type: ignore[no-untyped-def]
-    """The two nearest of three walls, the last two of which are in order."""
+    """Return the two nearest of three walls, the last two of which are in order."""
     first, later = e < c, e < d
     d, mx, my = (
         c if first else (e if later else d),
@@ -93,10 +92,7 @@ def _with_edge(e, ex, ey, c, nx, ny, d, mx, my):  # type: ignore[no-untyped-def]
 
 @inlined
 def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
-    """The same from the clearances [m] of the two nearest obstacles, each a triple (c, gx, gy).
-
-    In single precision, which suffices for a guide.
-    """
+    """Return the two nearest walls from clearances (c, gx, gy) [m] of two obstacles, in single precision."""
     c, nx, ny = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
     d, mx, my = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
     d = d if mx * mx + my * my < JUMP else AWAY
@@ -149,7 +145,7 @@ def _obstacle_survival(field, x, y, nx, ny, c0, c1, variance):  # type: ignore[n
 
 @inlined
 def distances(arena, x, y):  # type: ignore[no-untyped-def]
-    """How far (x, y) is from the obstacles, from the border and from the goal's disc, each negative beyond [m]."""
+    """Distances of (x, y) from the obstacles, from the border and from the goal's disc, each negative beyond [m]."""
     field, goal = arena.field, arena.goal
     edge = border(field, x, y)
     to_goal = math.sqrt((x - goal[0]) ** 2 + (y - goal[1]) ** 2) - arena.radius
@@ -171,7 +167,7 @@ def _behind_wall(field, x, y, nx, ny, c0, c1):  # type: ignore[no-untyped-def]
 
 @kernel
 def _behind_rim(arena, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
-    """The same for the distance g1 to the goal's disc."""
+    """Distance g1 of a step's end to the goal's disc; negative if the chord enters it, as if it ended inside."""
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
     gx, gy = arena.goal
     s = entry_of_piece(x, y, math.atan2(ny - y, nx - x), 0.0, length, gx, gy, arena.radius)
@@ -188,10 +184,7 @@ def line_of(cov):  # type: ignore[no-untyped-def]
 
 @inlined
 def rim_along(arena, x, y, ex, ey):  # type: ignore[no-untyped-def]
-    """Where the line through (x, y) [m] along (ex, ey) first meets the goal's rim: ahead, or negative behind [m].
-
-    Infinity if it misses the disc, outside of which (x, y) lies.
-    """
+    """Distance along (ex, ey) from (x, y) to the goal's rim, negative behind [m]; infinity if the line misses it."""
     dx, dy = arena.goal[0] - x, arena.goal[1] - y
     middle, off = dx * ex + dy * ey, dx * ey - dy * ex
     square = arena.radius * arena.radius - off * off
@@ -200,14 +193,14 @@ def rim_along(arena, x, y, ex, ey):  # type: ignore[no-untyped-def]
 
 @kernel
 def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state, line=False):  # type: ignore[no-untyped-def]
-    """How a noisy step from (x, y) to (nx, ny) ends (paper, eq. 3, between the steps).
+    """Judge how a noisy step from (x, y) to (nx, ny) ends (paper, eq. 3, between the steps).
 
-    Args, in order: arena, start (x, y) and end (nx, ny) of the step [m], the `distances` of these before and after it
-        [m], covariance (xx, xy, yy) of the step [m^2], whether a step that ends in free space is weighed by the
-        probability that it met no wall, instead of being ended with the opposite one, state of the random sequence, and
-        whether the step may keep to a line; then it enters the goal where that line does.
-    Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit, and the logarithm of
-        that probability [nats].
+    Args, in order: arena, start (x, y) and end (nx, ny) of the step [m], `distances` before and after it [m],
+        covariance (xx, xy, yy) of the step [m^2], whether a step that ends in free space is weighed by the probability
+        that it met no wall, instead of being ended with the opposite one, state of the random sequence, and whether the
+        step may keep to a line; then it enters the goal where that line does.
+    Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit, and the log of that
+        probability [nats].
     """
     field, goal, radius = arena.field, arena.goal, arena.radius
     c0, e0, g0 = before
@@ -261,10 +254,10 @@ def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state, line=Fa
 
 @inlined
 def fitting(near, rest, least, scale):  # type: ignore[no-untyped-def]
-    """A step [s] that fits the place: noise carries a path over a third of the way to what ends it, or less.
+    """Fit a step [s] to the place: noise carries a path over a third of the way to what ends it, or less.
 
-    Args: distance to the nearest wall or the goal [m]; time left in the step of the grid, least step [s]; 1 / (9 times
-        the variance per second) [s/m^2].
+    Args: distance to wall or goal [m]; rest of the step of the grid, least step [s]; 1 / (9 variance per second)
+        [s/m^2].
     """
     wish = max(scale * near * near, least)
     if wish >= rest:
@@ -291,11 +284,11 @@ def facing(field, x, y, cov):  # type: ignore[no-untyped-def]
 
 @kernel
 def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type: ignore[no-untyped-def]
-    """Displacement of an isotropic bridge at its first crossing; (dx, dy) is that at the end of the step.
+    """Displace an isotropic bridge to its first crossing, the distance to wall or rim; along it the bridge is drawn.
 
-    Towards the wall or the goal's rim it is the distance to it; along it the bridge is drawn.
-    Args, in order: arena, start (x, y) [m], (dx, dy) [m], GOAL or else COLLISION, share of the step until the
-        crossing, standard deviation of the whole step [m], and state of the random sequence.
+    Args, in order: arena, start (x, y) [m], displacement (dx, dy) at the end of the step [m], GOAL or else COLLISION,
+        share of the step until the crossing, standard deviation of the whole step [m], and state of the random
+        sequence.
     Returns: next state of the sequence, displacement in x and y [m].
     """
     field = arena.field
@@ -315,7 +308,7 @@ def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type:
 
 @kernel
 def endpoint_exit(arena, nx, ny):  # type: ignore[no-untyped-def]
-    """The paper's rule (III-A, steps 3, 4): the path ends if the step's end (nx, ny) [m] is not free, or in the goal.
+    """Apply the paper's rule (III-A, steps 3, 4): exit if the step's end (nx, ny) [m] is not free, or in the goal.
 
     Returns: INSIDE or the Outcome, share of the step until the exit, which is 1.
     """

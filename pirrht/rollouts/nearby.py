@@ -1,7 +1,7 @@
-"""Bodies that may be near a path, by the place and the step of the grid at which it is: found once for all paths.
+"""List bodies that may be near a path, by place and step of the grid: found once for all paths.
 
-Time is cut into stretches of whole steps and space into cells. A cell of a stretch has all bodies that are within the
-reach of any of its places at any time of the stretch. Beyond that reach, or outside of the cells, all bodies count.
+Time is cut into stretches of whole steps and space into cells. A cell of a stretch has all bodies within the reach of
+any of its places at any time of the stretch. Beyond that reach, or outside of the cells, all bodies count.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ SHORTEST = 1e-9  # a body keeps its velocity for at least so long [s]
 
 
 class Nearby(NamedTuple):
-    """Which bodies are near which cell in which stretch of T steps."""
+    """Bodies near each cell in each stretch of T steps."""
 
     reach: float  # to which bodies count [m]; negative: nothing moves
     corner: tuple[float, float]  # least x and y of the cells [m]
@@ -42,12 +42,7 @@ class Nearby(NamedTuple):
 
     @classmethod
     def of(cls, traffic: Traffic, frame: Sequence[float], times: Array, reach: float) -> Nearby:
-        """For paths within a frame (least x, least y, greatest x, greatest y) [m].
-
-        Args:
-            times: ends of their steps on the clock of what moves (T + 1,) [s].
-            reach: to which bodies count [m].
-        """
+        """Build it for paths in a frame (x, y, X, Y) [m] whose steps end at times (T + 1,) [s], and a reach [m]."""
         stretch, bounds = _stretches(times)
         left, low, right, high = map(float, frame)
         wide, deep, most = right - left, high - low, MOST / (len(bounds) - 1)
@@ -69,7 +64,7 @@ NO_NEARBY = Nearby(
 
 
 def _stretches(times: Array) -> tuple[IntArray, Array]:
-    """The stretch of each of the steps that end at times (T + 1,), (T,), and when these begin and the last one ends."""
+    """Assign steps that end at times (T + 1,) to stretches, (T,); when these begin and the last one ends."""
     stretch, bounds = np.zeros(len(times) - 1, np.int64), [float(times[0])]
     for i in range(len(stretch)):
         if times[i] - bounds[-1] >= STRETCH:
@@ -80,7 +75,7 @@ def _stretches(times: Array) -> tuple[IntArray, Array]:
 
 @kernel
 def _jumps(traffic, begin, end):  # type: ignore[no-untyped-def]
-    """When bodies are suddenly elsewhere after one time and before another [s], ascending, and infinity."""
+    """Times between two [s] at which bodies are suddenly elsewhere, ascending, and infinity."""
     found = [math.inf]
     for j in range(traffic.J):
         t = restart_of(traffic, j, begin)
@@ -94,11 +89,8 @@ def _jumps(traffic, begin, end):  # type: ignore[no-untyped-def]
 def _mark(traffic, bounds, cells, reach, room, body):  # type: ignore[no-untyped-def]
     """Note which bodies count in which cells of stretches that begin, and end, at bounds (stretches + 1,) [s].
 
-    A cell is asked for by its middle, and grown by half of its diagonal.
-    Args:
-        cells: their corner [m], one over their side [1/m], and numbers along x and y.
-        room: of each cell, where in `body` its next one goes; counted up, (cells,).
-        body: if it has no room, they are counted only.
+    `cells` are their corner [m], one over their side [1/m] and numbers; a cell is its middle, grown by half its
+    diagonal. `room` (cells,) tells where in `body` its next one goes, counted up; without `body` they are counted only.
     """
     _, per, shape = cells
     seen = np.full(shape[0] * shape[1], -1)
@@ -114,10 +106,7 @@ def _mark(traffic, bounds, cells, reach, room, body):  # type: ignore[no-untyped
 
 @kernel
 def _mark_way(ox, oy, dx, dy, far, cells, whose, seen, room, body):  # type: ignore[no-untyped-def]
-    """The same of one body, a stretch's number and its own of so many, on a way from (ox, oy) by (dx, dy) [m].
-
-    Not where `seen` (cells of a stretch,) tells that it was noted.
-    """
+    """Note one body (stretch, number, of so many) on a path from (ox, oy) by (dx, dy) [m], unless `seen` has."""
     (left, low), per, shape = cells
     s, j, J = whose
     square, stamp = dx * dx + dy * dy, s * J + j
@@ -137,13 +126,13 @@ def _mark_way(ox, oy, dx, dy, far, cells, whose, seen, room, body):  # type: ign
 
 @inlined
 def _columns(begin, end, per, count):  # type: ignore[no-untyped-def]
-    """The columns of cells, of so many, from a place to another [m]."""
+    """Columns of cells, of so many, from a place to another [m]."""
     return range(max(math.floor(begin * per), 0), min(math.floor(end * per) + 1, count))
 
 
 @inlined
 def begin_list(held):  # type: ignore[no-untyped-def]
-    """Another path begins: nothing is listed yet, and no jump is past."""
+    """Empty the list for another path; no jump is past."""
     held[CELL], held[PAST] = NOBODY, 0
 
 
@@ -159,12 +148,9 @@ def list_everybody(bodies, held, listed):  # type: ignore[no-untyped-def]
 
 @inlined
 def list_around(nearby, bodies, i, x, y, within, count, held, listed):  # type: ignore[no-untyped-def]
-    """List bodies that may come so near (x, y) [m] in step i, of so many; returns how many.
+    """List bodies that may come so near (x, y) [m] in step i; returns how many.
 
-    Args:
-        count: how many are listed.
-        held: of what, (HELD,).
-        listed: their numbers, (bodies,), ascending.
+    `count`, `held` (HELD,) and `listed` (bodies,), ascending, are what the last call has left.
     """
     u, v = (x - nearby.corner[0]) * nearby.per, (y - nearby.corner[1]) * nearby.per
     if not (within <= nearby.reach and 0.0 <= u < nearby.shape[0] and 0.0 <= v < nearby.shape[1]):
@@ -180,7 +166,7 @@ def list_around(nearby, bodies, i, x, y, within, count, held, listed):  # type: 
 
 @inlined
 def next_jump(nearby, t, held):  # type: ignore[no-untyped-def]
-    """When a body is suddenly elsewhere after t [s], which is no earlier than when a path asked before [s]."""
+    """Next time after t [s] at which a body is suddenly elsewhere; a path asks at times that do not fall [s]."""
     while nearby.jumps[held[PAST]] <= t:
         held[PAST] += 1
     return nearby.jumps[held[PAST]]

@@ -1,4 +1,4 @@
-"""What compiled rollouts take and give."""
+"""Hold inputs and outputs of compiled rollouts."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ FINER = 4  # rows of the law of any other system per step of the grid
 
 
 def law_width(n: int, modes: int) -> int:
-    """Numbers per step of the law of any other system with n states, under noise of so many modes per step.
+    """Numbers per step of the law of a system that is no car, with n states, under noise of so many modes per step.
 
     In this order: a (modes,), its slopes K' (n, modes), the state (n,) they are for, the deviation L' (modes, modes) of
-    the noise as a share of the passive one, its inverse likewise, log det L, what no component of a exceeds, and
-    weights (n,) of the squares that tell which of these states is the nearest.
+    the noise as a share of the passive one, its inverse, log det L, the greatest component of a, and weights (n,) of
+    squares that tell the nearest of these states.
     """
     return modes + modes * n + n + 2 * modes * modes + 2 + n
 
 
 class Setup(NamedTuple):
-    """What a rollout needs to know of scene and problem."""
+    """Scene and problem as rollouts need them."""
 
     arena: Arena
     cuts: Cuts
@@ -45,9 +45,9 @@ class Setup(NamedTuple):
 
 
 class MovingSetup(NamedTuple):
-    """The same where bodies move."""
+    """Scene and problem as rollouts need them among moving obstacles."""
 
-    arena: Arena  # of what stands
+    arena: Arena  # of static obstacles
     cuts: Cuts
     parameters: Array
     gain: Array
@@ -61,12 +61,12 @@ class MovingSetup(NamedTuple):
 
     @classmethod
     def of(cls, setup: Setup, traffic: Traffic) -> MovingSetup:
-        """What moves beside what stands."""
+        """Add moving obstacles to a setup."""
         return cls(*setup, traffic, NO_MARKS)
 
 
 class Leads(NamedTuple):
-    """What samples around H references follow, one row each: a tape, a way or a law; kernels read it."""
+    """Proposal controls around H references, one row each: a control sequence, a way or a law; kernels read it."""
 
     control: Array  # (H, T, m) tapes; zero for references with a way or a law
     drift: Array  # (H, T, m) a = B_c^-1 G_c u, the same in noise units, where the gain is constant
@@ -90,7 +90,7 @@ class Leads(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """Where the samples of a batch come from: with its number, all that a path depends on."""
+    """Start of the samples of a batch: with its number, all that a path depends on."""
 
     x: Array  # (n,) state they start from
     seed: np.uint64
@@ -98,7 +98,7 @@ class Origin(NamedTuple):
 
 
 class Chosen(NamedTuple):
-    """Samples that are looked at again, and what they count in which group."""
+    """Samples that are simulated again, and what they count in which group."""
 
     number: NDArray[np.int64]  # (c,) from 0 to S
     group: NDArray[np.int64]  # (c,)
@@ -106,7 +106,7 @@ class Chosen(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """What is kept of S sampled paths; kernels write into it."""
+    """Results of S sampled paths; kernels write into it."""
 
     work: Array  # (S,) integral of q up to the exit [cost]
     log_ratio: Array  # (S, H) log dQ_g/dP of each path under each reference [nats]
@@ -120,18 +120,11 @@ class Paths(NamedTuple):
 
 
 def empty_paths(S: int, H: int, m: int) -> Paths:
-    """Room for S paths under H references: `Paths` of zeros, (S,), (S, H) and (S, m), [cost] and [s] as there."""
+    """Allocate S paths under H references: `Paths` of zeros, (S,), (S, H) and (S, m), [cost] and [s] as there."""
     return Paths(
-        work=np.zeros(S),
-        log_ratio=np.zeros((S, H)),
-        key=np.zeros(S, np.int64),
-        outcome=np.zeros(S, np.int8),
-        steps=np.zeros(S, np.int32),
-        now=np.zeros((S, m)),
-        span=np.zeros(S),
-        led=np.zeros((S, m)),
-        lasting=np.zeros(S),
-    )
+        work=np.zeros(S), log_ratio=np.zeros((S, H)), key=np.zeros(S, np.int64), outcome=np.zeros(S, np.int8),
+        steps=np.zeros(S, np.int32), now=np.zeros((S, m)), span=np.zeros(S), led=np.zeros((S, m)), lasting=np.zeros(S),
+    )  # fmt: skip
 
 
 class Kernels(NamedTuple):

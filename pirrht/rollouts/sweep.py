@@ -1,4 +1,4 @@
-"""First exit within a step on whose position no noise acts: it is swept through the clearance field."""
+"""Find the first exit within a step without position noise: it is swept through the clearance field."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def turn_of(vx, vy, wx, wy, dx, dy, dt):  # type: ignore[no-untyped-def]
 
 @kernel
 def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
-    """How a step from (x, y) to (nx, ny) [m] without position noise ends: it is marched by certified clearances.
+    """Judge how a step from (x, y) to (nx, ny) [m] without position noise ends, by certified clearances.
 
-    A step that turns by so much in all [rad] is an arc beside its chord; into the goal it counts as straight.
+    A step that turns [rad] is an arc next to its chord; into the goal it counts as straight.
     Returns: INSIDE or the Outcome, share of the step until the exit.
     """
     exit, share, _ = _march(arena, x, y, nx, ny, turn, 0.0, 0.0)
@@ -36,7 +36,7 @@ def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
 
 @inlined
 def sweep_onward(arena, x, y, nx, ny, turn, room):  # type: ignore[no-untyped-def]
-    """The same for a path of many steps: no wall is nearer to (x, y) than `room` [m], as far as is known.
+    """Judge a step of a path of many: no wall is nearer to (x, y) than `room` [m], as far as is known.
 
     What the clearances at both ends of a step cover between them is not marched.
     Returns: INSIDE or the Outcome, share of the step until the exit, room at its end.
@@ -55,10 +55,7 @@ def sweep_onward(arena, x, y, nx, ny, turn, room):  # type: ignore[no-untyped-de
 
 @kernel
 def _march(arena, x, y, nx, ny, turn, room, ahead):  # type: ignore[no-untyped-def]
-    """What `sweep_exit` does, where no wall is nearer to the start than `room` and to the end than `ahead` [m].
-
-    Of them it looks only at what these leave open; 0 where nothing is known.
-    """
+    """March what `room` [m] around the start and `ahead` [m] around the end leave open; 0 where nothing is known."""
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
     if length == 0.0:
         exit, share = endpoint_exit(arena, nx, ny)

@@ -1,8 +1,8 @@
-"""Climbing the desirability of a way: what a sample does that follows a reference, inside compiled rollouts.
+"""Climb the desirability of a way: the proposal control of a sample that follows a reference.
 
-A way is a reference with cross-sections; at nodes on them the slope of log psi of its class is known (`guidance.ways`),
-and over what length psi falls to zero towards the walls on both sides. Between nodes and cross-sections these are
-interpolated, behind the last one the goal is in sight, where psi is that of a disc in the open.
+A way is a reference with cross-sections; nodes on them know the slope of log psi of its class (`guidance.ways`) and the
+lengths over which psi falls to zero towards the walls on both sides. Between nodes and cross-sections these are
+interpolated; behind the last one psi is that of a disc in the open.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TINY = np.float32(1e-9)
 
 
 class Ways(NamedTuple):
-    """Ways of H references, of at most C cross-sections with J nodes each; plain arrays, so that kernels can take them.
+    """Ways of H references, of at most C cross-sections with J nodes each, as plain arrays for kernels.
 
     A cross-section is a point on the reference, the unit normal in the direction of travel, the offset to the left of
     the first node and the number of nodes per meter.
@@ -39,14 +39,14 @@ class Ways(NamedTuple):
 
 
 def no_ways(H: int, C: int, J: int, decay: float) -> Ways:
-    """Room for H ways of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
+    """Allocate H ways of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
     place, slope = np.zeros((H, C, PLACE), np.float32), np.zeros((H, C, J, KNOWN), np.float32)
     return Ways(np.zeros(H, np.int64), place, slope, decay)
 
 
 @inlined
 def _beside(place, s, dx, dy):  # type: ignore[no-untyped-def]
-    """How far a place (dx, dy) from the point of cross-section s lies along it, in nodes."""
+    """Place (dx, dy) from the point of cross-section s, along it, in nodes."""
     k = PLACE * s
     left = dy * load_float32(place, k + 2) - dx * load_float32(place, k + 3)
     return (left - load_float32(place, k + 4)) * load_float32(place, k + 5)
@@ -54,7 +54,7 @@ def _beside(place, s, dx, dy):  # type: ignore[no-untyped-def]
 
 @inlined
 def _at_nodes(slope, s, J, node):  # type: ignore[no-untyped-def]
-    """What is known on cross-section s, `node` nodes from its first one, linear between two."""
+    """Interpolate cross-section s, `node` nodes from its first one."""
     node = min(max(node, ZERO), np.float32(J - 1))
     j = min(np.int64(node), J - 2)
     share, k = node - np.float32(j), KNOWN * (s * J + j)
@@ -67,9 +67,9 @@ def _at_nodes(slope, s, J, node):  # type: ignore[no-untyped-def]
 
 @inlined
 def push_of(c, reach):  # type: ignore[no-untyped-def]
-    """How fast log psi grows with the distance c to a wall of reach b, 1 / (b (exp(c/b) - 1)) to third order [1/m].
+    """1 / (b (exp(c/b) - 1)) to third order [1/m]: slope of log psi at a distance c from a wall of reach b.
 
-    So it does where psi goes like 1 - exp(-c/b), as what a mirror image leaves.
+    There psi goes like 1 - exp(-c/b).
     """
     s = c / (reach + TINY)
     return ONE / (c * (ONE + s * (HALF + s * (SIXTH + s * LATER))))
@@ -77,7 +77,7 @@ def push_of(c, reach):  # type: ignore[no-untyped-def]
 
 @inlined
 def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-def]
-    """Add what walls account for, that reach as far as the ones to the `left` and `right` of (tx, ty) do [m]."""
+    """Add the push of walls that reach as far as the ones to the `left` and `right` of (tx, ty) do [m]."""
     c, nx, ny, d, mx, my = walls
     first, second = nx * ty - ny * tx > ZERO, mx * ty - my * tx > ZERO  # whether they stand to the left
     near = left if first else right
@@ -88,11 +88,10 @@ def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-
 
 @inlined
 def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[no-untyped-def]
-    """Which cross-section (x, y) [m] has passed, the s-th or one near it, and grad log psi there [1/m].
+    """Return the cross-section that (x, y) [m] has passed, the s-th or one near it, and grad log psi there [1/m].
 
     Args: addresses of a way's `Ways.place` and `Ways.slope`, number of its last cross-section, J, k [1/m], the goal's
-    centre [m], s, (x, y) [m], `two_walls` there, none closer than they may push. Single precision suffices for a
-    guide, as long as the likelihood ratio is that of what was followed.
+        centre [m], s, (x, y) [m], `two_walls` there, none closer than they may push. Single precision suffices.
     """
     x, y = np.float32(x), np.float32(y)
     k = PLACE * s
@@ -127,10 +126,7 @@ def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[
 
 @kernel
 def slope_along(ways, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def]
-    """Write grad log psi [1/m] at (x, y) [m] on way g to out (2,).
-
-    The goal's centre is (x, y) [m]; `walls` are as `uphill` takes them.
-    """
+    """Write grad log psi [1/m] at (x, y) [m] on way g to out (2,); goal's centre [m] and walls as of `uphill`."""
     _, C, J, _ = ways.slope.shape
     place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
     stage, before = 0, -1

@@ -1,9 +1,8 @@
-"""Shortening paths of any steering method inside their class: the cheapest chain of its own connections.
+"""Shorten paths of any steering method inside their class: the cheapest chain of its own connections.
 
 A round puts stations along the path, its vertices and states between them, and joins any two by the method's optimal
-motion, where that is free, stays outside the goal and turns around the markers as what it replaces. What is cheapest
-from the first to the last is a shortest path through these. The first round spreads stations evenly, later ones put
-them ever nearer to the corners that are left.
+motion, where that is free, stays outside the goal and turns around the markers as the stretch it replaces. The cheapest
+chain from first to last is a shortest path. The first round spreads stations evenly, later ones ever nearer to corners.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from pirrht.geometry.certify import FREE, UNSURE
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Steering
+from pirrht.topology.turns import Turns
 
 EVEN = 16  # stations of the first round, vertices not counted
 CORNERS = 6  # rounds that follow, each with stations twice as near to the corners
@@ -29,7 +29,7 @@ ROUNDING = 1e-6  # share of the cost of a motion by which its parts may cost mor
 
 
 def cheapest_chain(path: Motions, steering: Steering, space: FreeSpace) -> Any:
-    """A path of consecutive motions into the goal, of the same kind and class, that never costs more."""
+    """Find a path of consecutive motions into the goal, of one kind and class with `path`, that never costs more."""
     checker = EdgeChecker.of(space, steering)
     idle = 0
     for number in range(1 + CORNERS):
@@ -47,7 +47,7 @@ def cheapest_chain(path: Motions, steering: Steering, space: FreeSpace) -> Any:
 
 
 def resumed(x: Array, path: Motions, steering: Steering, space: FreeSpace) -> Any:
-    """The cheapest path from x (n,) to one of the next corners of an earlier one and on; None if none is free.
+    """Find the cheapest path from x (n,) to one of the next corners of an earlier one and on; None if none is free.
 
     Its class is that of x, the next corner and on, if the motion to that is free; else it may be another.
     """
@@ -61,7 +61,7 @@ def resumed(x: Array, path: Motions, steering: Steering, space: FreeSpace) -> An
     free, direct = edges.free[:count], edges.cost[:count]
     if edges.status[0] == UNSURE:
         free[0] = checker.motion.ask(record, 0, checker.space)
-    key = _keys(edges.turns.first, edges.turns.marker, edges.turns.turn, checker.around.weights)
+    key = _keys(edges.turns, checker.around.weights)
     if free[0]:
         free &= key[:count] == key[0] + np.concatenate([[0], np.cumsum(key[count:])])
     if not free.any():
@@ -94,10 +94,9 @@ def _stations(path: Motions, steering: Steering, number: int) -> Array:
 
 
 def _joined(checker: EdgeChecker, steering: Steering, stations: Array) -> Any:
-    """The cheapest chain of free motions from the first to the last station (l, n), in the class of all; None if none.
+    """Find the cheapest chain of free motions from the first to the last station (l, n), in the class of all, or None.
 
-    Motions between neighbours make the class, and FCL is asked where the clearance field cannot tell; of others it is
-    not.
+    Motions between neighbours make the class; FCL is asked of those alone where the clearance field is not certain.
     """
     count = len(stations)
     i, j = np.triu_indices(count, 1)
@@ -109,19 +108,17 @@ def _joined(checker: EdgeChecker, steering: Steering, stations: Array) -> Any:
         free[row] = checker.motion.ask(record, row, checker.space)
     if not free[next_].all():
         return None
-    key = _keys(edges.turns.first, edges.turns.marker, edges.turns.turn, checker.around.weights)
+    key = _keys(edges.turns, checker.around.weights)
     passed = np.concatenate([[0], np.cumsum(key[next_])])
     free &= key == passed[j] - passed[i]
     order = _cheapest(count, i, j, edges.cost, free)
     return checker.until_goal(steering.connect(stations[order[:-1]], stations[order[1:]]))
 
 
-def _keys(
-    first: NDArray[np.int64], marker: NDArray[np.int32], turn: NDArray[np.int16], weights: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Additive key of the turns of each of k motions, (k,); pairs as in `Turns`."""
-    summed = np.concatenate([[0], np.cumsum(weights[marker] * turn)])
-    return np.asarray(summed[first[1:]] - summed[first[:-1]])
+def _keys(turns: Turns, weights: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Additive key of the turns of each of k motions, (k,)."""
+    summed = np.concatenate([[0], np.cumsum(weights[turns.marker] * turns.turn)])
+    return np.asarray(summed[turns.first[1:]] - summed[turns.first[:-1]])
 
 
 def _cheapest(

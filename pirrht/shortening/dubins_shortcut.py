@@ -1,8 +1,8 @@
-"""Shortening a Dubins path inside its homology class, under the same bound on its curvature.
+"""Shorten a Dubins path inside its homology class, under one bound on its curvature.
 
 A round replaces parts of the path by the best chain of Dubins curves between stations along it, a shortest-path problem
-of its own, then tightens the joints where the chain bends. Whatever is put in is free by the clearance field and turns
-around the markers as what it replaces.
+of its own, then tightens the joints where the chain bends. New pieces are certified by the clearance field and turn
+around the markers as the pieces they replace.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves, along, entry_of_curve
 from pirrht.geometry.certify import surely_free
-from pirrht.shortening.dubins_bends import tighten
-from pirrht.shortening.dubins_legs import Pieces, append, approach, key_of_leg
+from pirrht.shortening.dubins_legs import Pieces, append, approach, key_of_leg, tighten
 from pirrht.steering.dubins import Dubins, length_between, shortest
 from pirrht.steering.motion import Surroundings
 
@@ -38,10 +37,9 @@ class Stations(NamedTuple):
 
 
 def shortcut(path: Curves, steering: Dubins, space: FreeSpace, rounds: tuple[int, ...] = ROUNDS) -> Curves:
-    """A path (rows are consecutive curves into the goal's disc) of the same class that is never longer [m].
+    """Shorten a path of (k, P) pieces into the goal's disc, or return it: (l, 3) pieces of its class, never longer [m].
 
-    `rounds` are numbers of stations. Takes (k, P) pieces, returns the same path or (l, 3) pieces. What is kept of the
-    path is not judged again.
+    `rounds` are numbers of stations. Kept stretches of the path are not judged again.
     """
     around = Surroundings.of(space, steering.radius)
     room = 9 * (path.length.size + max(rounds) + 1)
@@ -58,20 +56,16 @@ def shortcut(path: Curves, steering: Dubins, space: FreeSpace, rounds: tuple[int
 
 
 def in_rows(pieces: Pieces, cost_per_meter: float) -> Curves:
-    """Consecutive pieces as curves of three pieces each."""
+    """Arrange consecutive pieces as curves of three pieces each."""
     count = len(pieces.length)
     kappa, ell = np.zeros((2, -(-count // 3), 3))
     kappa.flat[:count], ell.flat[:count] = pieces.curvature, pieces.length
     start = pieces.pose[::3].copy()
     end = np.array(along(*pieces.pose[-1], pieces.curvature[-1], pieces.length[-1]))
     return Curves(
-        start=start,
-        curvature=kappa,
-        length=ell,
-        cost=ell.sum(axis=1) * cost_per_meter,
-        tails=start,
+        start=start, curvature=kappa, length=ell, cost=ell.sum(axis=1) * cost_per_meter, tails=start,
         heads=np.vstack([start[1:], end]),
-    )
+    )  # fmt: skip
 
 
 @kernel

@@ -1,8 +1,8 @@
-"""Shortening paths in space and time inside their class, until they are nearly the optimum of the class.
+"""Shorten paths in space and time inside their class, until they are nearly the optimum of the class.
 
-Any knots between two others may be left out where the straight way between those is free, within the limit of speeds
-and of the same class: that never costs more. Then all knots move, in space and time, to where the path costs least
-(`timed_relaxation`), more of them where it bends. What comes out counts only if it is certified and of the class.
+Knots between two others are left out where the straight line between those is free, within the limit of speeds and of
+one class: that never costs more. Then all knots move, in space and time, to where the path costs least
+(`timed_relaxation`), more of them where it bends. The result counts only if it is certified and of the class.
 """
 
 from __future__ import annotations
@@ -21,20 +21,16 @@ from pirrht.steering.in_time import LATE, InTime
 from pirrht.topology.cuts import crossed
 from pirrht.topology.in_time import whole_turns
 
-# Legs of a round, and clearances that are wanted [m]; the first with which all legs are certified counts.
+# Legs of a round, and clearances to keep [m]; the first with which all legs are certified counts.
 ROUNDS = (24, (1e-2, 3e-2)), (40, (1e-3, 4e-3, 1.5e-2))
-AGAIN = (
-    4e-3,
-    1.5e-2,
-    0.0,
-)  # and where an earlier path is made taut again; with 0 it stays as it is but for its start [m]
+AGAIN = (4e-3, 1.5e-2, 0.0)  # when an earlier path is shortened again; with 0 only its start changes [m]
 SOON = 0.5  # of the mean duration of its legs: a knot that is so near in time is left out
 PATIENCE = 2  # knots that are tried without success before a straight way is as long as it gets
 BENDS = 0.6  # share of the knots of the second round that go where the path bends
 
 
 def taut_in_time(path: Legs, steering: InTime, space: FreeSpace) -> Legs:
-    """A path into the goal's disc of the same class that never costs more."""
+    """Shorten a path into the goal's disc inside its class, at no more cost."""
     checker = EdgeChecker.of(space, steering)
     joined = _joined(path.knots, steering, checker, far=True)
     best = path if joined is None or joined.cost.sum() > path.cost.sum() else joined
@@ -48,9 +44,9 @@ def taut_in_time(path: Legs, steering: InTime, space: FreeSpace) -> Legs:
 
 
 def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Legs | None:
-    """What is left of a path that was taut, from a place and a time x (3,) [m, m, s] near it, and taut again.
+    """Shorten the rest of a path from a place and a time x (3,) [m, m, s] near it; None if none is left or free.
 
-    Its class is not looked at. None if nothing is left, or something has come into the way.
+    Its class is not checked.
     """
     goal, knots = checker.space.scene.goal, path.knots
     soon = x[2] + SOON * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
@@ -70,24 +66,24 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
 
 
 def _into(place: Array, goal: Goal) -> Array:
-    """A place (2,) [m], or one inside the goal's disc [m]."""
+    """Move a place (2,) [m] inside the goal's disc [m]."""
     away = place - goal.center
     inside: Array = goal.center + away * min(1.0, (1.0 - INSIDE) * goal.radius / max(np.hypot(*away), 1e-300))
     return inside
 
 
 def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: EdgeChecker) -> Legs | None:
-    """A path of moved knots if it is free, of the class and cheaper, else None."""
+    """Move the knots of a path; None unless the result is free, of the class and cheaper."""
     knots = _meshed(path.knots, count)
     relax(checker.around, steering.compiled.numbers, knots, margin, checker.space.scene.robot_radius, 0)
     found = _joined(knots, steering, checker, far=False)
-    if found is None or found.cost.sum() >= path.cost.sum() or _key(found.knots, checker) != _key(path.knots, checker):
+    if found is None or found.cost.sum() >= path.cost.sum():
         return None
-    return found
+    return found if _key_of(checker.around, found.knots) == _key_of(checker.around, path.knots) else None
 
 
 def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) -> Legs | None:
-    """The path over some of the knots (k, 3), all legs of which are free up to the goal's disc; None if one is not."""
+    """Join some of the knots (k, 3) by legs that are all free up to the goal's disc; None if one is not."""
     kept, goal = knots.copy(), checker.space.scene.goal
     kept[-1, :2] = _into(kept[-1, :2], goal)
     count = _shortcut(checker.around, steering.compiled.numbers, kept, far)
@@ -96,13 +92,8 @@ def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) 
     return path if checker.inspect(path, last).free.all() else None
 
 
-def _key(knots: Array, checker: EdgeChecker) -> int:
-    """Additive key of the class of a path over knots (k, 3)."""
-    return int(_key_of(checker.around, knots))
-
-
 def _meshed(knots: Array, count: int) -> Array:
-    """A path over knots (k, 3) with so many legs, denser where it bends, (count + 1, 3)."""
+    """Divide a path over knots (k, 3) into `count` legs, denser where it bends, (count + 1, 3)."""
     steps = np.diff(knots, axis=0)
     steps = steps[steps[:, 2] > 0.0]
     knots = np.vstack([knots[0], knots[0] + np.cumsum(steps, axis=0)])
@@ -122,7 +113,7 @@ def _meshed(knots: Array, count: int) -> Array:
 
 @kernel
 def _key_of_leg(around, a, b, to_goal, marker, turn):  # type: ignore[no-untyped-def]
-    """Additive key of the straight way from a to b, 2 x (3,); marker, turn (M,) are room."""
+    """Additive key of the straight line from a to b, 2 x (3,); marker, turn (M,) are scratch."""
     key, standing = np.int64(0), around.markers.shape[0]
     for i in range(crossed(around.cuts, a[0], a[1], b[0], b[1], marker, turn, 0)):
         key += turn[i] * around.weights[marker[i]]
@@ -146,10 +137,9 @@ def _key_of(around, knots):  # type: ignore[no-untyped-def]
 
 @kernel
 def _shortcut(around, numbers, knots, far):  # type: ignore[no-untyped-def]
-    """Leave out knots (k, 3) between which and others a free straight way of the class leads, in place; how many stay.
+    """Leave out knots (k, 3) between others joined by a free straight line of the class, in place; how many stay.
 
-    The last one is where the path enters the goal's disc. Only with `far` is it asked whether a way leads to a knot
-    where none leads to the PATIENCE before that.
+    The last one is where the path enters the goal's disc. Without `far` a search ends after PATIENCE knots in vain.
     """
     M, count = around.weights.shape[0], knots.shape[0]
     marker, turn, kept, i, speed = np.empty(M, np.int32), np.empty(M, np.int16), 1, 0, numbers[2]

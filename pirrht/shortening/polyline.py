@@ -1,4 +1,4 @@
-"""Polylines pulled taut inside their class: shortcuts between corners, and corners blunted where they touch."""
+"""Shorten polylines inside their class: shortcuts between corners, and corners blunted where they touch."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SLIDES = 12  # halvings of a leg along which a corner slides
 
 
 def taut_polyline(points: Array, space: FreeSpace) -> Array:
-    """A polyline (k, 2) [m] that ends in the goal's disc, pulled taut inside its class, (l, 2) [m]; never longer."""
+    """Shorten a polyline (k, 2) [m] that ends in the goal's disc inside its class, (l, 2) [m]; never longer."""
     room = max(ROOM[0], ROOM[1] * len(points))
     out = np.empty((room + MORE_ROOM, 2))
     short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), room, out)].copy()
@@ -41,7 +41,7 @@ def _length(points: Array) -> float:
 
 @kernel
 def _contractible(around, points, i, j):  # type: ignore[no-untyped-def]
-    """Whether the loop points[i..j] and straight back encircles no marker."""
+    """Tell whether the loop points[i..j] and straight back encircles no marker."""
     key = key_of_segment(around.cuts, points[j, 0], points[j, 1], points[i, 0], points[i, 1])
     for a in range(i, j):
         key += key_of_segment(around.cuts, points[a, 0], points[a, 1], points[a + 1, 0], points[a + 1, 1])
@@ -58,7 +58,7 @@ def _entry(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def _clear(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Whether the segment ab is certainly free up to where it enters the goal's disc."""
+    """Tell whether the segment ab is certainly free up to where it enters the goal's disc."""
     length, s = _entry(around, ax, ay, bx, by)
     if s < length:
         bx, by = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
@@ -67,14 +67,14 @@ def _clear(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def _replaceable(around, points, i, j):  # type: ignore[no-untyped-def]
-    """Whether a free straight piece of the same class leads from points[i] to points[j]."""
+    """Tell whether a free straight piece of one class leads from points[i] to points[j]."""
     free = _clear(around, points[i, 0], points[i, 1], points[j, 0], points[j, 1])
     return free and _contractible(around, points, i, j)
 
 
 @kernel
 def _shortcut(around, points, count):  # type: ignore[no-untyped-def]
-    """Leave out every run of corners that a free straight piece of the same class can replace."""
+    """Leave out every run of corners that a free straight piece of one class can replace."""
     i = 0
     while i < count - 2:
         for j in range(count - 1, i + 1, -1):
@@ -90,10 +90,7 @@ def _shortcut(around, points, count):  # type: ignore[no-untyped-def]
 
 @kernel
 def _blunted(around, corner):  # type: ignore[no-untyped-def]
-    """Largest share of both legs by which a corner can be blunted; corner is (before, corner, after), (3, 2).
-
-    Rows 0 and 2 are replaced by the ends of the piece that does so.
-    """
+    """Blunt a corner (before, corner, after), (3, 2), by most of both legs; rows 0 and 2 become the new piece."""
     x, y = corner[1, 0], corner[1, 1]
     ax, ay, bx, by = corner[0, 0] - x, corner[0, 1] - y, corner[2, 0] - x, corner[2, 1] - y
     low, high = 0.0, 1.0
@@ -112,7 +109,7 @@ def _blunted(around, corner):  # type: ignore[no-untyped-def]
 
 @inlined
 def _turn(corner):  # type: ignore[no-untyped-def]
-    """How much a path turns at a corner (before, corner, after), (3, 2) [rad]."""
+    """Angle by which a path turns at a corner (before, corner, after), (3, 2) [rad]."""
     ax, ay = corner[1, 0] - corner[0, 0], corner[1, 1] - corner[0, 1]
     bx, by = corner[2, 0] - corner[1, 0], corner[2, 1] - corner[1, 1]
     return abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
@@ -120,16 +117,13 @@ def _turn(corner):  # type: ignore[no-untyped-def]
 
 @inlined
 def _touches(around, x, y):  # type: ignore[no-untyped-def]
-    """Whether something keeps a corner at (x, y) [m] from being cut."""
+    """Tell whether something keeps a corner at (x, y) [m] from being cut."""
     return clearance(around.field, x, y) <= TOUCH
 
 
 @kernel
 def _blunt_corners(around, points, count, least, room, out):  # type: ignore[no-untyped-def]
-    """Blunt every corner that turns more than `least` [rad], or touches nothing, as far as the obstacles allow.
-
-    The number of points written to out, fewer than `room`.
-    """
+    """Blunt corners that turn more than `least` [rad], or touch nothing; number of points, fewer than `room`."""
     out[0, 0], out[0, 1] = points[0, 0], points[0, 1]
     n = 1
     corner = np.empty((3, 2))

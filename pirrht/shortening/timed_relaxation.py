@@ -1,10 +1,10 @@
-"""Knots of a path in space and time, moved to where the path costs least while it keeps off everything.
+"""Move the knots of a path in space and time to where it costs least while it keeps off all obstacles.
 
-Knots lie at fixed shares of the path's duration; their places and the duration change, and the cost, the sum of
-q dt + (r/2) |dx|^2 / dt, is convex in these. What the path must keep off is a penalty on how much of a margin it lacks
-at points of every leg, and so are the limit of speeds and the goal's disc, into which the last knot leads. All terms
-are squares of what is nearly linear in two neighbouring knots and the duration, so a Newton step solves a matrix of
-three side diagonals with a border. Clearances are known well only outside of solids: no step is longer than the robot.
+Knots lie at fixed shares of the path's duration; their places and the duration change, and the cost, the sum of q dt +
+(r/2) |dx|^2 / dt, is convex in these. Penalties are squares of the margin lacking at points of every leg, of speeds
+over the limit, and of the last knot's distance to the goal's disc. All terms are nearly linear in two neighbouring
+knots and the duration, so a Newton step solves a matrix of three side diagonals with a border. Clearances are known
+well only outside of solids: no step is longer than the robot.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def _add(matrix, border, slope, first, along, value, weight):  # type: ignore[no
 
 @kernel
 def _around(around, knots, near):  # type: ignore[no-untyped-def]
-    """Write to `near` (J,) which bodies come so near to a path that they may matter; how many do."""
+    """Write the bodies that come so near to a path that they may matter to `near` (J,); how many do."""
     traffic, count = around.traffic, 0
     for j in range(traffic.J):
         matters = False
@@ -70,7 +70,7 @@ def _around(around, knots, near):  # type: ignore[no-untyped-def]
 
 @inlined
 def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
-    """Write what is nearer than a margin [m] to rows of `walls` (J + 1, WALL), as `moving_walls` does; how many."""
+    """Write walls nearer than a margin [m] to rows of `walls` (J + 1, WALL), as `moving_walls` does; how many."""
     count, field, traffic = 0, around.field, around.traffic
     for j in near:
         ox, oy, yaw, vx, vy, turn, _ = piece_of(traffic, j, t)
@@ -92,16 +92,11 @@ def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def
 
 @kernel
 def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope):  # type: ignore[no-untyped-def]
-    """Cost of a path and of what it lacks; its slope and the matrix of it are written if there is room for them.
+    """Cost of a path and its penalties; write the slope and the matrix of it if there is room for them.
 
-    Args:
-        around: of `TimedSurroundings`.
-        near: bodies that may matter.
-        numbers: q, r and the limit of speeds.
-        knots: the path (N + 1, 3) [m, m, s].
-        weight: of what is lacking [cost/m^2].
-        margin: clearance that is wanted [m].
-        matrix, border, slope: (2 N, BAND), (2 N + 1,) and (2 N + 1,), of the places but the first and the duration.
+    Args: `TimedSurroundings`; `near`, bodies that may matter; numbers q, r and the limit of speeds; knots (N + 1, 3)
+        [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; `matrix`, `border` and `slope`, (2
+        N, BAND), (2 N + 1,) and (2 N + 1,), of the places but the first and the duration.
     """
     q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - SLOWER), knots.shape[0] - 1
     walls, along, total = np.empty((around.traffic.J + 1, WALL)), np.empty(5), 0.0
@@ -131,12 +126,8 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
                 lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
                 total += 0.5 * weight * lacking * lacking
                 if model:
-                    along[0], along[1], along[2], along[3] = (
-                        (share - 1.0) * nx,
-                        (share - 1.0) * ny,
-                        -share * nx,
-                        -share * ny,
-                    )
+                    along[0], along[1] = (share - 1.0) * nx, (share - 1.0) * ny
+                    along[2], along[3] = -share * nx, -share * ny
                     along[4] = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
                     _add(matrix, border, slope, i, along, lacking, weight)
     gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
@@ -164,7 +155,7 @@ def _decomposed(matrix, damping):  # type: ignore[no-untyped-def]
 
 @kernel
 def _solved(matrix, right, out):  # type: ignore[no-untyped-def]
-    """Write what a decomposed matrix (l, BAND) times equals -right (l + 1,), to `out` (l,)."""
+    """Write the solution of a decomposed matrix (l, BAND) and -right (l + 1,) to `out` (l,)."""
     n = out.shape[0]
     for i in range(n):
         total = -right[i]
@@ -180,7 +171,7 @@ def _solved(matrix, right, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _step(matrix, border, slope, damping, step, work):  # type: ignore[no-untyped-def]
-    """Write the Newton step to `step` (l + 1,) of a model (l, BAND), (l + 1,), (l + 1,); `work` (l,) is room."""
+    """Write the Newton step of a model (l, BAND), (l + 1,), (l + 1,) to `step` (l + 1,); `work` (l,) is scratch."""
     n = work.shape[0]
     _decomposed(matrix, damping)
     _solved(matrix, slope, step[:n])
@@ -206,7 +197,7 @@ def _moved(knots, step, share, out):  # type: ignore[no-untyped-def]
 
 @inlined
 def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
-    """The share of a step that moves no knot too far [m] for bodies that go so fast, nor ends the path at once."""
+    """Share of a step that moves no knot too far [m] for bodies that go so fast, nor ends the path at once."""
     last = knots.shape[0] - 1
     whole, change, share = knots[last, 2] - knots[0, 2], step[2 * last], 1.0
     if change < 0.0:
@@ -223,13 +214,9 @@ def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
 def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
     """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
 
-    Args:
-        around: of `TimedSurroundings`.
-        numbers: q, r and the limit of speeds.
-        knots: their places and times, which increase [m, m, s].
-        margin: clearance that is wanted [m].
-        thin: radius of the robot [m].
-        first: number of the first of WEIGHTS; a path that costs nearly the least needs the last only.
+    Args: `TimedSurroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin,
+        the clearance to keep [m]; `thin`, radius of the robot [m]; `first` of WEIGHTS: a nearly optimal path needs the
+        last only.
     """
     n, fastest = 2 * (knots.shape[0] - 1), 0.0
     matrix, border, slope, none = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1), np.empty(0)

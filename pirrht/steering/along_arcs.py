@@ -1,9 +1,14 @@
-"""Motions along arcs and straight pieces at one speed, whose cost is proportional to their length."""
+"""Motions along arcs and straight pieces: at one speed, or each at the speed that its curvature asks for.
+
+With the cost rate q + (r_v v^2 + r_w w^2) / 2 and w = k v on a piece of curvature k, a meter costs least at the speed
+v = sqrt(2 q / (r_v + r_w k^2)); it then costs sqrt(2 q (r_v + r_w k^2)) = 2 q / v.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,27 +40,33 @@ def _record(curves: Curves) -> Arcs:
     return Arcs(curves.start, curves.curvature, curves.length.copy(), curves.cost.copy(), curves.heads)
 
 
+@inlined
+def _entry(arcs, i, around):  # type: ignore[no-untyped-def]
+    """Length of curve i, and where on it the goal's disc begins [m]; infinity if it does not."""
+    start, length, whole, s = arcs.start[i], arcs.length[i], 0.0, np.inf
+    for p in range(length.shape[0]):
+        whole += length[p]
+    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) <= 1.001 * (around.reach + whole):
+        s = entry_of_curve(start, arcs.curvature[i], length, around.goal_x, around.goal_y, around.reach)
+    return whole, s
+
+
 @kernel
 def _judge(arcs, into_goal, around, status, enters):  # type: ignore[no-untyped-def]
-    start, curvature, lengths, cost = arcs.start, arcs.curvature, arcs.length, arcs.cost
-    field, gx, gy, reach = around.field, around.goal_x, around.goal_y, around.reach
     unsure = 0
     for i in range(status.shape[0]):
-        length, whole, left, s = lengths[i], 0.0, 0.0, np.inf
-        for p in range(length.shape[0]):
-            whole += length[p]
-        if math.hypot(start[i, 0] - gx, start[i, 1] - gy) <= 1.001 * (reach + whole):
-            s = entry_of_curve(start[i], curvature[i], length, gx, gy, reach)
+        length, left = arcs.length[i], 0.0
+        whole, s = _entry(arcs, i, around)
         enters[i] = s < np.inf
         if enters[i] and not into_goal[i]:
             status[i] = BLOCKED
             continue
         truncate(length, s, length)
-        status[i] = certify_curve(field, start[i], curvature[i], length)
+        status[i] = certify_curve(around.field, arcs.start[i], arcs.curvature[i], length)
         unsure += status[i] == UNSURE
         for p in range(length.shape[0]):
             left += length[p]
-        cost[i] *= left / max(whole, 1e-300)
+        arcs.cost[i] *= left / max(whole, 1e-300)
     return unsure
 
 
@@ -73,7 +84,7 @@ def _most(arcs):  # type: ignore[no-untyped-def]
 
 
 def _ask(arcs: Arcs, i: int, space: FreeSpace) -> bool:
-    """One swept capsule where a curve is straight, bisection where it turns."""
+    """Ask FCL: one swept capsule where a curve is straight, bisection where it turns."""
     collision, length = space.collision, arcs.length[i]
     x, y, theta = (float(v) for v in arcs.start[i])
     for kappa, total in zip(arcs.curvature[i], length, strict=True):
@@ -103,22 +114,19 @@ def _until_goal(path: Curves, around: Surroundings) -> Curves:
 
 
 def _trajectory(steering: Any, path: Curves) -> Trajectory:
-    """Piecewise constant controls along a path whose rows are consecutive curves."""
+    """Make piecewise constant controls along a path whose rows are consecutive curves."""
     pieces = path.curvature.shape[1]
     heading = path.start[:, 2:] + np.cumsum(path.curvature * path.length, axis=1) - path.curvature * path.length
     length, keep = path.length.ravel(), path.length.ravel() > 0
     total = float(length.sum())
     return Trajectory(
         controls=steering.controls(heading.reshape(-1, pieces).ravel()[keep], path.curvature.ravel()[keep]),
-        durations=length[keep] / steering.speed,
-        path=path,
-        cost=total * steering.cost_per_meter,
-        length=total,
-    )
+        durations=length[keep] / steering.speed, path=path, cost=total * steering.cost_per_meter, length=total,
+    )  # fmt: skip
 
 
 def _between(path: Curves, i: int, shares: Array) -> Array:
-    """Positions of a system of two states; poses of one whose third is the heading."""
+    """States along motion i: positions of a system of two states; poses of one whose third is the heading."""
     n = path.tails.shape[1]
     if n > 3 or (n == 3 and abs(math.remainder(path.tails[i, 2] - path.start[i, 2], TWO_PI)) > SAME):
         return np.empty((0, n))
@@ -133,3 +141,79 @@ def _between(path: Curves, i: int, shares: Array) -> Array:
 
 
 ARCS = Motion(MotionKernels(_judge, _pairs, _most), _record, _ask, _until_goal, _trajectory, _between)
+
+
+class PricedArcs(NamedTuple):
+    """The arrays of k `Curves` of P pieces that kernels need, with the price of each piece."""
+
+    start: Array  # (k, 3) x, y [m], heading of travel [rad]
+    curvature: Array  # (k, P) [1/m]
+    length: Array  # (k, P) [m]
+    price: Array  # (k, P) [cost/m]
+    cost: Array  # (k,) [cost]
+    heads: Array  # (k, n) last states
+
+
+@inlined
+def price_of(straight, turning, curvature):  # type: ignore[no-untyped-def]
+    """Cost per meter of a curvature [cost/m]; straight = 2 q r_v [cost^2/m^2], turning = 2 q r_w [cost^2]."""
+    return math.sqrt(straight + turning * curvature * curvature)
+
+
+@kernel
+def _judge_priced(arcs, into_goal, around, status, enters):  # type: ignore[no-untyped-def]
+    unsure = 0
+    for i in range(status.shape[0]):
+        length = arcs.length[i]
+        _, s = _entry(arcs, i, around)
+        enters[i] = s < np.inf
+        if enters[i] and not into_goal[i]:
+            status[i] = BLOCKED
+            continue
+        if enters[i]:
+            truncate(length, s, length)
+            arcs.cost[i] = 0.0
+            for p in range(length.shape[0]):
+                arcs.cost[i] += arcs.price[i, p] * length[p]
+        status[i] = certify_curve(around.field, arcs.start[i], arcs.curvature[i], length)
+        unsure += status[i] == UNSURE
+    return unsure
+
+
+PRICED = MotionKernels(_judge_priced, ARCS.kernels.pairs, ARCS.kernels.most)
+
+
+def priced(path: Curves, straight: float, turning: float) -> Curves:
+    """Price curves (k, P) as `price_of` does."""
+    return replace(path, cost=np.sum(_prices(path.curvature, straight, turning) * path.length, axis=1))
+
+
+def _prices(curvature: Array, straight: float, turning: float) -> Array:
+    return np.asarray(np.sqrt(straight + turning * curvature**2))
+
+
+@cache
+def priced_arcs(q: float, straight: float, turning: float) -> Motion:
+    """Make the kind of motions for a rate of cost q [cost/s] and prices of `price_of`."""
+
+    def prices(curvature: Array) -> Array:
+        return _prices(curvature, straight, turning)
+
+    def record(curves: Curves) -> PricedArcs:
+        length, cost = curves.length.copy(), curves.cost.copy()
+        return PricedArcs(curves.start, curves.curvature, length, prices(curves.curvature), cost, curves.heads)
+
+    def until_goal(path: Curves, around: Surroundings) -> Curves:
+        return priced(ARCS.until_goal(path, around), straight, turning)
+
+    def trajectory(steering: Any, path: Curves) -> Trajectory:
+        """Piecewise constant speeds and turn rates along a path whose rows are consecutive curves."""
+        keep = path.length.ravel() > 0
+        length, curvature = path.length.ravel()[keep], path.curvature.ravel()[keep]
+        speed = 2.0 * q / prices(curvature)
+        return Trajectory(
+            controls=np.column_stack([speed, curvature * speed]), durations=length / speed, path=path,
+            cost=float(path.cost.sum()), length=float(length.sum()),
+        )  # fmt: skip
+
+    return Motion(PRICED, record, ARCS.ask, until_goal, trajectory, ARCS.between)

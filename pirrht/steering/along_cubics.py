@@ -1,4 +1,4 @@
-"""Motions of a mass whose acceleration is linear in time: the cubic paths of the double integrator's optimum."""
+"""Move a mass with an acceleration linear in time: the cubic paths of the double integrator's optimum."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _judge(record, into_goal, around, status, enters):  # type: ignore[no-untype
 
 @kernel
 def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
+    """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
     c, duration = _cubic(record, i), record.duration[i]
     most, s = greatest_force(c, 0.0, duration), 0.0
     ax, ay = place(c, 0.0)
@@ -140,7 +140,7 @@ def _record(motions: Cubics) -> CubicRecord:
 
 
 def _ask(record: CubicRecord, i: int, space: FreeSpace) -> bool:
-    """Bisection by clearances, at a pace that the path nowhere exceeds."""
+    """Bisect by FCL's clearances, at a pace that the path nowhere exceeds."""
     c, T = Cubic(*(float(v) for v in record.path[i])), float(record.duration[i])
     pace = max(math.hypot(c.vx, c.vy) + T * greatest_force(c, 0.0, T), 1e-9)
     return space.collision.bisect_free(lambda length: np.array(place(c, length / pace)), T * pace)
@@ -155,7 +155,7 @@ def _until_goal(path: Cubics, around: Surroundings) -> Cubics:
 
 
 def _trajectory(steering: Any, path: Cubics) -> Trajectory:
-    """Mean accelerations of short pieces of time."""
+    """Take mean accelerations of short pieces of time."""
     controls, durations = [], []
     for row, T in zip(path.path, path.duration, strict=True):
         count = max(1, math.ceil(T / TAPE))
@@ -163,12 +163,9 @@ def _trajectory(steering: Any, path: Cubics) -> Trajectory:
         controls.append(row[4:6] + middle[:, None] * row[6:8])
         durations.append(np.full(count, T / count))
     return Trajectory(
-        controls=np.vstack(controls),
-        durations=np.concatenate(durations),
-        path=path,
-        cost=float(path.cost.sum()),
+        controls=np.vstack(controls), durations=np.concatenate(durations), path=path, cost=float(path.cost.sum()),
         length=float(path.length().sum()),
-    )
+    )  # fmt: skip
 
 
 def _between(path: Cubics, i: int, shares: Array) -> Array:

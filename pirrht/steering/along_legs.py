@@ -1,4 +1,4 @@
-"""Motions in space and time: straight ways at a constant speed from a place at a time to another later, or waiting."""
+"""Move in space and time: straight at a constant speed from a place at a time to another later, or waiting."""
 
 from __future__ import annotations
 
@@ -19,14 +19,13 @@ from pirrht.geometry.sweeps import certify_leg, certify_some, certify_way, list_
 from pirrht.geometry.traffic import Traffic
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.bases import Bases, row_of, turns_between
 from pirrht.topology.cuts import Cuts, crossed
-from pirrht.topology.in_time import TimedHomology, whole_turns, write_straight
+from pirrht.topology.in_time import Bases, TimedHomology, row_of, turns_between, whole_turns, write_straight
 from pirrht.topology.tracks import Tracks
 
 
 class TimedSurroundings(NamedTuple):
-    """What kernels that judge or shorten motions in space and time know of a scene."""
+    """A scene as kernels that judge or shorten motions in space and time take it."""
 
     field: Field
     cuts: Cuts
@@ -42,7 +41,7 @@ class TimedSurroundings(NamedTuple):
 
     @classmethod
     def of(cls, space: FreeSpace, homology: TimedHomology) -> TimedSurroundings:
-        """Those of an examined scene and its classes."""
+        """Take those of an examined scene and its classes."""
         goal, standing, moving = space.scene.goal, homology.standing, homology.moving
         x, y, reach = (float(v) for v in (*goal.center, goal.radius))
         return cls(
@@ -71,17 +70,17 @@ class Legs:
 
     @property
     def duration(self) -> Array:
-        """How long each takes, (k,) [s]."""
+        """Durations (k,) [s]."""
         return np.asarray(self.path[:, 5] - self.path[:, 2])
 
     @property
     def knots(self) -> Array:
-        """Where consecutive ones begin, and where the last one ends, (k + 1, 3) [m, m, s]."""
+        """Begins of consecutive legs and the end of the last one, (k + 1, 3) [m, m, s]."""
         return np.vstack([self.path[:, :3], self.path[-1:, 3:]])
 
     @property
     def start(self) -> Array:
-        """Where each begins and where it leads, x, y [m], heading [rad], (k, 3); who waits looks where he goes next."""
+        """Begin and heading of each, x, y [m], heading [rad], (k, 3); waiting ones have the next heading."""
         dx, dy = (self.path[:, 3:5] - self.path[:, :2]).T
         moves = np.flatnonzero(np.hypot(dx, dy) > 0.0)
         i = np.minimum(np.searchsorted(moves, np.arange(len(dx))), max(len(moves) - 1, 0))
@@ -97,14 +96,14 @@ class Legs:
         return [row[[0, 1, 3, 4]].reshape(2, 2) for row in self.path]
 
     def places(self, times: Array) -> Array:
-        """Where a path of consecutive ones is at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
+        """Place a path of consecutive legs at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
         knots = self.knots
         return np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
 
 
 @inlined
 def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """After which share of a straight way from (ax, ay) to (bx, by) [m] it enters the goal; infinity if never."""
+    """Share of a straight line from (ax, ay) to (bx, by) [m] after which it enters the goal; infinity if never."""
     dx, dy = bx - ax, by - ay
     length = math.sqrt(dx * dx + dy * dy)
     if length == 0.0:
@@ -115,14 +114,14 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def free_leg(around, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
-    """FREE, BLOCKED or UNSURE for the way from (ax, ay) [m] at s [s] to (bx, by) at t, by what stands and moves."""
+    """Judge the leg from (ax, ay) [m] at s [s] to (bx, by) at t: FREE, BLOCKED or UNSURE."""
     standing = certify_way(around.field, ax, ay, bx, by)
     return standing if standing == BLOCKED else min(standing, certify_leg(around.traffic, ax, ay, s, bx, by, t))
 
 
 @inlined
 def _extent(record):  # type: ignore[no-untyped-def]
-    """The frame (x, y, X, Y) [m] of all ways that there are, and from when to when they go [s]."""
+    """Frame (x, y, X, Y) [m] of all legs, and from when to when they go [s]."""
     path = record.path
     x, y, begin, far_x, far_y, end = math.inf, math.inf, math.inf, -math.inf, -math.inf, -math.inf
     for i in range(path.shape[0]):
@@ -164,12 +163,8 @@ def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-
     path = record.path
     ax, ay, s, bx, by, t = path[i, 0], path[i, 1], path[i, 2], path[i, 3], path[i, 4], path[i, 5]
     count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
-    goal, standing, kept = (
-        (around.goal_x, around.goal_y),
-        around.markers.shape[0],
-        around.bases.state.shape[0] > 0 and not to_goal,
-    )
-    one = two = 0
+    goal, standing, one, two = (around.goal_x, around.goal_y), around.markers.shape[0], 0, 0
+    kept = around.bases.state.shape[0] > 0 and not to_goal
     if kept:
         one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
         two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
@@ -199,7 +194,7 @@ def _record(motions: Legs) -> LegRecord:
 
 
 def _ask(record: LegRecord, i: int, space: FreeSpace) -> bool:
-    """Where that is not certain, swept capsules: one among what stands, others in the frame of each body that moves."""
+    """Sweep capsules where that is not certain: one among static obstacles, others in the frame of each moving one."""
     ax, ay, s, bx, by, t = (float(v) for v in record.path[i])
     a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.traffic.J, dtype=np.bool_)
     if certify_way(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
@@ -220,7 +215,7 @@ def _until_goal(path: Legs, around: Any) -> Legs:
 
 
 def _trajectory(steering: Any, path: Legs) -> Trajectory:
-    """One control for each leg; waiting is no control for a while."""
+    """Make one control for each leg; waiting is no control for a while."""
     duration, length = path.duration, path.length()
     keep = duration > 0.0
     velocity = (path.path[keep, 3:5] - path.path[keep, :2]) / duration[keep, None]

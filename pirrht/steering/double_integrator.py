@@ -1,4 +1,14 @@
-"""A mass that is pushed: the exact optimum between two states, velocities included, with free duration."""
+"""A mass that is pushed: the exact optimum between two states with free duration (Webb and van den Berg 2013).
+
+Among motions from (p0, v0) to (p1, v1) that take T seconds the one of least integral of q + (r/2) |a|^2 has an
+acceleration linear in time. With D = p1 - p0 its cost is J(T) = q T + A / T^3 + B / T^2 + C / T, where
+
+    fixed v1  A = 6 r |D|^2      B = -6 r D.(v0 + v1)   C = 2 r (|v0|^2 + v0.v1 + |v1|^2)
+    free v1   A = (3/2) r |D|^2  B = -3 r D.v0          C = (3/2) r |v0|^2
+
+A minimum is where q T^4 - C T^2 - 2 B T - 3 A goes from negative to positive. Of two minima either may be the better
+one, and the wrong one can cost many times the optimum. A free v1 is written as not a number.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +23,55 @@ from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_cubics import CUBICS, CubicRecord, Cubics
-from pirrht.steering.steering import Compiled, Steering
-from pirrht.steering.two_point import accelerations, optimum
-from pirrht.systems.double_integrator import DoubleIntegrator
+from pirrht.steering.steering import Compiled, Steering, insert, rows
+from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
+from pirrht.systems.dynamics import check_positive
+
+
+@kernel
+def optimum(tail, head, q, r):  # type: ignore[no-untyped-def]
+    """Duration [s] and cost of the optimum between states (4,), as tuples; infinite from a free velocity."""
+    if math.isnan(tail[2]):
+        return np.inf, np.inf
+    dx, dy, ux, uy = head[0] - tail[0], head[1] - tail[1], tail[2], tail[3]
+    square, before = dx * dx + dy * dy, ux * ux + uy * uy
+    if math.isnan(head[2]):
+        if square == 0.0:
+            return 0.0, 0.0
+        return best_duration(q, 1.5 * r * square, -3.0 * r * (dx * ux + dy * uy), 1.5 * r * before)
+    wx, wy = head[2], head[3]
+    if square == 0.0 and ux == wx and uy == wy:
+        return 0.0, 0.0
+    along = dx * (ux + wx) + dy * (uy + wy)
+    return best_duration(
+        q, 6.0 * r * square, -6.0 * r * along, 2.0 * r * (before + ux * wx + uy * wy + wx * wx + wy * wy)
+    )
+
+
+@kernel
+def accelerations(tail, head, T):  # type: ignore[no-untyped-def]
+    """(c0x, c0y, c1x, c1y) of the optimal acceleration c0 + c1 s between states (4,) that takes T [s]."""
+    dx, dy, ux, uy = head[0] - tail[0], head[1] - tail[1], tail[2], tail[3]
+    if T <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    if math.isnan(head[2]):
+        x, y = 3.0 * (dx - ux * T) / (T * T), 3.0 * (dy - uy * T) / (T * T)
+        return x, y, -x / T, -y / T
+    wx, wy = head[2], head[3]
+    return (
+        6.0 * dx / (T * T) - (4.0 * ux + 2.0 * wx) / T,
+        6.0 * dy / (T * T) - (4.0 * uy + 2.0 * wy) / T,
+        -12.0 * dx / (T * T * T) + 6.0 * (ux + wx) / (T * T),
+        -12.0 * dy / (T * T * T) + 6.0 * (uy + wy) / (T * T),
+    )
+
 
 ALONG = (0.5, 1.0)  # shares of the top speed with which states in passages drive
 
 
 @kernel
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
-    """One motion each; the numbers are q and r."""
+    """Connect each pair by one motion; the numbers are q and r."""
     k, q, r = tails.shape[0], numbers[0], numbers[1]
     path, duration, cost, rates = np.empty((k, 8)), np.empty(k), np.empty(k), np.empty((k, 2))
     for i in range(k):
@@ -40,7 +89,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
     """Fill `chosen` with the states of least cost, cheapest first; of equal ones the earlier comes first.
 
-    A change of velocity alone costs sqrt(2 q r) |dv| at least: what that rules out is not asked.
+    A change of velocity alone costs sqrt(2 q r) |dv| at least: costs above `limit` are not computed.
     """
     count, found, q, r = chosen.shape[0], 0, numbers[0], numbers[1]
     here, turn = (x[0], x[1], x[2], x[3]), math.sqrt(2.0 * q * r)
@@ -51,15 +100,7 @@ def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-unt
             continue
         there = (states[i, 0], states[i, 1], states[i, 2], states[i, 3])
         _, d = optimum(here, there, q, r) if forward else optimum(there, here, q, r)
-        if found < count:
-            found += 1
-        elif d >= limit:
-            continue
-        at = found - 1
-        while at > 0 and least[at - 1] > d:
-            least[at], chosen[at] = least[at - 1], chosen[at - 1]
-            at -= 1
-        least[at], chosen[at] = d, i
+        found = insert(chosen, least, found, d, i)
 
 
 @kernel
@@ -93,19 +134,14 @@ class MassSteering(Steering):
     motion = CUBICS
 
     def __post_init__(self) -> None:
-        for name in ("q", "r", "top"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+        check_positive(self, "q", "r", "top")
 
     @classmethod
     def of(cls, problem: Problem) -> MassSteering:
-        """The optimum of a problem of a `DoubleIntegrator` with q constant and R a multiple of the identity.
+        """Take the optimum of a problem of a `DoubleIntegrator` with q constant and R a multiple of the identity.
 
-        Speeds are drawn up to that at which the best motion from rest across the workspace arrives.
-
-        Raises:
-            OptionError: the dynamics or R is another.
+        Speeds are drawn up to that at which the best motion from rest across the workspace arrives. OptionError for
+        others.
         """
         d = problem.dynamics
         if not isinstance(d, DoubleIntegrator):
@@ -126,12 +162,12 @@ class MassSteering(Steering):
         """Least cost from tails to heads, (..., 4) x 2 -> (...,) [cost]. Not symmetric."""
         tails, heads = np.broadcast_arrays(tails, heads)
         out = np.empty(tails.shape[:-1])
-        _costs(_rows(tails), _rows(heads), self.q, self.r, out.reshape(-1))
+        _costs(rows(tails, 4), rows(heads, 4), self.q, self.r, out.reshape(-1))
         return out
 
     def connect(self, tails: Array, heads: Array) -> Cubics:
         """The cheapest motions from tails (k, 4) to heads (k, 4)."""
-        tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
+        tails, heads = rows(np.atleast_2d(tails), 4), rows(np.atleast_2d(heads), 4)
         found = _connect(tails, heads, self.compiled.numbers)
         return Cubics(**found._asdict(), tails=tails)
 
@@ -142,19 +178,15 @@ class MassSteering(Steering):
         return np.array([x, y, speed * np.cos(angle), speed * np.sin(angle)])
 
     def at_rest(self, x: Array) -> Array:
-        """The same place (4,) with no velocity."""
+        """Return that place (4,) with no velocity."""
         return np.array([x[0], x[1], 0.0, 0.0])
 
     def states_along(self, way: Array, scene: Scene) -> Array:
         """Every point (k, 3) driven through both ways, slower and faster, (4 k, 4)."""
         turned = np.column_stack([np.cos(way[:, 2]), np.sin(way[:, 2])])
-        rows = [np.hstack([way[:, :2], sign * share * self.top * turned]) for share in ALONG for sign in (1.0, -1.0)]
-        return np.stack(rows, axis=1).reshape(-1, 4)
+        states = [np.hstack([way[:, :2], sign * share * self.top * turned]) for share in ALONG for sign in (1.0, -1.0)]
+        return np.stack(states, axis=1).reshape(-1, 4)
 
     def roots(self, goal: Array) -> Array:
         """The goal point (2,) [m] at any velocity, (1, 4)."""
         return np.array([[*goal, np.nan, np.nan]])
-
-
-def _rows(states: Array) -> Array:
-    return np.ascontiguousarray(states, dtype=float).reshape(-1, 4)

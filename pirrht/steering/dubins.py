@@ -1,7 +1,7 @@
-"""Dubins curves: the shortest paths of a car that drives forwards and turns no tighter than a given radius.
+"""Connect poses by Dubins curves: the shortest paths of a car that drives forwards and turns no tighter than a radius.
 
-Six words suffice: two arcs with a straight piece between, LSL, RSR, LSR, RSL, and three arcs, LRL, RLR
-(Dubins, 1957). The centres of the outer circles fix the straight piece or the middle circle.
+Six words suffice: two arcs with a straight piece between, LSL, RSR, LSR, RSL, and three arcs, LRL, RLR (Dubins, 1957).
+The centres of the outer circles fix the straight piece or the middle circle.
 """
 
 from __future__ import annotations
@@ -17,11 +17,38 @@ from pirrht.compiled.copies import copy_row
 from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
+from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_arcs import Arcs
-from pirrht.steering.poses import PoseSteering, rows
-from pirrht.steering.steering import Compiled
+from pirrht.steering.steering import Compiled, Steering, insert, rows
+from pirrht.systems.dynamics import check_positive
 from pirrht.systems.unicycle import Unicycle
+
+ROOTS = 16  # headings at the goal point
+
+
+class PoseSteering(Steering):
+    """A steering method whose vertices are poses x, y [m] and heading [rad], (3,)."""
+
+    n = 3
+    symmetric = False
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """A state (3,), uniform in the workspace [m] and in heading [rad]."""
+        return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
+
+    def states_along(self, way: Array, scene: Scene) -> Array:
+        """Every pose (k, 3) and its reverse, (2 k, 3), headings in [-pi, pi)."""
+        states = np.repeat(way, 2, axis=0)
+        states[1::2, 2] += np.pi
+        states[:, 2] -= TWO_PI * np.floor((states[:, 2] + np.pi) / TWO_PI)
+        return states
+
+    def roots(self, goal: Array) -> Array:
+        """Evenly spread headings at the goal point (2,) [m]: states (16, 3)."""
+        headings = np.arange(ROOTS) * (TWO_PI / ROOTS) - np.pi
+        return np.column_stack([np.broadcast_to(goal, (ROOTS, 2)), headings])
+
 
 EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a whole circle is none
 
@@ -39,14 +66,11 @@ class Dubins(PoseSteering):
 
     def __post_init__(self) -> None:
         """Refuse what is not a positive number."""
-        for name in ("V", "rho"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+        check_positive(self, "V", "rho")
 
     @classmethod
     def of(cls, problem: Problem) -> Dubins:
-        """The Dubins curves of a problem whose dynamics is a `Unicycle` (the paper's second example).
+        """Take the Dubins curves of a problem whose dynamics is a `Unicycle` (the paper's second example).
 
         Raises:
             OptionError: the dynamics is another.
@@ -80,13 +104,13 @@ class Dubins(PoseSteering):
         """Least time from tails to heads, (..., 3) x 2 -> (...,) [s]. Not symmetric."""
         tails, heads = np.broadcast_arrays(tails, heads)
         out = np.empty(tails.shape[:-1])
-        _lengths(rows(tails), rows(heads), self.radius, out.reshape(-1))
+        _lengths(rows(tails, 3), rows(heads, 3), self.radius, out.reshape(-1))
         out *= self.cost_per_meter
         return out
 
     def connect(self, tails: Array, heads: Array) -> Curves:
         """The shortest curves from tails (k, 3) to heads (k, 3), (k, 3) pieces; cost in [s]."""
-        tails, heads = rows(np.atleast_2d(tails)), rows(np.atleast_2d(heads))
+        tails, heads = rows(np.atleast_2d(tails), 3), rows(np.atleast_2d(heads), 3)
         arcs = _connect(tails, heads, self.compiled.numbers)
         return Curves(**arcs._asdict(), tails=tails)
 
@@ -98,7 +122,7 @@ class Dubins(PoseSteering):
 
 @inlined
 def _turn(angle):  # type: ignore[no-untyped-def]
-    """An angle in [0, 2 pi); what rounding made of 0 is 0."""
+    """Wrap an angle to [0, 2 pi), 0 where rounding left a whole turn."""
     angle -= TWO_PI * math.floor(angle / TWO_PI)
     return 0.0 if angle > TWO_PI - EPS else angle
 
@@ -140,9 +164,9 @@ def _same_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
 
 @kernel
 def _opposite_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
-    """The word that begins turning to side s, goes straight and ends turning to the other: (length, t, p, q).
+    """Word that begins turning to side s, goes straight and ends turning to the other: (length, t, p, q).
 
-    Arguments as above, but across = sin b + sin a and ahead = cos b + cos a.
+    Arguments as of `_same_turns`, but across = sin b + sin a and ahead = cos b + cos a.
     """
     vx, vy = ends.dx + s * across, ends.dy - s * ahead
     square = vx * vx + vy * vy - 4.0
@@ -225,12 +249,4 @@ def _nearest(states, x, numbers, forward, chosen, length):  # type: ignore[no-un
             continue
         there = (states[i, 0], states[i, 1], states[i, 2])  # numbers: an array's references would be counted
         d = length_between(here, there, radius, limit) if forward else length_between(there, here, radius, limit)
-        if found < count:
-            found += 1
-        elif d >= limit:
-            continue
-        at = found - 1
-        while at > 0 and length[at - 1] > d:
-            length[at], chosen[at] = length[at - 1], chosen[at - 1]
-            at -= 1
-        length[at], chosen[at] = d, i
+        found = insert(chosen, length, found, d, i)

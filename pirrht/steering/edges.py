@@ -1,4 +1,4 @@
-"""Which proposed motions are edges: whether they are free, end in the goal, change the class."""
+"""Judge proposed motions: whether they are free, end in the goal, change the class."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pirrht.topology.turns import Turns, summed
 
 
 class Edges(NamedTuple):
-    """What became of k proposed motions."""
+    """Judgements of k proposed motions."""
 
     near: NDArray[np.int64]  # (k,) vertices at their other ends
     status: NDArray[np.int8]  # (k,) FREE, BLOCKED or UNSURE; what is free is an edge
@@ -30,7 +30,7 @@ class Edges(NamedTuple):
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Which are edges, (k,)."""
+        """Mask of the edges, (k,)."""
         free: NDArray[np.bool_] = self.status == FREE
         return free
 
@@ -42,7 +42,7 @@ NO_EDGES = Edges(
 
 
 def joined(parts: Sequence[Edges]) -> Edges:
-    """One after the other as one."""
+    """Join several judgements in order."""
     counts = np.cumsum([0, *(len(part.turns.marker) for part in parts)])
     first = [part.turns.first[:-1] + count for part, count in zip(parts, counts, strict=False)]
     marker, turn = (np.concatenate([part.turns[k] for part in parts]) for k in (1, 2))
@@ -65,14 +65,14 @@ class EdgeChecker:
 
     @classmethod
     def of(cls, space: FreeSpace, steering: Steering) -> EdgeChecker:
-        """The judge of a steering method's motions in an examined scene."""
+        """Make the judge of a steering method's motions in an examined scene."""
         return cls(space=space, motion=steering.motion, around=steering.surroundings(space))
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).
 
-        A motion that enters the goal is an edge only if its head is a root (`into_goal`, (k,)); it ends, and is
-        paid for, where it first enters the disc. From there its class counts along the straight line to the goal.
+        A motion that enters the goal is an edge only if its head is a root (`into_goal`, (k,)); it ends, and is paid
+        for, where it first enters the disc. From there its class counts along the straight line to the goal.
         """
         record = self.motion.record(motions)
         near = np.arange(len(into_goal)) if near is None else near
@@ -83,26 +83,23 @@ class EdgeChecker:
         return edges
 
     def point_free(self, x: Array) -> bool:
-        """Whether the robot may be at a state (n,), of which the position (2,) [m] is asked."""
+        """Tell whether the robot may be at a state (n,), of which the position (2,) [m] is judged."""
         status = certify_point(self.space.field, x[0], x[1])
         return bool(status == FREE or (status == UNSURE and self.space.collision.free(x[None, :2])[0]))
 
     def until_goal(self, path: Motions) -> Any:
-        """A path of consecutive motions whose last ends where it first enters the goal's disc; of the same kind."""
+        """Cut a path of consecutive motions where the last first enters the goal's disc."""
         return self.motion.until_goal(path, self.around)
 
 
 @cache
 def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
-    """The kernel that judges one kind of motions: (around, record, into_goal (k,), near (k,)) -> (`Edges`, unsure)."""
+    """Build the kernel (around, record, into_goal (k,), near (k,)) -> (`Edges`, unsure) of one kind of motions."""
     judge, pairs, most, _ = kernels
 
     @kernel
     def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
-        """What `EdgeChecker.inspect` finds of k motions without FCL, and how many are unsure; cuts them at the goal.
-
-        `into_goal` and `near` are (k,).
-        """
+        """Judge k motions without FCL, count unsure ones, cut them at the goal; `into_goal` and `near` are (k,)."""
         k, M = into_goal.shape[0], around.weights.shape[0]
         status, enters, first = np.empty(k, np.int8), np.empty(k, np.bool_), np.empty(k + 1, np.int64)
         unsure = judge(motions, into_goal, around, status, enters)

@@ -1,8 +1,8 @@
-"""Steering in space and time: a point that may go at any speed up to a limit, and wait, among bodies that move.
+"""Steer in space and time: a point that may go at any speed up to a limit, and wait, among moving obstacles.
 
-Vertices are x, y [m] and t [s] on the tree's clock. What leads from one to another is the straight way between them at
-a constant speed, forward in time, and costs q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and where
-nothing is in the way one goes there at the best speed, sqrt(2 q / r).
+Vertices are x, y [m] and t [s] on the tree's clock, joined by straight lines at a constant speed, forward in time, that
+cost q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and where nothing is in the way the point goes
+there at the best speed, sqrt(2 q / r).
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
 from pirrht.steering.along_legs import LEGS, LegRecord, Legs, TimedSurroundings
-from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.steering import Compiled, Steering, insert, rows
 from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import Trajectory
 from pirrht.steering.useful import drawn, offered
+from pirrht.systems.dynamics import check_positive
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.topology.bases import Bases
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.in_time import Bases, TimedHomology
 
 FASTER = 5.0  # speeds up to so many times the best one, if the robot has no limit of its own
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
@@ -37,7 +37,7 @@ LATE = 1e-9  # share by which rounding may exceed the limit of speeds
 
 @inlined
 def _cost(ax, ay, s, bx, by, t, numbers):  # type: ignore[no-untyped-def]
-    """Cost and duration of a way; the time of its end may be open."""
+    """Cost and duration of a leg; the time of its end may be open."""
     q, r, speed, pace = numbers
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
@@ -51,7 +51,7 @@ def _cost(ax, ay, s, bx, by, t, numbers):  # type: ignore[no-untyped-def]
 
 @kernel
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
-    """One way each; the numbers are q, r, the limit of speeds and the best speed."""
+    """Connect each pair by one leg; the numbers are q, r, the limit of speeds and the best speed."""
     k = tails.shape[0]
     path, cost = np.empty((k, 6)), np.empty(k)
     for i in range(k):
@@ -65,32 +65,24 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 @kernel
 def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
     """Fill `chosen` with the states of least cost, cheapest first; of equal ones the earlier comes first."""
-    count, found = chosen.shape[0], 0
+    found = 0
     for i in range(states.shape[0]):
         if forward:
             d, _ = _cost(x[0], x[1], x[2], states[i, 0], states[i, 1], states[i, 2], numbers)
         else:
             d, _ = _cost(states[i, 0], states[i, 1], states[i, 2], x[0], x[1], x[2], numbers)
-        if found < count:
-            found += 1
-        elif d >= least[count - 1]:
-            continue
-        at = found - 1
-        while at > 0 and least[at - 1] > d:
-            least[at], chosen[at] = least[at - 1], chosen[at - 1]
-            at -= 1
-        least[at], chosen[at] = d, i
+        found = insert(chosen, least, found, d, i)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InTime(Steering):
-    """Ways of a point in space and time, for a robot that is one or for guides of another that track them.
+    """Legs of a point in space and time, for a robot that is one or for proposals of another that track them.
 
     Args:
         q: cost rate [cost/s].
         r: weight of the velocity in q + (r/2) |v|^2 [cost s/m^2].
         speed: limit of speeds [m/s]; 0 is five times the best one.
-        m: controls of a system that only tracks these ways; 0 is the point's own velocity.
+        m: controls of a system that only tracks these legs; 0 is the point's own velocity.
         slack: time that such a system may take to get under way [s].
 
     Raises:
@@ -109,16 +101,13 @@ class InTime(Steering):
     motion = LEGS
 
     def __post_init__(self) -> None:
-        for name in ("q", "r"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+        check_positive(self, "q", "r")
         if not (np.isfinite(self.speed) and self.speed >= 0):
             raise OptionError(f"the limit of speeds is {self.speed:g}; it must be a number [m/s], 0 for none")
 
     @classmethod
     def of(cls, problem: Problem, speed: float = 0.0, pace: float | None = None) -> InTime:
-        """Ways for any problem: those of a point that is one, and what another may track at most at a speed [m/s].
+        """Take legs for any problem, of a point or for another system to track, at most at a speed [m/s].
 
         Args:
             pace: the best speed of another [m/s]; None: that at which its cost per meter is least.
@@ -136,7 +125,7 @@ class InTime(Steering):
 
     @property
     def drives(self) -> bool:  # type: ignore[override]
-        """Whether the ways are a point's own, with the velocities that drive it."""
+        """Tell whether the legs are a point's own, with the velocities that drive it."""
         return self.m == 0
 
     @property
@@ -152,7 +141,7 @@ class InTime(Steering):
 
     @property
     def cost_per_meter(self) -> float:
-        """Cost of a way without anything in it [cost/m]."""
+        """Cost of an unhindered leg [cost/m]."""
         return self.q / self.pace + 0.5 * self.r * self.pace
 
     @property
@@ -161,23 +150,19 @@ class InTime(Steering):
         return Compiled(_nearest, _connect, (self.q, self.r, self.limit, self.pace))
 
     def homology(self, space: FreeSpace) -> TimedHomology:
-        """Classes among what stands and what moves; bases go at the best speed."""
+        """Classes among static and moving obstacles; bases go at the best speed."""
         return TimedHomology(standing=space.homology, moving=replace(space.moving, speed=self.pace))
 
     def surroundings(self, space: FreeSpace) -> TimedSurroundings:
-        """What kernels know of a scene."""
+        """Collect what kernels take of a scene."""
         return TimedSurroundings.of(space, self.homology(space))
 
     def remembering(self, around: TimedSurroundings) -> TimedSurroundings:
-        """The same, with room for the bases of a graph's vertices; for one thread at a time."""
+        """Add room for the bases of a graph's vertices; for one thread at a time."""
         return around._replace(bases=Bases.room(around.tracks.J))
 
     def vertex_of(self, x: Array) -> Array:
-        """The place and the time, (..., 3) [m, m, s], of states that begin with them.
-
-        Raises:
-            OptionError: a state has no time.
-        """
+        """Place and time, (..., 3) [m, m, s], of states that begin with them; OptionError if a state has no time."""
         if np.shape(x)[-1] < self.n:
             raise OptionError(f"a state among bodies that move is x, y and t; this one has {np.shape(x)[-1]} numbers")
         return np.ascontiguousarray(x[..., :3], dtype=float)
@@ -185,12 +170,12 @@ class InTime(Steering):
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost of the ways from tails to heads, (..., 3) x 2 -> (...,) [cost]; infinite where there is none."""
         tails, heads = np.broadcast_arrays(tails, heads)
-        cost: Array = _connect(_rows(tails), _rows(heads), self.compiled.numbers).cost.reshape(tails.shape[:-1])
+        cost: Array = _connect(rows(tails, 3), rows(heads, 3), self.compiled.numbers).cost.reshape(tails.shape[:-1])
         return cost
 
     def connect(self, tails: Array, heads: Array) -> Legs:
         """The ways from tails (k, 3) to heads (k, 3) [m, m, s]."""
-        tails, heads = _rows(np.atleast_2d(tails)), _rows(np.atleast_2d(heads))
+        tails, heads = rows(np.atleast_2d(tails), 3), rows(np.atleast_2d(heads), 3)
         found = _connect(tails, heads, self.compiled.numbers)
         return Legs(path=found.path, cost=found.cost, tails=tails, heads=heads)
 
@@ -211,11 +196,9 @@ class InTime(Steering):
         origin: Array | None = None,
         goal_share: float = 0.0,
     ) -> Array:
-        """Places and times (count, 3) [m, m, s], mostly of use to a robot that is at the origin (3,).
+        """Draw places and times (count, 3) [m, m, s], mostly of use to a robot at an origin (3,); None: start, at 0.
 
-        Args:
-            origin: None: the scene's start, at 0.
-            goal_share: share of them that is moved into the goal's disc.
+        A `goal_share` of them is moved into the goal's disc.
         """
         begun = self.origin(space.scene) if origin is None else origin
         return drawn(self.compiled.numbers, space, begun, self.horizon(space.scene), rng, count, goal_share)
@@ -225,16 +208,16 @@ class InTime(Steering):
         return np.array([scene.start[0], scene.start[1], 0.0])
 
     def horizon(self, scene: Scene) -> float:
-        """How long after now draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
+        """Time for which draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
         return _last(scene.movers) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
-        """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then."""
+        """Places across and along passages at many times (l, 3) [m, m, s], free then."""
         begun = self.origin(space.scene) if origin is None else origin
         return offered(self.compiled.numbers, passages, space, begun)
 
     def trajectory(self, path: Legs) -> Trajectory:
-        """Velocities along a path, or just when it is where for a system that tracks it."""
+        """Velocities along a path, or only its times for a system that tracks it."""
         found = self.motion.trajectory(self, path)
         if self.drives:
             return found
@@ -243,15 +226,15 @@ class InTime(Steering):
 
 @lru_cache(maxsize=4)  # asked for by every draw
 def _last(movers: tuple[Mover, ...]) -> float:
-    """When the last of motions ends, or their first lap [s]."""
+    """Time at which the last of motions ends, or their first lap [s]."""
     motions = [mover.motion for mover in movers]
     return max(0.0, *(float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), 0.0)
 
 
 def homology_of(problem: Problem, space: FreeSpace) -> Homology | TimedHomology:
-    """What tells classes of a problem's paths apart: of those in space and time where bodies move.
+    """Choose the classes of a problem's paths: those in space and time among moving obstacles.
 
-    Bases go at the best speed, or if the cost tells none at what it would be if controls were velocities.
+    Bases go at the best speed; if the cost tells none, controls are taken for velocities.
     """
     if not problem.scene.movers:
         return space.homology
@@ -260,7 +243,3 @@ def homology_of(problem: Problem, space: FreeSpace) -> Homology | TimedHomology:
     except OptionError:
         r = float(problem.control_cost(problem.dynamics.state_of(problem.scene.start))[0, 0])
         return InTime(q=problem.least_rate, r=r).homology(space)
-
-
-def _rows(states: Array) -> Array:
-    return np.ascontiguousarray(states, dtype=float).reshape(-1, 3)

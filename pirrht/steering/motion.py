@@ -1,4 +1,4 @@
-"""What an edge is: a motion between two states, of which the tree knows no more than it can ask here."""
+"""Define motions between two states: the interface that the tree queries of an edge."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pirrht.topology.cuts import Cuts, straight_turns
 
 
 class Surroundings(NamedTuple):
-    """What kernels that judge or shorten motions know of a scene."""
+    """A scene as kernels that judge or shorten motions take it."""
 
     field: Field
     cuts: Cuts
@@ -30,7 +30,7 @@ class Surroundings(NamedTuple):
 
     @classmethod
     def of(cls, space: FreeSpace, radius: float = 0.0) -> Surroundings:
-        """Those of an examined scene, for what turns no tighter than `radius` [m]."""
+        """Take those of an examined scene, for paths that turn no tighter than `radius` [m]."""
         goal, homology = space.scene.goal, space.homology
         numbers = (float(v) for v in (*goal.center, goal.radius, radius))
         return cls(space.field, homology.cuts, homology.markers, homology.hash_weights, *numbers)
@@ -64,7 +64,7 @@ def write_straight(around, x, out):  # type: ignore[no-untyped-def]
 
 
 class MotionKernels(NamedTuple):
-    """What compiled code asks of a record of motions, into which nothing else looks."""
+    """Kernels for a record of motions, into which nothing else looks."""
 
     # (motions, into_goal (k,), around, status (k,), enters (k,)): FREE, BLOCKED or UNSURE by the clearance field, and
     # whether a motion enters the goal's disc; one that does is cut there and so is its cost, or BLOCKED if not
@@ -78,7 +78,7 @@ class MotionKernels(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A kind of motions: what the tree needs in order to judge `Motions` of it, and to make references of them."""
+    """A kind of motions: how the tree judges `Motions` of it, and makes references of them."""
 
     kernels: MotionKernels
     record: Callable[[Any], Any]  # Motions as the record of arrays that the kernels take, which they may change

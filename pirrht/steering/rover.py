@@ -1,13 +1,13 @@
-"""A rover: arcs and straight pieces of least cost, whose radius and speed the cost itself chooses.
+"""Steer a rover: arcs and straight pieces of least cost, whose radius and speed the cost itself chooses.
 
-A turn through an angle costs sqrt(2 q (r_v radius^2 + r_w)) per radian, least on the spot, and what is saved on the way
-by wider ones is worth it the more the farther one goes: sqrt(r_w / r_v) is the scale. Of Dubins' words with one of a
-few radii the cheapest is taken, at the smallest of which the rover all but turns on the spot. For r_w / r_v = 0.25 m^2
-that is within 0.3 % of the best of twelve radii between random headings 2 m apart or more, and within 2 % at 0.6 m.
+A turn costs sqrt(2 q (r_v radius^2 + r_w)) per radian, least on the spot; wider ones save the more on the way the
+farther it is: sqrt(r_w / r_v) is the scale. Of Dubins' words with one of a few radii the cheapest is taken, at the
+smallest of which the rover all but turns on the spot. For r_w / r_v = 0.25 m^2 that is within 0.3 % of the best of
+twelve radii between random headings 2 m apart or more, and within 2 % at 0.6 m.
 
-Its curves are driven ahead. Between random headings reversing would pay in half of all pairs, saving 7 % 8 m apart and
-31 % at 0.3 m, but ways have headings of their own: facing along the way it saves nothing, facing away pi sqrt(2 q r_w)
-once. So only a drive's first guides look at ways that are driven backwards as a whole (`backwards`).
+Curves are driven ahead. Between random headings reversing would pay in half of all pairs, saving 7 % 8 m apart and 31 %
+at 0.3 m, but passages have headings of their own: facing along them it saves nothing, facing away pi sqrt(2 q r_w)
+once. So only a run's first proposals consider paths driven backwards as a whole (`backwards`).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
 from pirrht.problem import Problem
-from pirrht.steering.along_priced_arcs import PricedArcs, price_of, priced, priced_arcs
-from pirrht.steering.dubins import EPS, _ends, _opposite_turns, _same_turns
+from pirrht.steering.along_arcs import PricedArcs, price_of, priced, priced_arcs
+from pirrht.steering.dubins import EPS, PoseSteering, _ends, _opposite_turns, _same_turns
 from pirrht.steering.motion import Motion
-from pirrht.steering.poses import PoseSteering, rows
-from pirrht.steering.steering import Compiled
+from pirrht.steering.steering import Compiled, insert, rows
 from pirrht.steering.trajectory import Trajectory
+from pirrht.systems.dynamics import check_positive
 from pirrht.systems.rover import Rover
 
 RADII = (0.1, 0.3, 0.7, 1.4)  # times sqrt(r_w / r_v)
@@ -38,8 +38,7 @@ RADII = (0.1, 0.3, 0.7, 1.4)  # times sqrt(r_w / r_v)
 def _cheapest(tail, head, numbers, limit, curvature, length):  # type: ignore[no-untyped-def]
     """Cost of the cheapest word between states (3,); infinity if it is not below `limit`.
 
-    Numbers are 2 q r_v, 2 q r_w and the radii; written are curvature (3,) [1/m] and length (3,) [m], unless those have
-    no room.
+    Numbers are 2 q r_v, 2 q r_w and the radii; curvature (3,) [1/m] and length (3,) [m] are written unless empty.
     """
     best, straight = limit, math.sqrt(numbers[0])
     write = curvature.shape[0] > 0
@@ -83,7 +82,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 def _nearest(states, x, numbers, forward, chosen, cost):  # type: ignore[no-untyped-def]
     """Fill `chosen` with the states of least cost, cheapest first; of equal ones the earlier comes first.
 
-    No way is cheaper than straight there while turning evenly: sqrt(2 q (r_v gap^2 + r_w turn^2)).
+    No path is cheaper than straight there while turning evenly: sqrt(2 q (r_v gap^2 + r_w turn^2)).
     """
     count, here, none = chosen.shape[0], (x[0], x[1], x[2]), np.empty(0)
     found = 0
@@ -97,15 +96,7 @@ def _nearest(states, x, numbers, forward, chosen, cost):  # type: ignore[no-unty
         there = (states[i, 0], states[i, 1], states[i, 2])
         tail, head = (here, there) if forward else (there, here)
         d = _cheapest(tail, head, numbers, np.inf, none, none)
-        if found < count:
-            found += 1
-        elif d >= limit:
-            continue
-        at = found - 1
-        while at > 0 and cost[at - 1] > d:
-            cost[at], chosen[at] = cost[at - 1], chosen[at - 1]
-            at -= 1
-        cost[at], chosen[at] = d, i
+        found = insert(chosen, cost, found, d, i)
 
 
 @kernel
@@ -133,18 +124,11 @@ class RoverSteering(PoseSteering):
     r_w: float = 0.5
 
     def __post_init__(self) -> None:
-        for name in ("q", "r_v", "r_w"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+        check_positive(self, "q", "r_v", "r_w")
 
     @classmethod
     def of(cls, problem: Problem) -> RoverSteering:
-        """That of a problem of a `Rover` with q constant and R diagonal.
-
-        Raises:
-            OptionError: the dynamics or R is another.
-        """
+        """Take that of a problem of a `Rover` with q constant and R diagonal; OptionError for another."""
         if not isinstance(problem.dynamics, Rover):
             raise OptionError(f"a rover's arcs steer a Rover, not {type(problem.dynamics).__name__}; bring a Steering")
         R = problem.control_cost(np.zeros(3))
@@ -163,7 +147,7 @@ class RoverSteering(PoseSteering):
         return Compiled(_nearest, _connect, self._numbers)
 
     def priced(self, path: Curves) -> Curves:
-        """The same curves (k, P) at the rover's prices."""
+        """Price curves (k, P) for the rover."""
         return priced(path, *self._numbers[:2])
 
     @property
@@ -177,23 +161,23 @@ class RoverSteering(PoseSteering):
         return (2.0 * self.q * self.r_v, 2.0 * self.q * self.r_w, *(share * scale for share in RADII))
 
     def backwards(self, x: Array) -> Array:
-        """The same place (3,), faced the other way."""
+        """Face a pose (3,) the other way."""
         return np.asarray(x + np.array([0.0, 0.0, math.pi]))
 
     def reversing(self, trajectory: Trajectory) -> Trajectory:
-        """The same way and turn rates at the opposite speeds, at the same cost."""
+        """Drive a trajectory at the opposite speeds, with its turn rates and cost."""
         return replace(trajectory, controls=trajectory.controls * np.array([-1.0, 1.0]))
 
     def distance(self, tails: Array, heads: Array) -> Array:
         """Least cost from tails to heads, (..., 3) x 2 -> (...,) [cost]. Not symmetric."""
         tails, heads = np.broadcast_arrays(tails, heads)
         out = np.empty(tails.shape[:-1])
-        _costs(rows(tails), rows(heads), self._numbers, out.reshape(-1))
+        _costs(rows(tails, 3), rows(heads, 3), self._numbers, out.reshape(-1))
         return out
 
     def connect(self, tails: Array, heads: Array) -> Curves:
         """The cheapest curves from tails (k, 3) to heads (k, 3), (k, 3) pieces."""
-        tails, heads = rows(np.atleast_2d(tails)), rows(np.atleast_2d(heads))
+        tails, heads = rows(np.atleast_2d(tails), 3), rows(np.atleast_2d(heads), 3)
         found = _connect(tails, heads, self._numbers)
         return Curves(
             start=found.start, curvature=found.curvature, length=found.length, cost=found.cost, tails=tails, heads=heads

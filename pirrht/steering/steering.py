@@ -1,4 +1,4 @@
-"""Obstacle-blind optimal connections between two states (the paper's TPBVP)."""
+"""Connect two states optimally without obstacles (the paper's TPBVP)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.compiled.jit import inlined
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
@@ -27,7 +28,7 @@ class Compiled(NamedTuple):
 
 
 class Steering(ABC):
-    """Optimal motions of the deterministic system without obstacles, and what they cost.
+    """Optimal motions of the deterministic system without obstacles, and their costs.
 
     One along arcs at one speed also has `speed` [m/s], `cost_per_meter` and `controls(heading, curvature)`, the (l, m)
     that drive pieces starting at headings (l,) [rad] with curvatures (l,) [1/m]. Another names its kind of motion.
@@ -56,37 +57,37 @@ class Steering(ABC):
         """States (k, n) at the goal point (2,) [m] that the tree starts from."""
 
     def homology(self, space: FreeSpace) -> Any:
-        """Of which classes paths are in an examined scene (`Homology`)."""
+        """Return the classes of paths in an examined scene (`Homology`)."""
         return space.homology
 
     def surroundings(self, space: FreeSpace) -> Any:
-        """What the kernels of its motions know of an examined scene (`Surroundings`)."""
+        """Collect what the kernels of its motions take of an examined scene (`Surroundings`)."""
         return Surroundings.of(space)
 
     def remembering(self, around: Any) -> Any:
-        """Such surroundings with room for what a growing graph would find again and again; for one thread at a time."""
+        """Add a cache for a growing graph to surroundings; for one thread at a time."""
         return around
 
     def vertex_of(self, x: Array) -> Array:
-        """What a vertex of the tree has of a state (..., n) of the system; here all of it."""
+        """Take the part of a system's state (..., n) that a vertex of the tree has; here all of it."""
         return x
 
     def backwards(self, x: Array) -> Array | None:
-        """The state (n,) whose paths `reversing` turns into such from x (n,); None: nothing reverses."""
+        """Return the state (n,) whose paths `reversing` turns into such from x (n,); None: nothing reverses."""
         return None
 
     def reversing(self, trajectory: Trajectory) -> Trajectory:
-        """What drives along a trajectory backwards, from the state that faces the other way."""
+        """Drive a trajectory backwards, from the state that faces the other way."""
         return trajectory
 
     def at_rest(self, x: Array) -> Array:
-        """A vertex' state (n,) at the same place without its speed; here the same, since a vertex has none."""
+        """Return a vertex' state (n,) without its speed; here unchanged, since a vertex has none."""
         return x
 
     def states_along(self, way: Array, scene: Scene) -> Array:
-        """States (l, n) that lead both ways along a way whose points and headings are given, (k, 3) [m], [m], [rad].
+        """States (l, n) that lead both ways along a path of points and headings (k, 3) [m], [m], [rad].
 
-        Here all but the position is drawn, always the same; a steering method that knows headings says more.
+        Here all but the position is drawn, from one seed; steering methods with headings override it.
         """
         rng = np.random.default_rng(0)
         states = np.array([self.sample(scene, rng) for _ in way]).reshape(-1, self.n)
@@ -101,7 +102,7 @@ class Steering(ABC):
         origin: Array | None = None,
         goal_share: float = 0.0,
     ) -> Array:
-        """Random states (count, n) of an examined scene for a tree, the same in parts as at once; here uniform ones.
+        """Draw states (count, n) of an examined scene for a tree, equal in parts and at once; here uniform ones.
 
         Args:
             origin: where the robot is, (n,); None: at the scene's start.
@@ -118,8 +119,7 @@ class Steering(ABC):
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
         """States (l, n) that a tree in an examined scene draws first; here those along its passages.
 
-        Args:
-            origin: where the robot is, (n,); None: at the scene's start.
+        `origin` is the robot's state (n,); None: the scene's start.
         """
         return self.states_along(passages.way, space.scene)
 
@@ -140,9 +140,29 @@ class Steering(ABC):
 
     @property
     def compiled(self) -> Compiled | None:
-        """The same methods for kernels, with which a tree grows faster; None if there are none."""
+        """`nearest` and `connect` as kernels, with which a tree grows faster; None if there are none."""
         return None
 
     def trajectory(self, path: Any) -> Trajectory:
         """The controls (l, m) along a path of consecutive motions, and their durations (l,) [s]."""
         return self.motion.trajectory(self, path)
+
+
+def rows(states: Array, n: int) -> Array:
+    """States (..., n) as contiguous rows (k, n), as kernels read them."""
+    return np.ascontiguousarray(states, dtype=float).reshape(-1, n)
+
+
+@inlined
+def insert(chosen, least, found, d, i):  # type: ignore[no-untyped-def]
+    """Insert i of cost d into the `found` of `chosen` (c,), whose costs `least` (c,) rise; how many there are then."""
+    if found < chosen.shape[0]:
+        found += 1
+    elif d >= least[found - 1]:
+        return found
+    at = found - 1
+    while at > 0 and least[at - 1] > d:
+        least[at], chosen[at] = least[at - 1], chosen[at - 1]
+        at -= 1
+    least[at], chosen[at] = d, i
+    return found

@@ -1,4 +1,4 @@
-"""Straight lines: the optimum of a point without inertia."""
+"""Connect points by straight lines: the optimum without inertia."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pirrht.steering.steering import Compiled, Steering
 
 @kernel
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
-    """One straight piece each; the number is the cost per meter."""
+    """Connect each pair by one straight piece; the number is the cost per meter."""
     k = tails.shape[0]
     start, curvature, length, cost = np.empty((k, 3)), np.zeros((k, 1)), np.empty((k, 1)), np.empty(k)
     for i in range(k):
@@ -62,7 +62,7 @@ class StraightLine(Steering):
 
     @classmethod
     def of(cls, problem: Problem) -> StraightLine:
-        """The optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1).
+        """Take the optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1).
 
         Raises:
             OptionError: the dynamics is no point in the plane that is pushed around, or R is another.

@@ -1,8 +1,8 @@
-"""References of systems without steering of their own: lines in the plane, that guides make feasible.
+"""Make references of systems without steering of their own: lines in the plane, which proposals make feasible.
 
-The tree is that of a point which moves straight at a pace; its vertices are positions, whatever else a state has.
-Costs are the point's, so classes are ordered by length, and what the system's own optimum would be is found by guides
-alone: they track a reference first, from the state that the system has, and then save what the true cost allows.
+The tree is that of a point which moves straight at a pace; its vertices are positions, whatever else a state has. Costs
+are the point's, so classes are ordered by length. Proposals alone find the system's own optimum: they track a reference
+first, from the system's state, and then save where the true cost allows.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Tracked(Steering):
 
     @classmethod
     def of(cls, problem: Problem, pace: float | None = None) -> Tracked:
-        """Lines for any problem.
+        """Take lines for any problem.
 
         Args:
             pace: speed [m/s]; without one, that at which the problem's cost per meter is least.
@@ -100,17 +100,17 @@ class Tracked(Steering):
         return self.line.sample(scene, rng)
 
     def trajectory(self, path: Any) -> Trajectory:
-        """When a path is where; it has no controls that would drive along it."""
+        """Times along a path, without controls that would drive it."""
         found = self.line.trajectory(path)
         still = np.zeros((len(found.durations), self.m))
         return replace(found, controls=still, slack=self.slack)
 
 
 def pace_of(problem: Problem) -> float:
-    """The speed at which a meter costs least [m/s].
+    """Speed at which a meter costs least [m/s].
 
-    That is where q and u'Ru/2 balance if positions are actuated, the system's own if it has but one, and where q has
-    its least value per meter if it tells speeds apart.
+    If positions are actuated q and u'Ru/2 balance there; else it is the system's only speed, or where q has its least
+    value per meter if it tells speeds apart.
 
     Raises:
         OptionError: the cost tells none.
@@ -136,7 +136,7 @@ def pace_of(problem: Problem) -> float:
 
 
 def moving(problem: Problem, speed: float) -> Array | None:
-    """The start at a speed [m/s], (n,); None if the states have none."""
+    """Start state at a speed [m/s], (n,); None if the states have none."""
     d = problem.dynamics
     x = d.state_of(problem.scene.start)
     for name in ("speed", "vx"):
@@ -156,7 +156,7 @@ def _delay(problem: Problem, pace: float) -> float:
 
 
 def _actuated(problem: Problem) -> list[float]:
-    """How much positions yield to a control of a given cost, by direction, least first; empty where none moves them."""
+    """Mobilities of the position under a control of a given cost, by direction, least first; empty without any."""
     here = problem.dynamics.state_of(problem.scene.start)
     moved = np.linalg.eigvalsh(_yield(problem, here)[:2, :2])
     return [float(part) for part in moved if part > max(0.0, 1e-9 * float(moved[-1]))]

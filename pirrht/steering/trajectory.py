@@ -1,4 +1,4 @@
-"""Deterministic paths with the controls that drive them."""
+"""Describe deterministic paths with the controls that drive them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Trajectory:
         return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
 
     def faster(self, times: float) -> Trajectory:
-        """The same path, driven so many times as fast by a system that controls move."""
+        """Drive the path so many times as fast, for a system that controls move."""
         return replace(self, controls=times * self.controls, durations=self.durations / times)
 
     def tape(self, times: Array) -> Array:
@@ -50,7 +50,7 @@ class Trajectory:
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
     """Integral of q + u'Ru/2 along a trajectory from x (n,) [cost]; a callable q with its mean over the points.
 
-    Where the controls are not known it is the steering's cost, and what getting under way may cost at most.
+    Where the controls are not known it is the steering's cost, and the most that getting under way may cost.
     """
     if trajectory.slack is not None:
         return trajectory.cost + 2.0 * problem.least_rate * trajectory.slack

@@ -1,6 +1,6 @@
-"""Places and times that may be of use to a robot on its way from a start to a goal among bodies that move.
+"""Draw places and times that may be of use to a robot between a start and a goal among moving obstacles.
 
-Whatever lies on a way costs at least what it takes to be there in time, and on to the goal at the best speed.
+A path over a place at a time costs at least what it takes to be there in time, and on to the goal at the best speed.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ OFFERED = 256  # states in passages, the cheapest
 
 
 class Useful(NamedTuple):
-    """Which places at which times cost a robot no more than so much, by what is between start and goal at least."""
+    """Places and times that cost a robot no more than a limit, by a lower bound between start and goal."""
 
     start: tuple[float, float]  # [m]
     begin: float  # when it is left [s]
@@ -45,7 +45,7 @@ class Useful(NamedTuple):
 
     @classmethod
     def of(cls, numbers: tuple[float, ...], scene: Scene, origin: Array, multiple: float) -> Useful:
-        """Up to a multiple of the cost between an origin (3,) [m, m, s] and the goal without anything in the way.
+        """Bound by a multiple of the unhindered cost between an origin (3,) [m, m, s] and the goal.
 
         `numbers` are q, r, the limit of speeds and the best speed.
         """
@@ -54,18 +54,10 @@ class Useful(NamedTuple):
         (sx, sy, begin), (gx, gy) = origin.tolist(), scene.goal.center.tolist()
         return cls((sx, sy), begin, (gx, gy), q, r, meter, multiple * meter * math.hypot(gx - sx, gy - sy))
 
-    def cost(self, x: float, y: float, t: float) -> float:
-        """Of a way over a place at a time, at least [cost]."""
-        return _cost(self, x, y, t)
-
-    def __call__(self, x: float, y: float, t: float) -> bool:
-        """Whether it is little enough."""
-        return _is_of_use(self, x, y, t)
-
 
 @jitable
 def _cost(useful: Useful, x: float, y: float, t: float) -> float:
-    """What `Useful.cost` says."""
+    """Compute `Useful.cost`."""
     since = t - useful.begin
     away = (x - useful.start[0]) ** 2 + (y - useful.start[1]) ** 2
     ahead = math.hypot(useful.goal[0] - x, useful.goal[1] - y)
@@ -74,13 +66,13 @@ def _cost(useful: Useful, x: float, y: float, t: float) -> float:
 
 @jitable
 def _is_of_use(useful: Useful, x: float, y: float, t: float) -> bool:
-    """Whether a place at a time costs little enough."""
+    """Tell whether a place at a time costs little enough."""
     return t > useful.begin and _cost(useful, x, y, t) <= useful.most
 
 
 @inlined
 def _serves(useful, box, goal, x, y, t):  # type: ignore[no-untyped-def]
-    """Whether a place at a time is of use, inside the workspace and off the goal."""
+    """Tell whether a place at a time is of use, inside the workspace and off the goal."""
     inside = box[0] < x < box[2] and box[1] < y < box[3]
     return inside and _is_of_use(useful, x, y, t) and math.hypot(goal[0] - x, goal[1] - y) > goal[2]
 
@@ -89,21 +81,14 @@ def _serves(useful, box, goal, x, y, t):  # type: ignore[no-untyped-def]
 def _write_draw(unhindered, traffic, box, goal, chances, out):  # type: ignore[no-untyped-def]
     """Write the place and time (3,) that numbers (CHANCES,) between 0 and 1 lead to.
 
-    Args:
-        unhindered: what is of use at the cost that nothing in the way leaves.
-        box: frame (x, y, X, Y) [m] of the workspace, how long draws go on [s], and the limit of speeds [m/s].
-        goal: its centre, its radius [m], and the share of draws that is moved into its disc.
+    Args: `unhindered` usefulness; `box`, frame (x, y, X, Y) [m] of the workspace, horizon of draws [s], and limit of
+        speeds [m/s]; `goal`, its centre, its radius [m], and the share of draws that is moved into its disc.
     """
     most = (1.0 + SLOWER * chances[2] / max(1.0 - chances[2], 1e-3)) * unhindered.most
     u = unhindered
     useful, tries = Useful(u.start, u.begin, u.goal, u.q, u.r, u.meter, most), chances[SINGLE:]
-    if chances[0] < WIDE:
-        found = False
-    elif traffic.J > 0 and chances[1] < BESIDE:
-        found = _found_beside(useful, traffic, box, goal, tries, out)
-    else:
-        found = _found(useful, box, goal, tries, out)
-    if not found:
+    beside = traffic.J > 0 and chances[1] < BESIDE
+    if chances[0] < WIDE or not _found(useful, traffic, box, goal, tries, beside, out):
         x, y, far_x, far_y, horizon, _ = box
         out[0], out[1] = x + (far_x - x) * chances[3], y + (far_y - y) * chances[4]
         out[2] = useful.begin + horizon * chances[5]
@@ -113,33 +98,24 @@ def _write_draw(unhindered, traffic, box, goal, chances, out):  # type: ignore[n
 
 
 @inlined
-def _found(useful, box, goal, tries, out):  # type: ignore[no-untyped-def]
+def _found(useful, traffic, box, goal, tries, beside, out):  # type: ignore[no-untyped-def]
     """Write the first place and time (3,) of use that numbers (4 TRIES,) lead to; whether there is one.
 
-    They are uniform in the workspace off the goal, and in the time that is left.
+    They are uniform in the workspace off the goal, and in the time that is left, or `beside` bodies, where these are.
     """
     x, y, far_x, far_y, horizon, speed = box
-    latest = min(useful.most / useful.q, horizon)
+    latest = min(max(useful.most / useful.q, 0.0), horizon)
     for i in range(0, tries.shape[0], 4):
-        px, py = x + (far_x - x) * tries[i], y + (far_y - y) * tries[i + 1]
-        soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / speed
-        t = useful.begin + soonest + tries[i + 2] * max(latest - soonest, 0.0)
-        if _serves(useful, box, goal, px, py, t):
-            out[0], out[1], out[2] = px, py, t
-            return True
-    return False
-
-
-@inlined
-def _found_beside(useful, traffic, box, goal, tries, out):  # type: ignore[no-untyped-def]
-    """The same of places and times beside bodies, where these are then."""
-    latest = min(max(useful.most / useful.q, 0.0), box[4])
-    for i in range(0, tries.shape[0], 4):
-        t, j = useful.begin + tries[i + 2] * latest, int(tries[i + 3] * traffic.J)
-        px, py, _, _, _, _, _ = piece_of(traffic, j, t)
-        angle = 2.0 * math.pi * tries[i]
-        away = disc_of(traffic, j) + tries[i + 1] ** 2 * NEAR * traffic.robot
-        px, py = px + away * math.cos(angle), py + away * math.sin(angle)
+        if beside:
+            t, j = useful.begin + tries[i + 2] * latest, int(tries[i + 3] * traffic.J)
+            px, py, _, _, _, _, _ = piece_of(traffic, j, t)
+            angle = 2.0 * math.pi * tries[i]
+            away = disc_of(traffic, j) + tries[i + 1] ** 2 * NEAR * traffic.robot
+            px, py = px + away * math.cos(angle), py + away * math.sin(angle)
+        else:
+            px, py = x + (far_x - x) * tries[i], y + (far_y - y) * tries[i + 1]
+            soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / speed
+            t = useful.begin + soonest + tries[i + 2] * max(latest - soonest, 0.0)
         if _serves(useful, box, goal, px, py, t):
             out[0], out[1], out[2] = px, py, t
             return True
@@ -162,10 +138,10 @@ def drawn(
     count: int,
     goal_share: float,
 ) -> Array:
-    """Random places and times (count, 3) [m, m, s]; some lie beside a body that moves, where ways around it bend.
+    """Draw places and times (count, 3) [m, m, s]; some lie near a moving obstacle, where paths around it bend.
 
-    Most cost no more on the way than some multiple of what nothing in the way would cost, the others are uniform in the
-    workspace and the time that draws go on [s]; a share of all is moved into the goal's disc.
+    Most cost no more on the path than some multiple of the unhindered cost, the others are uniform in the workspace and
+    the horizon [s]; a share of all is moved into the goal's disc.
     """
     scene, out = space.scene, np.empty((count, 3))
     (x, y), radius = scene.goal.center.tolist(), scene.goal.radius
@@ -176,7 +152,7 @@ def drawn(
 
 
 def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, origin: Array) -> Array:
-    """Places across and along passages at many times (l, 3) [m, m, s], where nothing is then: the cheapest."""
+    """Places across and along passages at many times (l, 3) [m, m, s], free then: the cheapest."""
     left, right = passages.chords()
     start, radius, useful = origin[:2], space.scene.robot_radius, Useful.of(numbers, space.scene, origin, MOST)
     half = 0.5 * (right - left) * (1.0 - 2.0 * radius / np.maximum(passages.width, 2.0 * radius))[:, None]
@@ -188,7 +164,7 @@ def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, or
         places, late = middle + along * radius * ahead, along * radius / (speed * numbers[3])
         for (x, y), away in zip(places.tolist(), np.hypot(*(middle - start).T).tolist(), strict=True):
             t = useful.begin + away / (speed * numbers[3]) + late
-            if useful(x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
-                found.append((useful.cost(x, y, t), x, y, t))
+            if _is_of_use(useful, x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
+                found.append((_cost(useful, x, y, t), x, y, t))
     found.sort()
     return np.array([row[1:] for row in found[:OFFERED]]).reshape(-1, 3)

@@ -1,10 +1,9 @@
 """Controlled diffusions `dx = f(x) dt + G(x) u dt + B(x) dw` with noise and control in one channel (paper eq. 1).
 
-In the paper's partition the state is x = [x_m; x_c]: control and noise enter x_c only, through the square blocks
-G_c and B_c. In the input form dx = f(x) dt + G(x) (u dt + s dw) they enter any states, through the columns of one
-matrix: B = G s, and no square block is asked for. Either way a path is told in noise units: its increments are
-y = a dt + dw with a = B_c^-1 G_c u, or a = s^-1 u, and the likelihood ratio is one of m numbers per step.
-One definition of each system serves the rollout kernels, the analytic plant and the tests.
+In the paper's partition the state is x = [x_m; x_c]: control and noise enter x_c only, through the square blocks G_c
+and B_c. In the input form dx = f(x) dt + G(x) (u dt + s dw) they enter any states, through the columns of one matrix: B
+= G s. Increments in noise units are y = a dt + dw with a = B_c^-1 G_c u, or a = s^-1 u, and the likelihood ratio is one
+of m numbers per step.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ PROBES = 5  # states at which it is asked how noise acts on the position
 
 @jitable
 def no_homing(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """No control, written to out (m,) [1/sqrt(s)]: what outlives its guide is left to itself."""
+    """Write no control to out (m,) [1/sqrt(s)]: samples that outlive their proposal are left to themselves."""
     for j in range(out.shape[0]):
         out[j] = 0.0
 
@@ -34,11 +33,11 @@ def no_homing(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
 class Dynamics(ABC):
     """A planar system whose first two states are the position [m].
 
-    `drift`, `control_block` and `diffusion_block` are numeric functions `(x, p, out) -> None` that fill `out`;
-    they must compile with numba. `p` is `parameters`. The blocks may be arrays instead: then they are constant
-    and rollouts take the fast path. Instead of both blocks a system may declare `input_matrix` and `input_noise`.
-    `states` names the components: "x" and "y" [m] first, then "heading" [rad], "vx",
-    "vy", "speed" [m/s], "t" [s] or whatever else the system has, but no "z".
+    `drift`, `control_block` and `diffusion_block` are numeric functions `(x, p, out) -> None` that fill `out` and
+    compile with numba; `p` is `parameters`. Blocks may be arrays instead: then they are constant and rollouts take the
+    fast path. Instead of both blocks a system may declare `input_matrix` and `input_noise`. `states` names the
+    components: "x" and "y" [m] first, then "heading" [rad], "vx", "vy", "speed" [m/s], "t" [s] or whatever else the
+    system has, but no "z".
     """
 
     n: int  # states
@@ -48,13 +47,12 @@ class Dynamics(ABC):
     drift: Callable[..., None]  # f, out (n,) [state/s]
     control_block: Array | Callable[..., None]  # G_c, (m, m) [state/s per control]
     diffusion_block: Array | Callable[..., None]  # B_c, (m, m) [state/sqrt(s)]
-    # The input form: G, (n, m) [state/s per control], an array or a function (x, p, out) likewise, and s, (m, m)
+    # The input form: G, (n, m) [state/s per control], an array or a function (x, p, out), and s, (m, m)
     # [control sqrt(s)], an array with an inverse.
     input_matrix: Array | Callable[..., None] | None = None
     input_noise: Array | None = None
-    # Whether the equation is meant in Stratonovich's sense, so that a step takes f and G half-way, and not in Ito's, so
-    # that it takes G from its start. Both are one where no column of B = G s changes along itself, as noise along a
-    # heading and other noise on that heading: there half-way is only closer to the equation.
+    # Whether the equation is Stratonovich's, whose steps take f and G half-way, or Ito's, whose steps take G from their
+    # start. Both are one where no column of B = G s changes along itself, as noise along a heading does not.
     stratonovich: bool = False
     # Optional: what samples do that outlive their guide, (x, p, B, aim, radius, rate, out) -> None, compiled by numba:
     # the control towards the goal's disc at aim (x, y) [m] as a = B_c^-1 G_c u, out (m,) [1/sqrt(s)]; rate is q/lambda.
@@ -64,7 +62,7 @@ class Dynamics(ABC):
     def twist(self, x: Array, rate: Array) -> Array:
         """Velocity command (2,) of the robot at x (n,), in its own terms, for rates (m,) [state/s] of x_c.
 
-        In the input form they are those of the inputs themselves, u + s dw/dt (m,), in units of controls.
+        In the input form rates are those of the inputs, u + s dw/dt (m,), in units of controls.
         """
 
     def brake(self, x: Array, place: Array, within: float) -> Array | None:
@@ -73,39 +71,39 @@ class Dynamics(ABC):
 
     @property
     def input_form(self) -> bool:
-        """Whether noise enters through the inputs of an `input_matrix`, not through the paper's square blocks."""
+        """Tell whether noise enters through the inputs of an `input_matrix`, not through the paper's square blocks."""
         return self.input_matrix is not None
 
     @property
     def rows(self) -> int:
-        """How many states, the last ones, control and noise may enter: m in the paper's partition, n in input form."""
+        """Number of last states that control and noise may enter: m in the paper's partition, n in input form."""
         return self.n if self.input_form else self.m
 
     @property
     def constant(self) -> bool:
-        """Whether neither G nor B depends on the state; then both are arrays (rows, m)."""
+        """Tell whether neither G nor B depends on the state; then both are arrays (rows, m)."""
         if self.input_form:
             return isinstance(self.input_matrix, np.ndarray)
         return isinstance(self.control_block, np.ndarray) and isinstance(self.diffusion_block, np.ndarray)
 
     @property
     def noisy_position(self) -> bool:
-        """Whether the noise acts on the position itself (then exits need a Brownian bridge, else a sweep)."""
+        """Tell whether the noise acts on the position itself (then exits need a Brownian bridge, else a sweep)."""
         return self._stirred if self.input_form else self.n - self.m < 2
 
     @property
     def drifting_away(self) -> bool:
-        """Whether the drift moves states in directions that no control does."""
+        """Tell whether the drift moves states in directions that no control does."""
         return self.drift is not no_drift if self.input_form else self.n > self.m
 
     @cached_property
     def _stirred(self) -> bool:
-        """Whether the rows of x and y of G are other than zero anywhere; asked at some states."""
+        """Tell whether the rows of x and y of G are other than zero anywhere, by probing some states."""
         return any(bool(np.any(self.G_c(x)[:2])) for x in self._some_states())
 
     @cached_property
     def even(self) -> bool:
-        """Whether it is a point that nothing carries along and noise shakes alike every way; asked at some states."""
+        """Tell whether it is a point without drift whose noise is isotropic, by probing some states."""
         if not self.n == self.m == 2:
             return False
         noise = [self.B_c(x) @ self.B_c(x).T for x in self._some_states()]
@@ -155,11 +153,7 @@ class Dynamics(ABC):
         return lower, upper
 
     def check(self) -> None:
-        """Whether scenes and rollouts can serve this system.
-
-        Raises:
-            OptionError: they cannot; names the class and says what would have worked.
-        """
+        """Refuse a system that scenes and rollouts cannot serve: OptionError, with what would have worked."""
         name, given = type(self).__name__, ", ".join(self.states)
         blocks = ("input_matrix", "input_noise") if self.input_form else ("control_block", "diffusion_block")
         needed = ("n", "m", "parameters", "drift", *blocks)
@@ -253,7 +247,7 @@ class Dynamics(ABC):
         return self._block(self.control_block if self.input_matrix is None else self.input_matrix, x)
 
     def B_c(self, x: Array) -> Array:
-        """The same rows of B at x (n,), (rows, m) [state/sqrt(s)]."""
+        """Rows of B at x (n,) that are not zero for good, (rows, m) [state/sqrt(s)]."""
         if self.input_noise is not None:
             return np.asarray(self.G_c(x) @ self.input_noise)
         return self._block(self.diffusion_block, x)
@@ -265,7 +259,7 @@ class Dynamics(ABC):
         return np.asarray(np.linalg.solve(self.B_c(x), self.G_c(x)))
 
     def control_gain(self, x: Array) -> Array:
-        """Its inverse at x (n,), (m, m) [control sqrt(s)]."""
+        """Inverse of `noise_gain` at x (n,), (m, m) [control sqrt(s)]."""
         if self.input_noise is not None:
             return np.asarray(self.input_noise, dtype=float)
         return np.asarray(np.linalg.solve(self.G_c(x), self.B_c(x)))
@@ -284,7 +278,7 @@ class Dynamics(ABC):
         return np.asarray(np.linalg.solve(self.G_c(x), self.B_c(x) @ a))
 
     def inputs_of(self, states: Array, a: Array) -> Array:
-        """The same for states (k, n) and a (k, m), (k, m); at once where G and B are the same everywhere."""
+        """Controls u (k, m) at states (k, n) of those in noise units (k, m) [1/sqrt(s)]."""
         if self.input_noise is not None:
             return np.asarray(a @ self.input_noise.T)
         if isinstance(self.control_block, np.ndarray) and isinstance(self.diffusion_block, np.ndarray):
@@ -313,9 +307,9 @@ class Dynamics(ABC):
         return actuated
 
     def step(self, x: Array, u: Array, dw: Array, dt: float) -> Array:
-        """One Euler-Maruyama step of dt [s] from x (n,) under u (m,), increment dw (m,) [sqrt(s)] handed in, (n,).
+        """Take one Euler-Maruyama step of dt [s] from x (n,) under u (m,), increment dw (m,) [sqrt(s)] handed in, (n,).
 
-        Where the equation is Stratonovich's, f and G are those of its middle.
+        A Stratonovich equation takes f and G of its middle.
         """
         if self.input_form:
             rate, middle = self.rate(x, u, dw, dt), x
@@ -345,3 +339,11 @@ def no_drift(x, p, out):  # type: ignore[no-untyped-def]
 def _check_noise(b: float) -> None:
     if not (np.isfinite(b) and b > 0):
         raise OptionError(f"the noise b is {b:g}; path integrals need a positive number")
+
+
+def check_positive(owner: object, *names: str) -> None:
+    """Refuse attributes that are no positive numbers by an OptionError."""
+    for name in names:
+        value = getattr(owner, name)
+        if not (np.isfinite(value) and value > 0):
+            raise OptionError(f"{name} is {value:g}; it must be a positive number")

@@ -13,7 +13,7 @@ TURN_GAIN = 3.0  # turn rate of homing per heading error [1/s]
 
 @inlined
 def wrapped(angle):  # type: ignore[no-untyped-def]
-    """The same angle within half a turn of zero [rad]."""
+    """Wrap an angle to within half a turn of zero [rad]."""
     if -math.pi <= angle < math.pi:  # as nearly all are: a division waits longer than this asks
         return angle
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
@@ -21,12 +21,12 @@ def wrapped(angle):  # type: ignore[no-untyped-def]
 
 @inlined
 def beyond_disc(dx, dy, theta, radius):  # type: ignore[no-untyped-def]
-    """How far a disc (dx, dy) [m] away must still be turned to until it lies ahead of a heading; 0 if it does [rad]."""
+    """Angle to turn until a disc (dx, dy) [m] away lies ahead of a heading; 0 if it does [rad]."""
     off = wrapped(math.atan2(dy, dx) - theta)
     within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
     return max(0.0, off - within) + min(0.0, off + within)
 
 
 def ahead(x: Array, place: Array) -> float:
-    """How far ahead a place (2,) lies of a state that begins with x, y [m] and heading [rad], along the heading [m]."""
+    """Distance [m] along the heading from a state that begins with x, y [m] and heading [rad] to a place (2,)."""
     return math.cos(x[2]) * float(place[0] - x[0]) + math.sin(x[2]) * float(place[1] - x[1])

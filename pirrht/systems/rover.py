@@ -10,8 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
-from pirrht.errors import OptionError
-from pirrht.systems.dynamics import Dynamics, _check_noise, no_drift
+from pirrht.systems.dynamics import Dynamics, _check_noise, check_positive, no_drift
 from pirrht.systems.heading import TURN_GAIN, ahead, beyond_disc
 
 NARROW = 3.0  # it drives where the disc lies less than pi / 2 over this aside: faster it would circle around it
@@ -28,10 +27,7 @@ def by_speed_and_turn(x, p, out):  # type: ignore[no-untyped-def]
 
 @jitable
 def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """Drive at the best speed where the goal's disc lies ahead of x (3,), else turn to it; a written to out (2,).
-
-    A disc that lies behind is reversed to likewise.
-    """
+    """Drive at the best speed where the goal's disc lies ahead of x (3,) or behind, else turn to it; a to out (2,)."""
     dx, dy = aim[0] - x[0], aim[1] - x[1]
     way = 1.0 if dx * math.cos(x[2]) + dy * math.sin(x[2]) >= 0.0 else -1.0
     beyond = beyond_disc(way * dx, way * dy, x[2], radius)
@@ -65,8 +61,7 @@ class Rover(Dynamics):
 
     def __post_init__(self) -> None:
         _check_noise(self.b)
-        if not (np.isfinite(self.turning) and self.turning > 0):
-            raise OptionError(f"turning is {self.turning:g}; it must be a positive number")
+        check_positive(self, "turning")
 
     @cached_property
     def input_noise(self) -> Array:  # type: ignore[override]

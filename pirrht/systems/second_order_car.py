@@ -26,15 +26,15 @@ def rolling(x, p, out):  # type: ignore[no-untyped-def]
 
 @jitable
 def cruising(x, p):  # type: ignore[no-untyped-def]
-    """q = 1 + (v / CRUISE)^2 [cost/s] at x (4,), for parameters p (0,): what a puck of q = 1, R = 2I pays at v."""
+    """q = 1 + (v / CRUISE)^2 [cost/s] at x (4,), for parameters p (0,): the cost of a puck of q = 1, R = 2I at v."""
     return 1.0 + (x[3] / CRUISE) ** 2
 
 
 @jitable
 def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """Turn until the goal's disc lies ahead and drive at CRUISE, slower as long as it lies aside; out (2,).
+    """Turn until the goal's disc lies ahead and drive at CRUISE, slower as long as it does not; out (2,).
 
-    Who reverses towards it goes on so.
+    If it reverses towards the goal it goes on so.
     """
     dx, dy = aim[0] - x[0], aim[1] - x[1]
     way = 1.0

@@ -9,8 +9,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.compiled.jit import jitable
-from pirrht.errors import OptionError
-from pirrht.systems.dynamics import Dynamics, _check_noise
+from pirrht.systems.dynamics import Dynamics, _check_noise, check_positive
 
 
 @jitable
@@ -42,10 +41,7 @@ class Unicycle(Dynamics):
 
     def __post_init__(self) -> None:
         _check_noise(self.b)
-        for name in ("V", "rho"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise OptionError(f"{name} is {value:g}; it must be a positive number")
+        check_positive(self, "V", "rho")
 
     @cached_property
     def parameters(self) -> Array:  # type: ignore[override]

@@ -1,15 +1,13 @@
-"""Ways around obstacles: homology classes of planar paths (paper, section IV-A).
+"""Tell homology classes of planar paths apart (paper, section IV-A).
 
-obstacles     what can be wound around: components of the obstacles inflated by the robot's radius
-homology      representative points zeta_l, H-signatures, and the integers that classes are
-cuts          the ray behind each marker, and which of them a segment crosses
-turns         whole turns of curves as (marker, turn) pairs, and their sums along edges
-tracks        where markers of bodies that move are, and how far steps in space and time turn about them
-moving        turns about bodies that move, of paths in space and time, and the classes that follow
-in_time       classes among markers that stand and markers that move, edge by edge
-bases         bases of the vertices of a graph that grows among bodies that move, kept
-driven        the path driven so far, which goes before every class
+obstacles     components of the obstacles inflated by the robot's radius, around which paths can wind homology
+representative points zeta_l, H-signatures, and classes as integers cuts          the ray behind each marker, and which
+of them a segment crosses turns         whole turns of curves as (marker, turn) pairs, and their sums along edges tracks
+trajectories of markers of moving obstacles, and turns of steps in space and time about them moving        turns of
+paths in space and time about moving obstacles, and their classes in_time       classes among static and moving markers,
+edge by edge, and cached bases marks         whole turns of sampled paths, found at rays that move along driven
+the path driven so far, which goes before every class
 
-H = 1 + H(straight line to the goal point) + integers, so that equal classes are equal tuples and no tolerance is
-needed. It may import `geometry` and `compiled`.
+H = 1 + H(straight line to the goal point) + integers: equal classes are equal tuples, without a tolerance. It imports
+`geometry` and `compiled`.
 """

@@ -1,8 +1,8 @@
-"""Which cuts a path crosses, without asking every marker.
+"""Find the cuts that a path crosses, without asking every marker.
 
 The cut of a marker is the ray that leaves it away from the goal point. Seen from the goal point it lies in one
 direction, so a segment can only cross cuts whose directions it passes: markers are sorted by direction, and a table of
-as many equal buckets as there are markers says where a sector begins. What a sector holds is tested exactly.
+equal buckets tells where a sector begins. Markers of a sector are tested exactly.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Index(NamedTuple):
 
 
 class Cuts(Index):
-    """The same together with the arrays that the addresses point to."""
+    """An index together with the arrays that its addresses point to."""
 
     arrays: tuple[NDArray[np.float64] | NDArray[np.int64] | NDArray[np.int32], ...]
 
@@ -60,14 +60,9 @@ class Cuts(Index):
         twice = np.concatenate([order, order])
         left, low, cell, columns, rows, first, member = _lattice(markers[order])
         arrays = (
-            np.concatenate([start[:B], start + M]).astype(np.int32),
-            np.ascontiguousarray(markers[twice, 0]),
-            np.ascontiguousarray(markers[twice, 1]),
-            weights[twice],
-            twice.astype(np.int32),
-            first,
-            member,
-        )
+            np.concatenate([start[:B], start + M]).astype(np.int32), np.ascontiguousarray(markers[twice, 0]),
+            np.ascontiguousarray(markers[twice, 1]), weights[twice], twice.astype(np.int32), first, member,
+        )  # fmt: skip
         at = [array.ctypes.data for array in arrays]
         cuts = cls(
             goal_x=float(goal[0]), goal_y=float(goal[1]), M=M, buckets=B,
@@ -79,7 +74,7 @@ class Cuts(Index):
 
 
 def _lattice(markers: Array) -> tuple[float, float, float, int, int, NDArray[np.int32], NDArray[np.int32]]:
-    """About as many square cells as markers (M, 2), and which markers lie in each."""
+    """Lay about as many square cells as markers (M, 2); list the markers of each."""
     M = len(markers)
     low, span = (markers.min(axis=0), np.ptp(markers, axis=0)) if M else (np.zeros(2), np.zeros(2))
     cell = float(max(np.sqrt(span.prod() / max(M, 1)), span.max() / max(M, 1), 1e-9))
@@ -93,7 +88,7 @@ def _lattice(markers: Array) -> tuple[float, float, float, int, int, NDArray[np.
 
 @inlined
 def direction(dx, dy):  # type: ignore[no-untyped-def]
-    """A number from 0 to 4 that grows with the angle of (dx, dy); 0 where there is none."""
+    """Return a number from 0 to 4 that grows with the angle of (dx, dy); 0 where there is none."""
     size = abs(dx) + abs(dy)
     if size == 0.0:
         return 0.0
@@ -128,10 +123,9 @@ def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 
 @inlined
 def turn_at_cut(mx, my, gx, gy, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
-    """The turn, -1, 0 or 1, that the segment from a to c [m] adds by crossing the cut of the marker (mx, my).
+    """Turn, -1, 0 or 1, that the segment from a to c [m] adds by crossing the cut of the marker (mx, my).
 
-    (gx, gy) is the goal point, all in [m]. Points on the cut count as on its right, as in `straight_turns`;
-    counter-clockwise is positive.
+    (gx, gy) is the goal point [m]. Points on the cut count as on its right (`straight_turns`); left turns are positive.
     """
     bx, by = gx - mx, gy - my
     ax, ay, cx, cy = ax - mx, ay - my, cx - mx, cy - my
@@ -161,7 +155,7 @@ def key_of_segment(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
 
 @inlined
 def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
-    """The same, (ax, ay) to (cx, cy) [m], inlined for long loops."""
+    """Additive key of the turns that the segment from (ax, ay) to (cx, cy) [m] adds; inlined for long loops."""
     key = np.int64(0)
     begin, end = sector(cuts, ax, ay, cx, cy)
     for i in range(begin, end):

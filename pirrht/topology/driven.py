@@ -1,4 +1,4 @@
-"""The path driven so far, and which class it makes of what is still to come."""
+"""Keep the path driven so far, and the class that it makes of what is still to come."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pirrht.topology.in_time import TimedHomology
 
 
 class Driven:
-    """A drive that started at x (n,), whose turns (M,) are kept as it goes on."""
+    """A run that started at x (n,), whose turns (M,) are kept as it goes on."""
 
     def __init__(self, homology: Homology, x: Array) -> None:
         self._homology = homology
@@ -22,10 +22,9 @@ class Driven:
         self._sure: tuple[Array, Array] | None = None  # turns and position before what is only expected
 
     def observe(self, states: Array, until: float = 0.0) -> None:
-        """Take note of the states (k, n), the first two [m], just driven through; they replace what was expected.
+        """Add the states (k, n), the first two [m], just driven through; they replace what was expected.
 
-        Args:
-            until: when the last of them was reached [s], which says nothing about what stands.
+        `until`, the time of the last one [s], has no effect on static markers.
         """
         if self._sure is not None:
             (self._turns, self._last), self._sure = self._sure, None
@@ -40,7 +39,7 @@ class Driven:
 
     @property
     def here(self) -> Array:
-        """Where the robot is, as far as is known or expected, (2,) [m]."""
+        """Position of the robot, as far as is known or expected, (2,) [m]."""
         return self._last
 
     def enter(self, homology: Homology) -> None:
@@ -63,7 +62,7 @@ class Driven:
 
 
 class DrivenInTime:
-    """The same among bodies that move: a drive that left x (n,) at a time [s] of their clock.
+    """A run among moving obstacles that left x (n,) at a time [s] of their clock.
 
     Args:
         offset: turns (M,) of its class before that.
@@ -79,7 +78,7 @@ class DrivenInTime:
         self._now = self._known
 
     def observe(self, states: Array, until: float) -> None:
-        """Take note of the states (k, n), evenly spaced in time, the last of them now reached, at `until` [s]."""
+        """Add the states (k, n), evenly spaced in time, the last of them now reached, at `until` [s]."""
         self._standing.observe(states)
         self._known = self._now = self._on(states, until)
 
@@ -104,5 +103,5 @@ class DrivenInTime:
 
 
 def driven(homology: Homology | TimedHomology, x: Array, time: float) -> Driven | DrivenInTime:
-    """What keeps the class of a drive that leaves x (n,) at a time [s]."""
+    """Start to keep the class of a run that leaves x (n,) at a time [s]."""
     return DrivenInTime(homology, x, time) if isinstance(homology, TimedHomology) else Driven(homology, x)

@@ -1,8 +1,8 @@
-"""Homology classes of planar paths: H-signatures and the integers behind them (paper, section IV-A).
+"""Tell homology classes of planar paths by H-signatures and the integers behind them (paper, section IV-A).
 
-From a point x every path to the goal point has H = H(straight line from x) + k with whole turns k. The tuple k is
-the class, and two paths from x are homologous exactly when their tuples are equal: no tolerance is involved. The
-integer k_l also counts how often a path crosses the cut, the ray that leaves marker l away from the goal.
+From a point x every path to the goal point has H = H(straight line from x) + k with whole turns k. The tuple k is the
+class; two paths from x are homologous exactly when their tuples are equal, without a tolerance. The integer k_l counts
+how often a path crosses the cut, the ray that leaves marker l away from the goal.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Homology:
         return int(self.markers.shape[0])
 
     def asked(self, x: Array, time: float) -> Array:
-        """The state (n,) itself, at whatever time; where bodies move it is a place and a time."""
+        """Return the state (n,) itself, whatever the time; `TimedHomology` takes a place and a time."""
         return x
 
     def straight(self, points: Array) -> Array:
@@ -89,22 +89,21 @@ class Homology:
 
 @cache
 def hash_weights(M: int) -> IntArray:
-    """Odd integers (M,), one for each of so many markers."""
+    """Draw odd integers (M,), one for each of so many markers."""
     draws = np.random.default_rng(0x5157).integers(0, 2**62, size=M, dtype=np.int64)
     return draws * 2 + 1
 
 
 def integers(whole: Array | IntArray) -> tuple[int, ...]:
-    """A class as M plain integers, from numbers (M,) [turns] that are whole but for rounding."""
+    """Round numbers (M,) [turns], whole but for rounding, to a class of M plain integers."""
     winding: tuple[int, ...] = tuple(np.rint(whole).astype(np.int64).tolist())
     return winding
 
 
 def class_id(winding: Sequence[int], named: int | None = None) -> str:
-    """The public name of a class (M,): its integers joined by commas; "-" where there is nothing to wind around.
+    """Name a class (M,) publicly: its integers joined by commas; "-" where there is nothing to wind around.
 
-    Args:
-        named: zeros at the end are left out after so many integers; None: never.
+    Zeros at the end are left out after `named` integers; None: never.
     """
     last = len(winding)
     while named is not None and last > named and winding[last - 1] == 0:

@@ -1,9 +1,9 @@
-"""Where moving markers are at the ends of a path's steps, and whole turns about them, found at rays that move along.
+"""Find whole turns of sampled paths about moving markers at rays that move along.
 
-The ray of a marker leaves it away from the goal point. A path that is completed straight to the goal point and waits
-there crosses it as often, counter-clockwise positive, as its class differs from that of the goal point itself; what the
-base crosses on its way is taken off once, at the beginning. With g the goal point as seen from the marker and r the
-path's place as seen from the goal point, a path is on the ray where g x r = 0 and g . r + g . g < 0.
+The ray of a marker leaves it away from the goal point. A path completed straight to the goal point, where it waits,
+crosses it as often, counter-clockwise positive, as its class differs from that of the goal point itself; the base's
+crossings are taken off once. With g the goal point as seen from the marker and r the path's place as seen from the goal
+point, a path is on the ray where g x r = 0 and g . r + g . g < 0.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Marks(NamedTuple):
 
     @classmethod
     def of(cls, homology: TimedHomology, x: Array, times: Array) -> Marks:
-        """For paths from x (n,) over steps that end at times (T + 1,) on the clock of what moves [s]."""
+        """Mark paths from x (n,) over steps that end at times (T + 1,) on the clock of moving obstacles [s]."""
         moving = homology.moving
         weight = homology.hash_weights[homology.standing.M :]
         goal = np.empty((len(times), 2, moving.J))
@@ -56,13 +56,13 @@ def _seen(tracks, goal, times, out):  # type: ignore[no-untyped-def]
 
 @inlined
 def seen_from(gx, gy, rx, ry):  # type: ignore[no-untyped-def]
-    """On which side of a marker's ray a place is and how far along it, where that is negative [m^2]."""
+    """Return the side of a marker's ray that a place is on and how far along it, where that is negative [m^2]."""
     return gx * ry - gy * rx, gx * rx + gy * ry + gx * gx + gy * gy
 
 
 @inlined
 def turn_at_ray(c, along, d, further):  # type: ignore[no-untyped-def]
-    """The turn, -1, 0 or 1, of a step between two places as `seen_from` tells them, first c, along, then d, further."""
+    """Turn, -1, 0 or 1, of a step between two places as of `seen_from`, first (c, along), then (d, further)."""
     if (c > 0.0) == (d > 0.0):
         return 0
     if along * abs(d) + further * abs(c) >= 0.0:
@@ -87,7 +87,7 @@ def _opening(base, weight, goal, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def goal_from(marks, j, i, share):  # type: ignore[no-untyped-def]
-    """The goal point as seen from marker j, a share of step i later than that begins [m]."""
+    """Goal point as seen from marker j, a share of step i later than that begins [m]."""
     rest = 1.0 - share
     gx = rest * marks.goal[i, 0, j] + share * marks.goal[i + 1, 0, j]
     return gx, rest * marks.goal[i, 1, j] + share * marks.goal[i + 1, 1, j]
@@ -95,10 +95,7 @@ def goal_from(marks, j, i, share):  # type: ignore[no-untyped-def]
 
 @part
 def open_sides(marks, goal, x, y, side, spot):  # type: ignore[no-untyped-def]
-    """Write on which side of each ray (x, y) [m] is at first to `side` (J,), and the place to `spot` (SPOT,).
-
-    The goal point is (2) [m].
-    """
+    """Write the first sides of (x, y) [m] of rays to `side` (J,), the place to `spot` (SPOT,); goal point (2) [m]."""
     spot[0], spot[1], spot[2], spot[3] = 0.0, 0.0, x - goal[0], y - goal[1]
     for j in range(side.shape[0]):
         side[j], _ = seen_from(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
@@ -108,8 +105,7 @@ def open_sides(marks, goal, x, y, side, spot):  # type: ignore[no-untyped-def]
 def key_among(marks, goal, i, share, x, y, side, spot):  # type: ignore[no-untyped-def]
     """Additive key of the turns of a step that ends at (x, y) [m], a share of step i later than that begins.
 
-    `side` and `spot` are as `open_sides` or the last call has left them. Hardly ever does a path change sides, which is
-    all that vectors of markers are asked for.
+    `side` and `spot` are as the last call has left them. A path hardly ever changes sides: only that is vectorized.
     """
     rx, ry, passed = x - goal[0], y - goal[1], 0
     for j in range(side.shape[0]):
@@ -126,7 +122,7 @@ def key_among(marks, goal, i, share, x, y, side, spot):  # type: ignore[no-untyp
 
 @kernel
 def _turns(marks, i, share, rx, ry, count, spot):  # type: ignore[no-untyped-def]
-    """What `key_among` tells, from the last place and this one, for all markers."""
+    """Additive key of the turns from the last place to this one, for all markers."""
     key, before = np.int64(0), int(spot[0])
     for j in range(count):
         gx, gy = goal_from(marks, j, before, spot[1])

@@ -1,10 +1,9 @@
-"""Ways around bodies that move: how far a path in space and time turns about each of them.
+"""Turn about moving obstacles: signatures and classes of paths in space and time.
 
 H_i is the turn of x(t) - o_i(t), with a marker o_i in every topological obstacle of every moving body. Between two rows
-of either motion that is a straight line, so it turns by one angle of at most half a turn. Paths that arrive at
-different times are closed by waiting at the goal point until the later of the two; whoever waits on waits with the
-other. The class of a path is by how many whole turns it differs from the base: straight to the goal point at the best
-speed, as if nothing was in the way, and then waiting.
+of either motion that is a straight line, which turns by one angle of at most half a turn. Paths are closed by waiting
+at the goal point until the later of two arrivals. The class of a path counts whole turns more than the base's: straight
+to the goal point at the best speed, as if nothing was in the way, and then waiting.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ class MovingHomology:
 
     @classmethod
     def of(cls, movers: Sequence[Mover], footprint: Footprint, goal: Array, speed: float) -> MovingHomology:
-        """Markers of bodies for a robot, a goal point (2,) [m] and the best unhindered speed [m/s]."""
+        """Mark bodies for a robot, a goal point (2,) [m] and the best unhindered speed [m/s]."""
         rows = [(m, point) for m in movers for point in markers_of(m, footprint)]
         ways = [_way(mover.motion, point, OFF * footprint.radius) for mover, point in rows]
         periods = [m.motion.rows[-1, 0] if m.motion.repeat else 0.0 for m, _ in rows]
@@ -66,7 +65,7 @@ class MovingHomology:
         return self.turns(np.array([[*self.goal, begin], [*self.goal, end]]))
 
     def arrival(self, x: Array, t: float) -> float:
-        """When the base that leaves x (2,) [m] at t arrives [s]."""
+        """Time at which the base that leaves x (2,) [m] at t arrives [s]."""
         return t + float(np.hypot(*(self.goal - x[:2]))) / self.speed
 
     def base(self, x: Array, t: float, until: float) -> Array:
@@ -86,7 +85,7 @@ class MovingHomology:
 def markers_of(mover: Mover, footprint: Footprint) -> Array:
     """Points inside the topological obstacles of a body, in its own frame, (m, 2) [m]; one for solids that touch.
 
-    They lie a little beside the middle: bodies often come to stand with that on the straight way to the goal.
+    They lie a little off the middle: bodies often come to stand with that on the straight line to the goal.
     """
     return _inside(mover.solids, footprint) + ASIDE * footprint.radius
 

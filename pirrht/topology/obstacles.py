@@ -1,8 +1,8 @@
-"""Topological obstacles: connected components of the obstacles inflated by the robot's radius.
+"""Find topological obstacles: connected components of the obstacles inflated by the robot's radius.
 
-Where the robot cannot pass between two solids they are one obstacle, and a component that reaches the border
-cannot be encircled, so it has no marker. An inflated shape P_i is the set of planar points p with d_i(p) at
-most the robot's radius; d_i, the distance from a convex solid, is convex, and so is every minimisation below.
+Solids that the robot cannot pass between are one obstacle; a component that reaches the border cannot be encircled and
+has no marker. An inflated shape P_i is the set of planar points p with d_i(p) at most the robot's radius; d_i, the
+distance from a convex solid, is convex, and so is every minimisation below.
 """
 
 from __future__ import annotations
@@ -34,8 +34,7 @@ class Component:
 def components(collision: Collision) -> tuple[Component, ...]:
     """Topological obstacles of a world, markers (2,) [m], ordered by their first member; without those out of reach.
 
-    A joint is certified by a common point of two inflated shapes. A gap that is only micrometres narrower
-    than the robot may count as a passage.
+    A common point of two inflated shapes certifies a joint. A gap micrometres too narrow may count as a passage.
     """
     planar = _Planar(collision)
     root = list(range(len(planar.obstacles)))
@@ -55,14 +54,11 @@ def continued(
 ) -> tuple[Component, ...]:
     """Return the components of a changed world with a marker (2,) [m], in the order of earlier ones, then new ones.
 
-    An earlier marker stays where it is while an inflated solid covers it, since signatures may wind around any point of
-    a component, and around two of one. Else it is put outside of the workspace, where no path winds around it, until a
-    later component takes its number. So the turns about all that stays, and the names of classes, keep their meaning.
-
-    Args:
-        parts: components of the world as it is now.
-        before: those whose turns make the names of classes so far.
-        named: of these so many keep their number even if they are gone.
+    An earlier marker stays while an inflated solid covers it: signatures may wind around any point of a component, and
+    around two of one. Else it is put outside of the workspace, where no path winds around it, until a later component
+    takes its number. So turns about all that stays, and names of classes, keep their meaning. `parts` are the
+    components now, `before` those that name the classes so far, of which `named` keep their number even if they are
+    gone.
     """
     radius, (low, high) = collision.footprint.radius, collision.extents()
     part_of = {i: part for part in parts for i in part.members}
@@ -157,10 +153,10 @@ class _Planar:
         return sorted(pairs)
 
     def meet(self, i: int, j: int) -> bool:
-        """Whether P_i and P_j intersect, by the centre-of-gravity method.
+        """Tell whether P_i and P_j intersect, by the centre-of-gravity method.
 
-        What is left of the common rectangle is asked at its centroid c; if d(c) exceeds the radius, convexity
-        excludes all q with d(c) + slope (q - c) > radius. Each round takes at least 37 % of the area.
+        It asks the centroid c of what is left of the common rectangle; if d(c) exceeds the radius, convexity excludes
+        all q with d(c) + slope (q - c) > radius. Each round takes at least 37 % of the area.
         """
         low, high = np.maximum(self.low[i], self.low[j]), np.minimum(self.high[i], self.high[j])
         polygon = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
@@ -187,7 +183,7 @@ class _Planar:
         return (east - west) / (2 * h), (north - south) / (2 * h)
 
     def joins_border(self, i: int) -> bool:
-        """Whether P_i meets a side of the workspace."""
+        """Tell whether P_i meets a side of the workspace."""
         lower, upper = self.world.lower, self.world.upper
         if np.any(self.low[i] > upper) or np.any(self.high[i] < lower):
             return False
@@ -209,7 +205,7 @@ class _Planar:
         return False
 
     def within(self, i: int) -> bool:
-        """Whether P_i, known not to meet the border, is inside the workspace and not empty."""
+        """Tell whether P_i, known not to meet the border, is inside the workspace and not empty."""
         if np.any(self.low[i] > self.world.upper) or np.any(self.high[i] < self.world.lower):
             return False
         point = self.center(i)
@@ -230,7 +226,7 @@ class _Planar:
 
 
 def _least(f: Callable[[float], float], a: float, b: float, enough: float) -> tuple[float, float]:
-    """Where a convex function is least on [a, b], or at most `enough`, and its value, by golden sections."""
+    """Minimise a convex function on [a, b], or down to `enough`, by golden sections: place and value."""
     c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
     at_c, at_d = f(c), f(d)
     while b - a > 1e-9 and min(at_c, at_d) > enough:

@@ -1,7 +1,7 @@
-"""Where markers of bodies that move are, and how far steps in space and time turn about them, as kernels ask.
+"""Follow markers of moving obstacles, and turn steps in space and time about them, in kernels.
 
-A turn is the angle of the way as a marker sees it, summed up piece by piece; of steps that are closed it is whole, and
-as often as they cross one ray.
+A turn is the angle of a path as a marker sees it, summed up piece by piece; of closed steps it is whole, and as often
+as they cross one ray.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ LONG = 2.0  # span of time of the boxes that markers are in [s]
 
 
 class Lanes(NamedTuple):
-    """Where J markers are, as numbers and addresses that kernels can take cheaply.
+    """Trajectories of J markers, as numbers and addresses that kernels can take cheaply.
 
-    They are at places at times, move straight in between, and stand still before the first and after the last.
+    They move straight between places at times, and stand still before the first and after the last.
     """
 
     J: int  # number of markers
@@ -40,17 +40,13 @@ class Lanes(NamedTuple):
 
 
 class Tracks(Lanes):
-    """The same together with the arrays that the addresses point to."""
+    """Lanes together with the arrays that the addresses point to."""
 
     arrays: tuple[Array | IntArray, ...]
 
     @classmethod
     def of(cls, ways: Sequence[Array], periods: Sequence[float], goal: Array) -> Tracks:
-        """Those of ways (k, 3) of times [s] and places [m], which start over after periods [s] that are not 0.
-
-        Args:
-            goal: point (2,) at which paths wait [m].
-        """
+        """Follow ways (k, 3) of times [s] and places [m], repeated after periods [s] if not 0; goal point (2,) [m]."""
         every = np.vstack([np.zeros((0, 3)), *ways])
         columns = (np.ascontiguousarray(column) for column in every.T)
         begun = [way - [way[0, 0], 0.0, 0.0] for way in ways]
@@ -68,7 +64,7 @@ class Tracks(Lanes):
 
 
 def _crossed(seen: Array) -> IntArray:
-    """How often places (k, 2) that a marker sees [m] have crossed its ray until each, and back at the first: k + 1."""
+    """Count crossings of a marker's ray by places (k, 2) that it sees [m] until each, and back at the first: k + 1."""
     crossed = np.zeros(len(seen) + 1, dtype=np.int64)
     _count_crossings(np.vstack([seen, seen[:1]]), crossed)
     return crossed
@@ -76,14 +72,14 @@ def _crossed(seen: Array) -> IntArray:
 
 @kernel
 def _count_crossings(places, out):  # type: ignore[no-untyped-def]
-    """Write how often a way over places (k, 2) [m] has crossed the ray until each to `out` (k,), 0 at first."""
+    """Write how often a path over places (k, 2) [m] has crossed the ray until each to `out` (k,), 0 at first."""
     for k in range(1, out.shape[0]):
         out[k] = out[k - 1] + crossing(places[k - 1, 0], places[k - 1, 1], places[k, 0], places[k, 1])
 
 
 @inlined
 def lane_of(tracks, j):  # type: ignore[no-untyped-def]
-    """Where the places of marker j begin and end, and after which it starts over [s] (0: never)."""
+    """Begin and end of the places of marker j, and its period [s] (0: none)."""
     return load_int64(tracks.first, j), load_int64(tracks.first, j + 1), load_float64(tracks.period, j)
 
 
@@ -116,10 +112,10 @@ def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-d
 
 @kernel
 def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly):  # type: ignore[no-untyped-def]
-    """How often a straight step, seen from marker j, crosses the ray to the left, counter-clockwise less clockwise.
+    """Count crossings of the ray to the left by a straight step, seen from marker j; clockwise ones negative.
 
-    It goes from (ax, ay) [m] at s to (bx, by) at t >= s [s], and is seen at (fx, fy) [m] first and at (lx, ly) last. It
-    is a whole number, which means something for steps that are closed together.
+    It goes from (ax, ay) [m] at s to (bx, by) at t >= s [s], and is seen at (fx, fy) [m] first and at (lx, ly) last.
+    Only for steps that are closed together the number has a meaning.
     """
     begin, end, period = lane_of(tracks, j)
     shift = shift_of(tracks, begin, period, s)
@@ -147,7 +143,7 @@ def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly):  # type:
 
 @kernel
 def crossings_of_waiting(tracks, j, gx, gy, t, lx, ly):  # type: ignore[no-untyped-def]
-    """The same of waiting at the goal point (gx, gy) [m], from when the track begins until t [s]."""
+    """Count crossings while waiting at the goal point (gx, gy) [m], from when the track begins until t [s]."""
     begin, end, period = lane_of(tracks, j)
     laps = _laps(tracks, begin, period, t)
     k = next_place(tracks, begin, end, t - laps * period)
@@ -159,7 +155,7 @@ def crossings_of_waiting(tracks, j, gx, gy, t, lx, ly):  # type: ignore[no-untyp
 
 @inlined
 def crossing(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """1 if the way from a to b [m] crosses the ray from the origin to the left counter-clockwise, -1 if clockwise."""
+    """1 if the line from a to b [m] crosses the ray from the origin to the left counter-clockwise, -1 if clockwise."""
     if (ay >= 0.0) == (by >= 0.0):
         return 0
     turned = ax * by - ay * bx
@@ -170,7 +166,7 @@ def crossing(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @inlined
 def shift_of(tracks, begin, period, t):  # type: ignore[no-untyped-def]
-    """How much later than its first lap the one is that a track, whose places begin there, is on at t [s]."""
+    """Delay of a track's lap at t [s], whose places start at `begin`, from its first one [s]."""
     if period == 0.0 or not t > load_float64(tracks.time, begin):
         return 0.0
     return math.floor((t - load_float64(tracks.time, begin)) / period) * period
@@ -178,7 +174,7 @@ def shift_of(tracks, begin, period, t):  # type: ignore[no-untyped-def]
 
 @inlined
 def next_place(tracks, begin, end, t):  # type: ignore[no-untyped-def]
-    """The first of the places from begin to end that comes after t [s] of its own clock; `end` if none does."""
+    """Find the first of the places from begin to end that comes after t [s] of its own clock; `end` if none does."""
     while begin < end:
         middle = (begin + end) // 2
         if load_float64(tracks.time, middle) <= t:
@@ -190,7 +186,7 @@ def next_place(tracks, begin, end, t):  # type: ignore[no-untyped-def]
 
 @inlined
 def _place(tracks, begin, end, k, t):  # type: ignore[no-untyped-def]
-    """Where a marker is at t [s] of its own clock, if place k is the next of those from begin to end."""
+    """Place a marker at t [s] of its own clock, if place k is the next of those from begin to end."""
     if k == begin:
         return load_float64(tracks.x, begin), load_float64(tracks.y, begin)
     if k >= end:
@@ -202,7 +198,7 @@ def _place(tracks, begin, end, k, t):  # type: ignore[no-untyped-def]
 
 @inlined
 def _laps(tracks, begin, period, t):  # type: ignore[no-untyped-def]
-    """How many laps are over before t [s]: at the moment of a jump the lap that ends there is not."""
+    """Count laps that are over before t [s]: at the moment of a jump the lap that ends there is not."""
     if period == 0.0 or not t > load_float64(tracks.time, begin):
         return 0
     return max(math.ceil((t - load_float64(tracks.time, begin)) / period) - 1, 0)
@@ -210,7 +206,7 @@ def _laps(tracks, begin, period, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
-    """Where marker j is at t [s], (x, y) [m]; the earlier place where it jumps at that moment."""
+    """Place marker j at t [s], (x, y) [m]; the earlier place where it jumps at that moment."""
     begin, end, period = lane_of(tracks, j)
     t -= _laps(tracks, begin, period, t) * period
     return _place(tracks, begin, end, next_place(tracks, begin, end, t), t)
@@ -218,7 +214,7 @@ def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def places_at(tracks, times, out):  # type: ignore[no-untyped-def]
-    """Write where all markers are at times (T,) [s] to `out` (J, T, 2) [m]."""
+    """Write the places of all markers at times (T,) [s] to `out` (J, T, 2) [m]."""
     for j in range(out.shape[0]):
         for i in range(times.shape[0]):
             out[j, i, 0], out[j, i, 1] = place_at(tracks, j, times[i])

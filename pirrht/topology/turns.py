@@ -1,4 +1,4 @@
-"""Whole turns as (marker, turn) pairs: of curves, found at the cuts that they cross, and their sums.
+"""Count whole turns of curves as (marker, turn) pairs, found at the cuts that they cross, and sum them.
 
 A path crosses few cuts, however many markers there are; all others keep the integer 0 and are never written down.
 """
@@ -54,7 +54,7 @@ def _column(x, left, cell, columns):  # type: ignore[no-untyped-def]
 
 @kernel
 def _around(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Pairs of the markers inside the circle of an arc, appended; number of pairs.
+    """Append pairs of the markers inside the circle of an arc; number of pairs.
 
     An arc and its chord turn through different angles there, so the integer is the rounded sum of angles.
     """
@@ -103,13 +103,9 @@ def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[n
 def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append the pairs of a curve, in which a marker may come up more than once; number of pairs.
 
-    Args:
-        cuts: the markers' (`Cuts`).
-        start, curvature, length: the curve as in `Curves`, (3,) [m, m, rad], (P,) [1/m], (P,) [m].
-        to_goal: whether it goes on straight from its end to the goal point, which crosses no cut.
-        hx, hy: the state at its end; used unless `to_goal` [m].
-        marker, turn: the pairs, 2 x (l,) [turns], of arrays that can hold M more per piece.
-        count: pairs that are there already.
+    Args: `Cuts`; the curve as in `Curves`, (3,) [m, m, rad], (P,) [1/m], (P,) [m]; whether it goes on straight from its
+        end to the goal point, which crosses no cut; else the state (hx, hy) at its end [m]; pairs, 2 x (l,) [turns],
+        with room for M more per piece, and how many are there already.
     """
     last = length.shape[0] - 1
     while last > 0 and length[last] <= 0.0:

@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.progress import Progress
+from pirrht.exact.domain import Progress
 from pirrht.tree.homology_tree import HomologyTree
 from pirrht.tree.reference import Reference
 from sim.cli import tables, warm

@@ -17,7 +17,7 @@ from pirrht.control.prediction import ByVelocity, Prediction
 from pirrht.errors import NoReference, OptionError, SceneError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, solver_for
-from pirrht.exact.progress import Progress, untold
+from pirrht.exact.domain import Progress, untold
 from pirrht.freespace import FreeSpace
 from pirrht.tree import file as tree_file
 from pirrht.tree.homology_tree import HomologyTree

@@ -1,10 +1,6 @@
-"""One sampled path of any dynamics at a time.
+"""Simulate one path of any dynamics at a time; the oracle of what `rollouts.point` does abreast.
 
-`path` builds the kernel that simulates a path from a system's compiled drift and matrices, under any lead and either
-exit rule, out of the parts of a step: its length and its noise (`noise`), what every reference would do (`aims`), where
-it leads (`motion`), whether a path ends there (`exits`), and what that says for each reference (`ratios`). `loops`
-weighs many paths, or simulates chosen ones again. The oracle of what `rollouts.point` does abreast, and what every
-system without constant matrices or with drift uses.
-
-It may ask what `rollouts` may.
+`path` builds the kernel of a path from a system's compiled drift and matrices out of the parts of a step: its length,
+its noise and where it leads (`step`), the controls of all references (`law`), and exits (`exits`). `kind` says for what
+kernels are compiled, `scratch` holds their arrays.
 """

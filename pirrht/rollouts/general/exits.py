@@ -1,4 +1,4 @@
-"""Whether and where a path leaves within a step: into the goal, a wall or a body that moves."""
+"""Judge whether and where a path leaves within a step: into the goal, a wall or a moving obstacle."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from pirrht.rollouts.sweep import sweep_exit, sweep_onward
 
 @cache
 def bodies_for(kind: Kind) -> Any:
-    """The kernel that lists the bodies that a step may meet, and tells how many."""
+    """Build the kernel that lists the moving obstacles that a step may meet, and counts them."""
     noisy_position, along_line = kind.noisy_position, kind.along_line
 
     @part
@@ -50,12 +50,12 @@ def bodies_for(kind: Kind) -> Any:
 
 @cache
 def ended_for(kind: Kind) -> Any:
-    """Kernels that end a step at its crossing: without this the rest of it would enter dQ/dP as noise."""
+    """Build kernels that end a step at its crossing: without this the rest of it would enter dQ/dP as noise."""
     n, m, moving = kind.n, kind.m, kind.moving
 
     @part
     def ended_in_plane(scratch, arena, dt, exit, share, cov, by_body, body, state):  # type: ignore[no-untyped-def]
-        """Where the noise of a step is its displacement."""
+        """End a step whose noise is its displacement."""
         x, moved, f, y, B = scratch.x, scratch.moved, scratch.f, scratch.y, scratch.B
         dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
         if moving and by_body:
@@ -70,7 +70,7 @@ def ended_for(kind: Kind) -> Any:
 
     @part
     def ended_on_line(scratch, arena, dt, share, rates, state):  # type: ignore[no-untyped-def]
-        """Where the position moves to and fro: to the rim along the line, other noise as of a bridge."""
+        """End a step along a line at the goal's rim; other noise is that of a bridge."""
         (xx, xy, yy), x, moved, y, B, column = rates, scratch.x, scratch.moved, scratch.y, scratch.B, scratch.column
         ex, ey, alone = line_of((xx * dt, xy * dt, yy * dt))
         if not alone:
@@ -98,10 +98,10 @@ def ended_for(kind: Kind) -> Any:
 
 @cache
 def exits(kind: Kind) -> Any:
-    """The kernel that judges a step by how it moved: where a path was stopped, when, and what the next step knows.
+    """Build the kernel that judges a step by how it moved.
 
-    It tells the state of the stream, exit, share of the step, time [s] for which its noise counts, log of the
-    probability that no wall was met, distances (noisy positions) and room (others) at its end, and bodies near it.
+    It returns the stream's state, exit, share of the step, time [s] for which its noise counts, log probability that no
+    wall was met, distances (noisy positions) and clearance (others) at its end, and the count of moving obstacles near.
     """
     noisy_position, moving, along_line, turning = kind.noisy_position, kind.moving, kind.along_line, kind.turning
     isotropic = kind.n == 2 and kind.m == 2  # the noise of a step is its displacement; then an exit cuts both alike
@@ -110,7 +110,7 @@ def exits(kind: Kind) -> Any:
 
     @part
     def at_end(setup, scratch, arena, dt, now):  # type: ignore[no-untyped-def]
-        """Judge it where it ends."""
+        """Judge a step where it ends."""
         moved = scratch.moved
         exit, share = endpoint_exit(arena, moved[0], moved[1])
         if moving and traffic_clearance(setup.traffic, moved[0], moved[1], now + dt) <= 0.0:
@@ -119,7 +119,7 @@ def exits(kind: Kind) -> Any:
 
     @part
     def on_bridge(setup, leads, scratch, arena, dt, now, rates, before, close, state):  # type: ignore[no-untyped-def]
-        """Judge it along the Brownian bridge between its ends."""
+        """Judge a step along the Brownian bridge between its ends."""
         (xx, xy, yy), x, moved = rates, scratch.x, scratch.moved
         cov, after = (xx * dt, xy * dt, yy * dt), distances(arena, moved[0], moved[1])
         until, by_body, body = dt, False, 0

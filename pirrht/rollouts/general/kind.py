@@ -1,4 +1,4 @@
-"""What kernels of one kind of dynamics and cost rate are compiled for, and what of it leads their samples."""
+"""Describe one kind of dynamics and cost rate, for which kernels are compiled."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ SWAY = 1.0 / math.sqrt(12.0)  # of the mean of a step's noise beside its middle,
 
 
 class Kind(NamedTuple):
-    """What kernels of one kind of dynamics and cost rate are compiled for; functions that numba compiles."""
+    """A kind of dynamics and cost rate for which kernels are compiled; functions are numba's."""
 
     drift: Callable[..., None]  # (x, p, out)
     control_block: Callable[..., None] | None  # G_c (x, p, out); None: what turns u into a is constant, in `Setup`
-    diffusion_block: Callable[..., None] | None  # B_c, likewise; in input form G, of which B = G s
+    diffusion_block: Callable[..., None] | None  # B_c (x, p, out); in input form G, of which B = G s
     q: Callable[..., float]  # (x, p) [cost/s], if it varies
     n: int  # states
     m: int  # controls
@@ -39,32 +39,32 @@ class Kind(NamedTuple):
 
     @property
     def drifting(self) -> bool:
-        """Whether its state moves by itself."""
+        """Tell whether its state moves by itself."""
         return self.drift is not no_drift
 
     @property
     def varying(self) -> bool:
-        """Whether B does."""
+        """Tell whether B varies with the state."""
         return self.diffusion_block is not None
 
     @property
     def gaining(self) -> bool:
-        """Whether B^-1 G does, which turns u into a."""
+        """Tell whether B^-1 G, which turns u into a, varies with the state."""
         return self.control_block is not None
 
     @property
     def turning(self) -> bool:
-        """Whether it moves as a car at constant speed does, along arcs."""
+        """Tell whether it moves along arcs, as a car at constant speed."""
         return self.drift is unicycle_drift and self.rows == self.m == 1 and not self.moving
 
     @property
     def along_line(self) -> bool:
-        """Whether its position moves to and fro along a line alone."""
+        """Tell whether its position moves to and fro along a line alone."""
         return self.rows > self.m and self.noisy_position and not self.drifting
 
     @property
     def bending(self) -> bool:
-        """Whether its way within a step bends as the noise of the step has it."""
+        """Tell whether its path bends within a step as the noise of the step has it."""
         return takes_law(self) and self.drifting and not self.noisy_position
 
     @property
@@ -75,7 +75,7 @@ class Kind(NamedTuple):
 
 @cache
 def diffusion_of(kind: Kind) -> Any:
-    """The kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
+    """Build the kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
     block: Any = kind.diffusion_block
     rows, m = kind.rows, kind.m
 
@@ -97,12 +97,12 @@ def diffusion_of(kind: Kind) -> Any:
 
 
 def is_gated(kind: Kind) -> bool:
-    """Whether walls that are yet to be passed bend its law (`gates`): of a point where bodies move."""
+    """Tell whether walls that are yet to be passed bend its law (`law`): of a point among moving obstacles."""
     return kind.moving and kind.n == kind.m == 2 and not kind.input_form
 
 
 def is_steady(kind: Kind) -> bool:
-    """Whether such a point also stays where it is without control and noise, and pays and is shaken alike everywhere.
+    """Tell whether a gated point has neither drift nor varying B, G or q.
 
     Then its optimal control is a martingale along its optimal paths (`guidance.near_walls`).
     """
@@ -110,15 +110,12 @@ def is_steady(kind: Kind) -> bool:
 
 
 def takes_law(kind: Kind) -> bool:
-    """Whether samples are led by a law of any size: all but a car, which has its own, and what climbs as points do.
-
-    Where bodies move all are.
-    """
+    """Tell whether a law of any size leads samples: not for a car or a point, except among moving obstacles."""
     if kind.moving:
         return True
     return not is_car(kind) and not (kind.n == kind.m == 2 and not kind.astray)
 
 
 def is_car(kind: Kind) -> bool:
-    """Whether samples are led by a car's own law."""
+    """Tell whether a car's own law leads samples."""
     return kind.turning and not kind.gaining

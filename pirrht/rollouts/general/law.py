@@ -1,20 +1,97 @@
-"""The step of a law that is for the state nearest to a path's own."""
+"""Compute the control of every reference at a state, in noise units: a_g = B_c^-1 G_c u_g.
+
+A linear law has rows of m modes per step or, where sways are drawn too, twice as many (`law_width`). Gates bend it:
+walls that a point has yet to pass make log psi rise towards their free sides. Past its end samples home in on the goal.
+"""
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from pirrht.compiled.addresses import load_float64
-from pirrht.compiled.jit import inlined, part
-from pirrht.systems.heading import wrapped
+from pirrht.compiled.jit import inlined, jitable, part
+from pirrht.compiled.vectors import bounded, mixed, product, summed
+from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
+from pirrht.rollouts.records import FINER
+from pirrht.rollouts.ways import KNOWN, PLACE, uphill
+from pirrht.systems.heading import TURN_GAIN, beyond_disc, wrapped
+
+STEEP = 6.0  # |u| of a guide stays below this
+
+
+@inlined
+def homing(x, y, theta, gx, gy, radius, bound):  # type: ignore[no-untyped-def]
+    """Turn rate that brings the goal's disc ahead of (x, y) [m], at most `bound`; none where it lies ahead [rad/s]."""
+    return max(-bound, min(bound, TURN_GAIN * beyond_disc(gx - x, gy - y, theta, radius)))
+
+
+@jitable
+def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """Head straight for the goal from x (2,) at the best speed: `Dynamics.homing` of a point among moving obstacles."""
+    dx, dy = aim[0] - x[0], aim[1] - x[1]
+    det = B[0, 0] * B[1, 1] - B[0, 1] * B[1, 0]
+    a, b = (B[1, 1] * dx - B[0, 1] * dy) / det, (B[0, 0] * dy - B[1, 0] * dx) / det
+    size = math.sqrt(a * a + b * b) + 1e-12
+    scale = math.sqrt(2.0 * rate) / size
+    out[0], out[1] = scale * a, scale * b
+
+
+@jitable
+def car_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """Turn a car at x (3,) towards the goal: its `Dynamics.homing` among moving obstacles."""
+    bound = STEEP * math.sqrt(rate) * B[0, 0]
+    out[0] = homing(x[0], x[1], x[2], aim[0], aim[1], radius, bound) / B[0, 0]
+
+
+GATES = 2  # of a row of a law
+GATE = 5  # numbers of one: direction (x, y) of its free side, z on the guide, its change per meter [1/m], weight
+
+
+FAR_IN, FAR_OUT, PER_UNIT = -6.0, 6.0, 16  # where its table begins and ends, and rows of that per unit of z
+_AT = np.linspace(FAR_IN, FAR_OUT, int((FAR_OUT - FAR_IN) * PER_UNIT) + 1)
+MILLS = np.exp(-0.5 * _AT**2) * math.sqrt(2.0 / math.pi) / np.array([math.erfc(-z / math.sqrt(2.0)) for z in _AT])
+
+
+@inlined
+def mills(z):  # type: ignore[no-untyped-def]
+    """phi(z) / Phi(z), by which log Phi grows with z, within 1e-4 of itself between FAR_IN and FAR_OUT.
+
+    It is h with h' = -h (z + h), so a cubic between two rows of a table has both slopes at no more than their h.
+    """
+    if z <= FAR_IN:
+        return -z + 1.0 / -z  # to z^-3
+    if z >= FAR_OUT:
+        return 0.0
+    at = (z - FAR_IN) * PER_UNIT
+    k = int(at)
+    u, left, right, width = at - k, MILLS[k], MILLS[k + 1], 1.0 / PER_UNIT
+    begin = FAR_IN + width * k
+    rise, fall = -width * left * (begin + left), -width * right * (begin + width + right)
+    v = 1.0 - u
+    return v * v * ((1.0 + 2.0 * u) * left + u * rise) + u * u * ((1.0 + 2.0 * v) * right - v * fall)
+
+
+@inlined
+def gate_slope(law, g, s, at, dx, dy):  # type: ignore[no-untyped-def]
+    """Slope (x, y) of log psi that gates add [1/m], (dx, dy) [m] off the guide; row s of a law has them from `at`."""
+    sx, sy = 0.0, 0.0
+    for k in range(GATES):
+        first = at + GATE * k
+        per = law[g, s, first + 3]
+        if per > 0.0:
+            nx, ny = law[g, s, first], law[g, s, first + 1]
+            push = law[g, s, first + 4] * per * mills(law[g, s, first + 2] + per * (nx * dx + ny * dy))
+            sx, sy = sx + push * nx, sy + push * ny
+    return sx, sy
 
 
 @inlined
 def columns_of(n, modes):  # type: ignore[no-untyped-def]
-    """Where a row of a law (`law_width`) has slopes, its state, the deviation of noise, its inverse and log det."""
+    """Columns of a law's row (`law_width`): slopes, state, deviation of noise, its inverse, log det."""
     there = modes + modes * n
     shape = there + n
     return modes, there, shape, shape + modes * modes, shape + 2 * modes * modes
@@ -22,15 +99,15 @@ def columns_of(n, modes):  # type: ignore[no-untyped-def]
 
 @cache
 def nearest_of(n: int, angles: int) -> Any:
-    """The kernel (address, pitch, s, last, x, there, weights) that finds it from step s on, for states (n,).
+    """Build the kernel (address, pitch, s, last, x (n,), there, weights) that finds a law's nearest step from s on.
 
-    Bits of `angles` tell which are headings. Rows of the law begin at the address, `pitch` bytes apart; their states
-    begin at column `there`, the weights of squares at `weights`. Steps are followed as long as they come nearer.
+    Bits of `angles` mark headings. Rows begin at the address, `pitch` bytes apart; states are at column `there`,
+    weights of squares at `weights`. Steps are followed as long as they come nearer.
     """
 
     @part
     def apart(row, x, there, weights):  # type: ignore[no-untyped-def]
-        """Square of how far x (n,) is from the state that a step of a law, a row at an address, is for."""
+        """Square of the distance from x (n,) to the state of a law's row at an address."""
         total = 0.0
         for k in range(n):
             off = x[k] - load_float64(row, there + k)
@@ -41,7 +118,7 @@ def nearest_of(n: int, angles: int) -> Any:
 
     @part
     def nearest(first, pitch, s, last, x, there, weights):  # type: ignore[no-untyped-def]
-        """The step, up to the last one."""
+        """Return the nearest step, up to the last one."""
         here = apart(first + pitch * s, x, there, weights)
         onward = apart(first + pitch * (s + 1), x, there, weights) if s < last else np.inf
         if onward < here:
@@ -57,3 +134,177 @@ def nearest_of(n: int, angles: int) -> Any:
         return s
 
     return nearest
+
+
+@cache
+def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
+    """Build kernels for rows of m or of `most` modes, at addresses; their last argument tells which."""
+    said_by_few, said_by_many = summed(n, m), summed(n, most)
+    bind_few, bind_many = bounded(m), bounded(most)
+    times_few, times_many = product(m, m), product(most, most)
+    mix_few, mix_many = mixed(m), mixed(most)
+
+    @part
+    def said(out, row, beside, modes):  # type: ignore[no-untyped-def]
+        """Write a + K beside, a law's row at a state that is `beside` (n,) its own."""
+        if modes == most:
+            said_by_many(out, row, row + 8 * most, beside)
+        else:
+            said_by_few(out, row, row + 8 * m, beside)
+
+    @part
+    def bind(row, bound, modes):  # type: ignore[no-untyped-def]
+        """Keep all of a row within plus and minus a bound."""
+        if modes == most:
+            bind_many(row, bound)
+        else:
+            bind_few(row, bound)
+
+    @part
+    def times(out, matrix, row, modes):  # type: ignore[no-untyped-def]
+        """Write a matrix, which lies transposed, times a row."""
+        if modes == most:
+            times_many(out, matrix, row)
+        else:
+            times_few(out, matrix, row)
+
+    @part
+    def mix(out, x, a, y, b, modes):  # type: ignore[no-untyped-def]
+        """Write a x + b y."""
+        if modes == most:
+            mix_many(out, x, a, y, b)
+        else:
+            mix_few(out, x, a, y, b)
+
+    return said, bind, times, mix
+
+
+LOST = 30.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
+# a martingale, so that exp(-30) is also what is expected of it later
+
+
+@cache
+def aims(kind: Kind) -> Any:
+    """Build the kernel that writes `a` of every reference, and with a law `wide` or `aside`."""
+    n, m, rows, moving, noisy_position = kind.n, kind.m, kind.rows, kind.moving, kind.noisy_position
+    car, leadable, gated, gaining = is_car(kind), takes_law(kind), is_gated(kind), kind.gaining
+    losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
+    fixed, angles, homing_of = n - rows, kind.angles, kind.homing
+    nearest, (said, bind, _, _) = nearest_of(n, angles), rows_of(n, m, kind.modes)
+
+    @part
+    def car_law(leads, scratch, g, i, steep):  # type: ignore[no-untyped-def]
+        """Write the control of a car's own law."""
+        law, x = leads.law, scratch.x
+        ex, ey = x[0] - law[g, i, 4], x[1] - law[g, i, 5]
+        drive = law[g, i, 0] + law[g, i, 1] * ex + law[g, i, 2] * ey
+        et = wrapped(x[2] - law[g, i, 6])
+        drive += law[g, i, 3] * et
+        scratch.a[g, 0] = max(-steep, min(steep, drive))
+        drive = law[g, i, 9] + law[g, i, 10] * ex + law[g, i, 11] * ey + law[g, i, 12] * et
+        scratch.aside[g] = max(-steep, min(steep, drive))
+
+    @part
+    def step_of(leads, scratch, g, i, share, modes):  # type: ignore[no-untyped-def]
+        """Find the step of a law: the one that is due among moving obstacles, else the one whose state is nearest."""
+        law, led, s = leads.law, leads.led, scratch.stage[g]
+        if moving:
+            s = min(i * FINER + int(FINER * share + 0.5), law.shape[1] - 1)
+            scratch.stage[g] = s
+        elif s < led[g]:
+            _, there, _, _, end = columns_of(n, modes)
+            pitch = 8 * law.shape[2]
+            row, final = law.ctypes.data + pitch * law.shape[1] * g, min(led[g], law.shape[1] - 1)
+            s = nearest(row, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, end + 2)
+            scratch.stage[g] = s
+        return s
+
+    @part
+    def any_law(leads, scratch, g, s, modes):  # type: ignore[no-untyped-def]
+        """Write `wide` of a law's step s."""
+        law, x, wide, beside = leads.law, scratch.x, scratch.wide, scratch.beside
+        _, there, _, _, end = columns_of(n, modes)
+        row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s)
+        for k in range(n):
+            beside[k] = x[k] - load_float64(row, there + k)
+            if (angles >> k) & 1:
+                beside[k] = wrapped(beside[k])
+        out, steep = wide.ctypes.data + 8 * wide.shape[1] * g, load_float64(row, end + 1)
+        said(out, row, beside.ctypes.data, modes)
+        if gated:
+            at_x, at_y = x[0] - law[g, s, there], x[1] - law[g, s, there + 1]
+            sx, sy = gate_slope(law, g, s, end + 2 + n, at_x, at_y)
+            for j in range(m):
+                wide[g, j] += scratch.B[0, j] * sx + scratch.B[1, j] * sy
+            for j in range(m):  # one by one, as they were written last
+                wide[g, j] = max(-steep, min(steep, wide[g, j]))
+        else:
+            bind(out, steep, modes)
+
+    @part
+    def along_way(leads, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
+        """Write `a` of a way, whose desirability is climbed."""
+        ways, x, B, stage = leads.ways, scratch.x, scratch.B, scratch.stage
+        C, J = ways.slope.shape[1], ways.slope.shape[2]
+        place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
+        stage[g], sx, sy = uphill(
+            place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, ways.count[g] - 1, J, ways.decay, goal,
+            stage[g], x[0], x[1], walls,
+        )  # fmt: skip
+        for j in range(m):
+            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+            by = B[1 - fixed, j] if fixed <= 1 else 0.0
+            scratch.a[g, j] = bx * sx + by * sy
+
+    @part
+    def aim(setup, leads, scratch, keep, goal, radius, walls, h, i, share, modes):  # type: ignore[no-untyped-def]
+        """Write them after a share of step i of the grid; if nothing is weighed, only that of the one followed, h."""
+        x, a, wide, lost, home = scratch.x, scratch.a, scratch.wide, scratch.lost, scratch.home
+        led, count, ratio = leads.led, leads.ways.count, keep.ratio
+        weigh = ratio.shape[0] > 0
+        near_walls, steep = noisy_position and leads.reach > 0.0, STEEP * setup.gain[0, 0]
+        homeward, headed = np.inf, False  # computed once, if a reference asks for it
+        for g in range(0 if weigh else h, a.shape[0] if weigh else h + 1):
+            lost[g] = lost[g] or (losing and weigh and ratio[g] < ratio[h] - LOST)
+            if lost[g]:  # never of h
+                continue
+            if noisy_position and count[g] > 0:
+                along_way(leads, scratch, g, goal, walls)
+            elif car and led[g] > i:
+                car_law(leads, scratch, g, i, steep)
+            elif car and led[g] > 0:
+                if homeward == np.inf:
+                    bound = scratch.D[0, 0] * scratch.B[0, 0]
+                    homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / scratch.B[0, 0]
+                a[g, 0] = homeward
+            elif leadable and led[g] > 0:
+                s = step_of(leads, scratch, g, i, share, modes)
+                if s < led[g]:
+                    any_law(leads, scratch, g, s, modes)
+                else:
+                    if not headed:
+                        homing_of(x, setup.parameters, scratch.B, goal, radius, setup.pace, home)
+                        headed = True
+                    for j in range(modes):
+                        wide[g, j] = home[j] if j < m else 0.0
+                for j in range(m):
+                    a[g, j] = wide[g, j]
+            else:
+                for j in range(m):
+                    a[g, j] = 0.0
+                for j in range(modes if leadable else 0):
+                    wide[g, j] = 0.0
+            held, pushing = i < leads.active[g], near_walls and count[g] == 0 and (led[g] == 0 or gated)
+            if held:
+                for j in range(m):
+                    a[g, j] += 0.0 if gaining else leads.drift[g, i, j]
+                    for k in range(m if gaining else 0):
+                        a[g, j] += scratch.D[j, k] * leads.control[g, i, k]
+            if pushing:
+                for j in range(m):
+                    a[g, j] += scratch.pushed[j]
+            if leadable and (held or pushing or count[g] > 0):
+                for j in range(m):
+                    wide[g, j] = a[g, j]
+
+    return aim

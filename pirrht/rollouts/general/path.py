@@ -1,28 +1,21 @@
-"""One sampled path of any dynamics, under any lead and either exit rule.
+"""Simulate one path of any dynamics, under any proposal control and either exit rule.
 
-A step is Euler-Maruyama's; where no noise acts on the position, the drift is that of the middle of the step's noise, so
-that a car moves along the heading it has half-way, as the robot does. Where noise enters through inputs, B = G s, and
-the equation is Stratonovich's, so is B (and the drift) that of the middle of the step; the increments y do not change.
+Steps are Euler-Maruyama's. Where no noise acts on the position, the drift is that of the middle of the step's noise: a
+car moves along the heading it has half-way. A Stratonovich equation takes B and drift of the middle too; the increments
+y stay. One control per step would make v too high, so fitted steps draw the heading at their end and its mean over the
+step together: the mean is off the middle by -B sway / sqrt(12), `sway` being led noise of the same variance. Any other
+system whose noise does not act on its position does so as well; for a mass that is exact.
 
-That chain steers a car by one control per step, and what it cannot do makes v too high. With fitted steps, the heading
-at the end of a step and its mean over the step are therefore drawn together, as those of a Brownian motion are: the
-mean is off the middle by -B sway / sqrt(12), `sway` being noise of the same variance that is led likewise. So it is
-with any other system whose noise does not act on its position; for a mass that is exact.
+Systems other than cars and points follow a law (`records.law_width`): the noise of a step, m numbers or with sways 2 m,
+has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps end at
+crossings, up to which only passive noise has a likelihood ratio: there L is not used. Without moving obstacles the
+nearest state's step counts, since noise makes a mass early or late; with them (`Kind.moving`) the step that is due.
+Beyond the last step `Dynamics.homing` takes over.
 
-Other systems than cars and points are led by a law of any size (`records.law_width`): the noise of a step, m numbers or
-with sways 2 m, has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps
-end at crossings, up to which only noise of the passive covariance has a likelihood ratio: there L is not used.
-Nothing in the problem depends on the time, and noise makes a mass early or late: what counts is the step of the law
-whose state is nearest, not the one that would be due. Beyond the last one `Dynamics.homing` takes over.
-
-The control now is the mean of what paths apply on top of the part of their lead that changes fast, which is taken at
-the start. Of a point among moving bodies only a share of its linear law is such a part (`Leads.counted`): close to
-walls it changes faster than the optimal control does, beside what the walls push. Of a steady one mostly nothing is,
-and the mean is of all that paths apply (`guidance.near_walls`).
-
-Where bodies move (`Kind.moving`) something does depend on the time, so that the step that is due counts, and every
-system is led by a law. Every step asks the bodies near it, where they are when it begins and when it ends (`among`);
-it ends when the motion of one of those that are near a noisy position changes.
+The control now is the mean of what paths apply on top of the fast-changing part of their lead, which is taken at the
+start. Among moving obstacles that is only a share of a point's linear law (`Leads.counted`), since close to walls the
+law changes faster than the optimal control, and mostly nothing of a steady one (`guidance.near_walls`). Every step
+queries the moving obstacles near it (`among`); it ends when the motion of one changes that is near a noisy position.
 """
 
 from __future__ import annotations
@@ -33,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.compiled.addresses import load_float64
 from pirrht.compiled.copies import copy_row, copy_rows
 from pirrht.compiled.jit import borrowing, part
 from pirrht.compiled.linear import solve
@@ -40,20 +34,124 @@ from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
 from pirrht.rollouts.among import look_anew
 from pirrht.rollouts.first_exit import INSIDE, distances
-from pirrht.rollouts.general.aims import aims
 from pirrht.rollouts.general.exits import exits
-from pirrht.rollouts.general.kind import Kind, diffusion_of
-from pirrht.rollouts.general.motion import covariance_of, motion
-from pirrht.rollouts.general.noise import NO_WALLS, length_for, noise_for, walls_for
-from pirrht.rollouts.general.ratios import log_ratios, recorder
-from pirrht.rollouts.general.scratch import scratch_for
+from pirrht.rollouts.general.kind import Kind, diffusion_of, is_car, is_gated, is_steady, takes_law
+from pirrht.rollouts.general.law import aims, columns_of, rows_of
+from pirrht.rollouts.general.scratch import ABREAST, scratch_for
+from pirrht.rollouts.general.step import NO_WALLS, covariance_of, length_for, motion, noise_for, walls_for
 from pirrht.rollouts.nearby import begin_list
 from pirrht.topology.cuts import key_of_step
 from pirrht.topology.marks import key_among, open_sides
 
 
+@cache
+def log_ratios(kind: Kind) -> Any:
+    """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
+    n, m, noisy_position, car, leadable = kind.n, kind.m, kind.noisy_position, is_car(kind), takes_law(kind)
+
+    _, _, times, mix = rows_of(n, m, kind.modes)
+
+    @part
+    def add_log_ratios(keep, leads, scratch, h, i, dt, until, sway, modes):  # type: ignore[no-untyped-def]
+        ratio = keep.ratio
+        law, led, y, drawn, a = leads.law, leads.led, scratch.y, scratch.drawn, scratch.a
+        wide, aside, white = scratch.wide, scratch.aside, scratch.white
+        wide_at = wide.ctypes.data
+        _, _, _, inverse, end = columns_of(n, modes)
+        rows_at, pitch = law.ctypes.data, 8 * law.shape[2]
+        for g in range(ratio.shape[0]):
+            if scratch.lost[g]:
+                continue
+            if car and led[g] > i:
+                if until > 0.0:
+                    off = (y[0] - a[g, 0] * dt) / law[g, i, 7]
+                    ratio[g] += 0.5 * (y[0] * y[0] - off * off) / dt - law[g, i, 8]
+                    off = sway - aside[g] * dt - law[g, i, 13] * (y[0] - a[g, 0] * dt)
+                    ratio[g] += 0.5 * (sway * sway - (off / law[g, i, 14]) ** 2) / dt
+            elif leadable and not noisy_position and scratch.stage[g] < led[g]:
+                if until > 0.0:
+                    gained, row = 0.0, rows_at + pitch * (law.shape[1] * g + scratch.stage[g])
+                    noise, size = scratch.fresh.ctypes.data + 8 * (modes + modes % 2) * (i % ABREAST), dt
+                    if g != h:  # from what was drawn under h, the noise that g would have had to draw
+                        mix(white.ctypes.data, drawn.ctypes.data, 1.0, wide_at + 8 * wide.shape[1] * g, -dt, modes)
+                        times(scratch.off.ctypes.data, row + 8 * inverse, white.ctypes.data, modes)
+                        noise, size = scratch.off.ctypes.data, 1.0
+                    for j in range(modes):
+                        one = load_float64(noise, j)
+                        gained += drawn[j] * drawn[j] - size * one * one
+                    ratio[g] += 0.5 * gained / dt - load_float64(row, end)
+            else:
+                for j in range(m):
+                    ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
+
+    return add_log_ratios
+
+
+@cache
+def recorder(kind: Kind) -> Any:
+    """Build kernels that add a step's control, and its lead's part, to means over steps of the grid.
+
+    Where walls push, the lead over a step is the mean of both ends, to second order: the next step adds the second half
+    (`owed`). Among moving obstacles a share `counted` of a point's law is taken, of a steady one of what walls push.
+    """
+    m, gaining, gated, steady = kind.m, kind.gaining, is_gated(kind), is_steady(kind)
+
+    @part
+    def to_controls(scratch, inverse):  # type: ignore[no-untyped-def]
+        """Turn `column`, of a, into controls, in `carried`."""
+        column, carried = scratch.column, scratch.carried
+        if gaining:
+            solve(scratch.D, column, carried)
+        else:
+            for j in range(m):
+                carried[j, 0] = 0.0
+                for k in range(m):
+                    carried[j, 0] += inverse[j, k] * column[k, 0]
+
+    @part
+    def taken(scratch, h, counted, without):  # type: ignore[no-untyped-def]
+        """Write the fast-changing part of the lead to `column`, perhaps without what walls push."""
+        pushed, a = scratch.pushed, scratch.a
+        for j in range(m):
+            pushing = counted * pushed[j] if steady else pushed[j]
+            scratch.column[j, 0] = pushing + counted * (a[h, j] - pushed[j]) if gated else a[h, j]
+            if without:
+                scratch.column[j, 0] -= pushing
+
+    @part
+    def settle(led_by, inverse, scratch, h, counted, owed, last):  # type: ignore[no-untyped-def]
+        """Add the half owed to the last step."""
+        taken(scratch, h, counted, False)
+        to_controls(scratch, inverse)
+        for j in range(m):
+            led_by[last, j] += 0.5 * owed * scratch.carried[j, 0]
+
+    @part
+    def record(keep, inverse, scratch, h, counted, where, until, near_walls, inside):  # type: ignore[no-untyped-def]
+        """Add a step of `until` seconds; of a path's first one also the lead without walls."""
+        (i, whole, first), y, carried = where, scratch.y, scratch.carried
+        if i < keep.applied.shape[0]:
+            for j in range(m):
+                scratch.column[j, 0] = y[j]
+            to_controls(scratch, inverse)
+            for j in range(m):
+                keep.applied[i, j] += carried[j, 0] / whole
+        if i < keep.led_by.shape[0]:
+            for start in range(2 if first else 1):
+                taken(scratch, h, counted, start == 1 and near_walls)
+                to_controls(scratch, inverse)
+                for j in range(m):
+                    if start == 1:
+                        keep.base[j] = carried[j, 0]
+                    else:
+                        share = 0.5 if near_walls and inside else 1.0
+                        keep.led_by[i, j] += share * carried[j, 0] * until / whole
+
+    return settle, record
+
+
 class Kept(NamedTuple):
-    """What is written of one path; arrays without rows are left alone."""
+    """Outputs of one path; arrays without rows are left alone."""
 
     ratio: Array  # (H,) log dQ_g/dP under each reference
     states: Array  # (T+1, n)
@@ -64,7 +162,7 @@ class Kept(NamedTuple):
 
 @cache
 def any_path(kind: Kind) -> tuple[Any, Any]:
-    """Kernels that simulate one path of any dynamics, and that make its scratch."""
+    """Build kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, m, noisy_position = kind.drift, kind.q, kind.n, kind.m, kind.noisy_position
     varying, varying_rate, gaining, drifting = kind.varying, kind.varying_rate, kind.gaining, kind.drifting
     bending, moving, most = kind.bending, kind.moving, kind.modes
@@ -94,7 +192,7 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
 
     @part
     def clear(keep, i):  # type: ignore[no-untyped-def]
-        """Set what is kept of a step of the grid to nothing yet."""
+        """Set the records of a step of the grid to zero."""
         for j in range(m):
             if i < keep.applied.shape[0]:
                 keep.applied[i, j] = 0.0
@@ -117,10 +215,10 @@ def any_path(kind: Kind) -> tuple[Any, Any]:
 
     @borrowing
     def one_path(setup, leads, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
-        """Simulate one sample around reference h and write what of it is to be kept (`Kept`).
+        """Simulate one sample around reference h and write `Kept`.
 
-        Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the
-        logarithm of the probability that no wall was met on the way, where that is weighed.
+        Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the log
+            probability that no wall was met on the way, where that is weighed.
         """
         arena, p, times, counted = at(setup.arena, 0.0), setup.parameters, leads.times, leads.counted
         goal, radius, x, moved = arena.goal, arena.radius, scratch.x, scratch.moved

@@ -1,4 +1,4 @@
-"""What a path is simulated in: arrays that all paths of a thread have in common."""
+"""Allocate the arrays that all paths of a thread share."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ABREAST = 8  # steps whose noise is drawn at once
 
 
 class Scratch(NamedTuple):
-    """Of a system with n states and m controls under H references among J bodies."""
+    """Scratch of a system with n states and m controls under H references among J moving obstacles."""
 
     x: Array  # (n,) the state
     moved: Array  # (n,) where the step leads, and before that its middle
@@ -29,7 +29,7 @@ class Scratch(NamedTuple):
     D: Array  # (m, m) B^-1 G
     B: Array  # (rows, m)
     a: Array  # (H, m) B^-1 G u of every reference
-    aside: Array  # (H,) likewise of a car's sway
+    aside: Array  # (H,) control of a car's sway
     pushed: Array  # (m,) what walls push on top
     stage: NDArray[np.int64]  # (H,) the node of its way, or the step of its law
     lost: NDArray[np.bool_]  # (H,) whether it is out of question
@@ -54,7 +54,7 @@ SCRATCH: Any = Scratch
 
 @cache
 def scratch_for(kind: Kind) -> Any:
-    """The kernel (setup, leads) that makes it."""
+    """Build the kernel (setup, leads) that makes the scratch."""
     n, m, rows, moving = kind.n, kind.m, kind.rows, kind.moving
 
     @kernel

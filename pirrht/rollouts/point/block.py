@@ -1,13 +1,13 @@
-"""Sampled paths of a point, many abreast: dx = G u dt + B dw with BB' = b^2 I.
+"""Advance a block of paths of a point around one reference in lockstep, stage by stage (`stages`, `exits`).
 
-A block of paths around one reference advances step by step in lockstep, stage by stage (`stages`, `leads`,
-`exits`); what is rare, an exit or a wall close by, is done lane by lane. Paths that have ended leave the block.
-The paths are those of `rollouts.general` up to rounding: the same numbers are drawn in the same order.
+Exits and close walls, which are rare, are done lane by lane; paths that have ended leave the block. Paths are those of
+`rollouts.general` up to rounding: the same numbers are drawn in the same order.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,56 +18,14 @@ from pirrht.compiled.jit import inlined, kernel
 from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
 from pirrht.rollouts.first_exit import INSIDE, RIM, at_crossing, bridge_exit
-from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey
-from pirrht.rollouts.point.leads import tape_control, wall_push, way_control
-from pirrht.rollouts.point.stages import (  # fmt: skip
-    C0,
-    C1,
-    CELL,
-    CORNER,
-    DT,
-    E0,
-    E1,
-    FLAG,
-    G0,
-    G1,
-    KEY,
-    LANES,
-    LASTING,
-    LEFT,
-    LOST,
-    NX,
-    NY,
-    OWED,
-    PUSH0,
-    PUSH1,
-    ROOT,
-    SAMPLE,
-    SIGN,
-    SPENT,
-    STAGE,
-    STEP,
-    SUM0,
-    SUM1,
-    WIDE,
-    Z0,
-    Z1,
-    L,
-    U,
-    V,
-    X,
-    Y,
-    add_log_ratios,
-    advance,
-    cross,
-    draw,
-    move,
-    pace,
-    row_of,
-    scratch_of,
-    settle,
-)
-from pirrht.rollouts.records import Origin
+from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey, wall_push
+
+from pirrht.rollouts.point.stages import (  # isort: skip
+    C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, KEY, LANES, LASTING, LEFT, LOST, NX, NY, OWED, PUSH0, PUSH1, ROOT,
+    SAMPLE, SIGN, SPENT, STAGE, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, U, V, X, Y, add_log_ratios, advance, cross, draw,
+    move, pace, row_of, scratch_of, settle, tape_control, way_control,
+)  # fmt: skip
+from pirrht.rollouts.records import Chosen, Origin, empty_paths
 from pirrht.systems.dynamics import Dynamics, no_drift
 
 RECORDED = 7  # of a step: where it leads, its noise y = a dt + dw, the guide a, its time until an exit
@@ -86,7 +44,7 @@ RUN: Any = Run
 
 
 def is_point(d: Dynamics) -> bool:
-    """Whether the dynamics are of this kind."""
+    """Tell whether the dynamics are those of a point, with isotropic constant noise and no drift."""
     if not (d.n == d.m == 2 and d.drift is no_drift and d.constant):
         return False
     B = d.B_c(np.zeros(2))
@@ -96,7 +54,7 @@ def is_point(d: Dynamics) -> bool:
 
 @kernel
 def resolve(arena, B, weighed, k, random, f):  # type: ignore[no-untyped-def]
-    """Whether and where the step of a lane that may have ended on its way did: outcome and share of the step."""
+    """Judge the step of a lane that may have ended on its way: outcome and share of the step."""
     x, y, nx, ny = np.float64(f[X + k]), np.float64(f[Y + k]), np.float64(f[NX + k]), np.float64(f[NY + k])
     before = np.float64(f[C0 + k]), np.float64(f[E0 + k]), np.float64(f[G0 + k])
     after = np.float64(f[C1 + k]), np.float64(f[E1 + k]), np.float64(f[G1 + k])
@@ -119,7 +77,7 @@ def resolve(arena, B, weighed, k, random, f):  # type: ignore[no-untyped-def]
 
 @inlined
 def lane(k):  # type: ignore[no-untyped-def]
-    """A lane's number, in bounds the compiler sees (`row_of`)."""
+    """Return a lane's number, in bounds the compiler sees (`row_of`)."""
     return min(max(k, 0), LANES)
 
 
@@ -136,7 +94,7 @@ def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def
 
 
 class Ending(NamedTuple):
-    """How a path ends, and what its block has in common."""
+    """End of a path, and what its block has in common."""
 
     rate: float  # q [cost/s]
     times: Array  # (T+1,) ends of the steps [s]
@@ -182,19 +140,9 @@ def compact(k, last, H, leaning, scratch):  # type: ignore[no-untyped-def]
     f[Z0 + k], f[Z1 + k], f[NX + k], f[NY + k] = f[Z0 + last], f[Z1 + last], f[NX + last], f[NY + last]
     f[C1 + k], f[E1 + k], f[G1 + k] = f[C1 + last], f[E1 + last], f[G1 + last]
     f[SUM0 + k], f[SUM1 + k], f[SIGN + k], f[LOST + k] = f[SUM0 + last], f[SUM1 + last], f[SIGN + last], f[LOST + last]
-    f[X + k], f[Y + k], f[C0 + k], f[E0 + k], f[G0 + k] = (
-        f[X + last],
-        f[Y + last],
-        f[C0 + last],
-        f[E0 + last],
-        f[G0 + last],
-    )
-    f[DT + k], f[LEFT + k], f[SPENT + k], f[LASTING + k] = (
-        f[DT + last],
-        f[LEFT + last],
-        f[SPENT + last],
-        f[LASTING + last],
-    )
+    f[X + k], f[Y + k], f[C0 + k], f[E0 + k] = f[X + last], f[Y + last], f[C0 + last], f[E0 + last]
+    f[G0 + k], f[DT + k], f[LEFT + k] = f[G0 + last], f[DT + last], f[LEFT + last]
+    f[SPENT + k], f[LASTING + k] = f[SPENT + last], f[LASTING + last]
     short[STEP + k], f[OWED + k] = short[STEP + last], f[OWED + last]
     if leaning:
         f[U + k], f[V + k], short[CELL + k] = f[U + last], f[V + last], short[CELL + last]
@@ -223,10 +171,7 @@ def record(into, h, share, k, first, scratch):  # type: ignore[no-untyped-def]
 
 @kernel
 def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-untyped-def]
-    """Simulate the samples of one run, at most LANES.
-
-    If `into` (stop - start, T, RECORDED) is not empty, their steps are written there.
-    """
+    """Simulate the samples of one run, at most LANES; write steps to `into` (stop - start, T, RECORDED) if any."""
     h, start, stop, chosen = run
     x0 = origin.x
     f, a, ratio, short, long, random, bits = scratch
@@ -314,3 +259,50 @@ def blocks(setup, leads, origin, start, stop, paths, scratch):  # type: ignore[n
 def sample(setup: Any, leads: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples."""
     blocks(setup, leads, origin, start, stop, paths, scratch_of(len(leads.control)))
+
+
+def control(setup: Any, leads: Any, origin: Origin, chosen: Chosen, total: Array, alive: Array) -> None:
+    """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
+    for _, places, steps, taken in _recorded(setup, leads, origin, chosen.number):
+        _carried(leads.times, setup.inverse, taken, steps, chosen.group[places], chosen.weight[places], total, alive)
+
+
+def trace(
+    setup: Any, leads: Any, origin: Origin, number: NDArray[np.int64], states: Array, out: NDArray[np.int64]
+) -> None:
+    """Write states (c, T+1, 2) and number of steps (c,) of chosen samples."""
+    states[:, 0] = origin.x
+    for _, places, steps, taken in _recorded(setup, leads, origin, number):
+        out[places] = steps
+        under_way = np.arange(taken.shape[1]) < steps[:, None]
+        states[places, 1:] = np.where(under_way[:, :, None], taken[:, :, :2], 0.0)
+
+
+def _recorded(
+    setup: Any, leads: Any, origin: Origin, chosen: NDArray[np.int64]
+) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]]:
+    """Yield reference, places in `chosen`, numbers of steps and steps (., T, RECORDED), block by block."""
+    H, T, m = leads.control.shape
+    order = np.argsort(chosen, kind="stable")
+    listed = np.ascontiguousarray(chosen[order])
+    edges = np.searchsorted(listed, leads.first)
+    scratch, taken = scratch_of(H), np.zeros((LANES, T, RECORDED), np.float32)
+    paths = empty_paths(len(listed), H, m)
+    for h, (first, end) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
+        for start in range(first, end, LANES):
+            stop = min(start + LANES, end)
+            taken[:] = 0.0
+            block(setup, leads, origin, Run(h, start, stop, listed), paths, taken, scratch)
+            yield h, order[start:stop], paths.steps[start:stop], taken[: stop - start]
+
+
+@kernel
+def _carried(times, inverse, taken, steps, group, weight, total, alive):  # type: ignore[no-untyped-def]
+    """Add the controls of recorded steps (c, T, RECORDED), as `control` says."""
+    for c in range(steps.shape[0]):
+        g, w = group[c], weight[c]
+        for i in range(steps[c]):
+            dt, y0, y1 = times[i + 1] - times[i], taken[c, i, 2], taken[c, i, 3]
+            alive[g, i] += w
+            for j in range(2):
+                total[g, i, j] += w * (inverse[j, 0] * y0 + inverse[j, 1] * y1) / dt

@@ -1,4 +1,4 @@
-"""Stages of a step of many paths abreast: what is close to them, and which of them may have ended."""
+"""Judge lanes: clearances and walls near them, and which may have ended."""
 
 from __future__ import annotations
 
@@ -8,35 +8,17 @@ from typing import Any
 import numpy as np
 
 from pirrht.compiled.addresses import load_float32
-from pirrht.compiled.float32 import ONE, TWO, ZERO, exponential
+from pirrht.compiled.float32 import HALF, ONE, TWO, ZERO, exponential
 from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import GOLDEN, bits_of, logarithm
 from pirrht.geometry.arena import Arena
-from pirrht.geometry.field import Grid, bilinear, border, cell_in_block, finest_cell
-from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE
-from pirrht.rollouts.point.stages import (  # fmt: skip
-    C0,
-    C1,
-    CELL,
-    CORNER,
-    DT,
-    E0,
-    E1,
-    FLAG,
-    G0,
-    G1,
-    LANES,
-    LASTING,
-    NX,
-    NY,
-    PER,
-    WALL,
-    L,
-    U,
-    V,
-    X,
+from pirrht.geometry.field import Grid, bilinear, bilinear_slope, border, cell_in_block, finest_cell
+from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE, wall_slope, walls_of
+
+from pirrht.rollouts.point.stages import (  # isort: skip
+    C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, LANES, LASTING, NX, NY, PER, PUSH0, PUSH1, ROOT, WALL, L, U, V, X,
     Y,
-)
+)  # fmt: skip
 
 SLOW = 3  # flag of lanes whose step needs a closer look
 FRAME: Any = Grid
@@ -47,7 +29,7 @@ FAR_PER, LEAST = np.float32(FAR), np.float32(1e-7)
 
 @inlined
 def single(arena):  # type: ignore[no-untyped-def]
-    """The same arena, its numbers in single precision."""
+    """Copy an arena with its numbers in single precision."""
     field = arena.field
     frame = FRAME(
         np.float32(field.x0), np.float32(field.y0), np.float32(field.spacing), np.float32(field.per),
@@ -60,7 +42,7 @@ def single(arena):  # type: ignore[no-untyped-def]
 
 @inlined
 def corners(field, grid, f, short, row, n):  # type: ignore[no-untyped-def]
-    """Values of the grid at the corners of the lanes' cells."""
+    """Load values of the grid at the corners of the lanes' cells."""
     n = min(n, LANES)
     for k in range(n):
         cell = np.int64(short[CELL + k])
@@ -71,7 +53,7 @@ def corners(field, grid, f, short, row, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def locate(field, f, short, n):  # type: ignore[no-untyped-def]
-    """Cells that the steps lead to, where in them, and one over their width."""
+    """Find the cells that the steps lead to, places in them, and one over their width."""
     n = min(n, LANES)
     if field.table == 0:  # asked once, for loops without branches
         for k in range(n):
@@ -87,7 +69,7 @@ def locate(field, f, short, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
-    """How far the ends of the steps are from obstacles, border and goal, as `distances` says; arena: `single`."""
+    """Measure `distances` of the ends of the steps from obstacles, border and goal; arena: `single`."""
     n = min(n, LANES)
     field, (gx, gy), radius = arena.field, arena.goal, arena.radius
     locate(field, f, short, n)
@@ -100,6 +82,31 @@ def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
         f[C1 + k] = near if edge > ZERO else edge
         f[E1 + k] = edge
         f[G1 + k] = math.sqrt((x - gx) * (x - gx) + (y - gy) * (y - gy)) - radius
+
+
+@inlined
+def wall_push(field, reach, beyond, b, B, f, short, n):  # type: ignore[no-untyped-def]
+    """Write the push B' grad log psi of the two nearest walls, `beyond` further away [m]; `b` is noise [m/sqrt(s)].
+
+    It uses the cells and corners of `survey`. Nearer than half of the deviation of a step a wall pushes no harder.
+    """
+    n = min(n, LANES)
+    b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
+    reach, beyond, half = np.float32(reach), np.float32(beyond), HALF * np.float32(b)
+    corners(field, field.second, f, short, CORNER + 4 * L, n)
+    for k in range(n):
+        at = CORNER + k
+        u, v, per = f[U + k], f[V + k], f[PER + k]
+        nearest = bilinear_slope(f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], u, v, per)
+        second = bilinear_slope(f[at + 4 * L], f[at + 5 * L], f[at + 6 * L], f[at + 7 * L], u, v, per)
+        c, nx, ny, d, mx, my = walls_of(field, f[X + k], f[Y + k], nearest, second)
+        widest = half * f[ROOT + k]
+        c, d = max(c + beyond, widest), max(d + beyond, widest)
+        f[WALL + k], f[WALL + L + k], f[WALL + 2 * L + k] = c, nx, ny
+        f[WALL + 3 * L + k], f[WALL + 4 * L + k], f[WALL + 5 * L + k] = d, mx, my
+        gx, gy = wall_slope(c, nx, ny, d, mx, my, reach)
+        f[PUSH0 + k] = b00 * gx + b10 * gy
+        f[PUSH1 + k] = b01 * gx + b11 * gy
 
 
 @inlined
@@ -122,8 +129,7 @@ def judge(arena, f, short, n):  # type: ignore[no-untyped-def]
 def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-def]
     """Flag the lanes whose step may have ended on its way, or that two walls weigh; how many. `variance` is per second.
 
-    Most that are merely close to a wall survive for sure: exp(-e) <= (1 + e/16)^-16, and no second wall is nearer.
-    Or they are weighed by the share that does, where a second wall is far.
+    Most lanes close to one wall survive for sure: exp(-e) <= (1 + e/16)^-16; or they are weighed by their survival.
     """
     n = min(n, LANES)
     far, per = np.float32(FAR * variance), np.float32(1.0 / (8.0 * variance))

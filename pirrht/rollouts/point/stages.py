@@ -1,8 +1,8 @@
-"""A block of paths of a point that advance abreast, and the stages of a step that concern their noise.
+"""Hold a block of paths that advance abreast; stages of a step for noise and controls of references.
 
-Each stage is a loop over the block's lanes without branches or calls, which compiles to vector instructions. All is in
-single precision, in which a vector holds twice as many lanes: positions round to a micrometre in ten metres, and
-log dQ/dP of a path under the reference it follows, the one large sum, carries its rounding errors along.
+Each stage is a loop over lanes without branches or calls, which compiles to vector instructions. All is in single
+precision, in which a vector holds twice as many lanes: positions round to a micrometre in ten metres, and log dQ/dP
+under the reference followed, the one large sum, carries its rounding errors along.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from pirrht.compiled.addresses import load_float64, load_int64
 from pirrht.compiled.float32 import HALF, ONE, ZERO
 from pirrht.compiled.jit import inlined
 from pirrht.compiled.streams import GOLDEN, halves, normals_of
+from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.topology.cuts import FEW, key_of_step, turn_at_cut
 
 LANES = 512  # of a block; all rows together stay within the nearest cache
@@ -39,7 +40,7 @@ FLAG, CELL, STEP, STAGE = (L * i for i in range(4))  # rows of its short integer
 
 
 def aligned(count: int, kind: type) -> Any:
-    """So many zeros, the first of which begins a vector: what lies across the cache's lines loads at half the speed."""
+    """Allocate zeros, the first of which begins a vector: across the cache's lines loads run at half the speed."""
     size = np.dtype(kind).itemsize
     raw: Any = np.zeros(count + 64 // size, kind)
     first = -(raw.ctypes.data // size) % (64 // size)
@@ -47,7 +48,7 @@ def aligned(count: int, kind: type) -> Any:
 
 
 def scratch_of(H: int) -> tuple[Any, ...]:
-    """Scratch of a block with H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
+    """Allocate a block for H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
     numbers = (aligned(rows * L, np.float32) for rows in (ROWS, 2 * H, H))
     whole = aligned((3 + H) * L, np.int32), aligned(2 * L, np.int64)
     return *numbers, *whole, aligned(L, np.uint64), aligned(2 * L, np.uint32)
@@ -55,16 +56,47 @@ def scratch_of(H: int) -> tuple[Any, ...]:
 
 @inlined
 def row_of(g, each):  # type: ignore[no-untyped-def]
-    """First place of a reference's rows, in bounds the compiler sees: or it would look for places counted from the end.
-
-    Loops whose places it cannot order compile to one load or store for every lane.
-    """
+    """Return the first place of a reference's rows, in bounds the compiler sees: else it loads lane by lane."""
     return min(max(g * each * L, 0), MANY)
 
 
 @inlined
+def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untyped-def]
+    """Write a_g of a control sequence, its row of `Leads.drift`, by address, and the push."""
+    n = min(n, LANES)
+    row = row_of(g, 2)
+    for k in range(n):
+        a[row + k], a[row + L + k] = f[PUSH0 + k], f[PUSH1 + k]
+    if active == 0:
+        return
+    for k in range(n):
+        i = np.int64(short[STEP + k])
+        if i < active:
+            at = 2 * (g * T + i)
+            a[row + k] += np.float32(load_float64(drift, at))
+            a[row + L + k] += np.float32(load_float64(drift, at + 1))
+
+
+@inlined
+def way_control(ways, g, goal, B, f, short, a, n):  # type: ignore[no-untyped-def]
+    """Write a_g = B' grad log psi of one reference with a way at the lanes' states."""
+    n = min(n, LANES)
+    place, slope, C, J, last, decay = ways
+    row, stage = row_of(g, 2), STAGE + row_of(g, 1)
+    b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
+    place, slope = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J
+    for k in range(n):
+        at = WALL + k
+        walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
+        s, gx, gy = uphill(place, slope, last, J, decay, goal, np.int64(short[stage + k]), f[X + k], f[Y + k], walls)
+        short[stage + k] = np.int32(s)
+        a[row + k] = b00 * gx + b10 * gy
+        a[row + L + k] = b01 * gx + b11 * gy
+
+
+@inlined
 def draw(random, bits, f, n):  # type: ignore[no-untyped-def]
-    """The next two normal numbers of each lane."""
+    """Draw the next two normal numbers of each lane."""
     n = min(n, LANES)
     for k in range(n):
         state = random[k] + GOLDEN
@@ -78,7 +110,7 @@ def draw(random, bits, f, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def pace(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped-def]
-    """Steps that fit the places of the lanes, as `fitting` says; where one of the grid is over, the next begins."""
+    """Fit steps to the places of the lanes (`fitting`); where a step of the grid is over, the next begins."""
     n = min(n, LANES)
     least, scale, rim, half = np.float32(least), np.float32(scale), np.float32(rim), HALF
     for k in range(n):
@@ -96,7 +128,7 @@ def pace(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
-    """Where the step leads; its noise Z becomes y = a dt + dw."""
+    """Write where the step leads; its noise Z becomes y = a dt + dw."""
     n = min(n, LANES)
     row = row_of(h, 2)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
@@ -129,7 +161,7 @@ def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def add_log_ratios(h, H, f, a, ratio, n):  # type: ignore[no-untyped-def]
-    """Add the step to log dQ_h/dP of the lanes that go on, and to what log dQ_g/dP of the others is more.
+    """Add the step to log dQ_h/dP of the lanes that go on, and to log dQ_g/dQ_h of other references.
 
     The sum for h is large where there is little noise; the others are needed only where they are close to it.
     """
@@ -153,7 +185,7 @@ def add_log_ratios(h, H, f, a, ratio, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def settle(h, f, a, n):  # type: ignore[no-untyped-def]
-    """Take the second half of the guide off the sums: over a step it is the mean of both ends, to second order."""
+    """Take the second half of the lead off the sums: over a step it is the mean of both ends, to second order."""
     n = min(n, LANES)
     row = row_of(h, 2)
     for k in range(n):
@@ -164,10 +196,9 @@ def settle(h, f, a, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def advance(h, window, follows, f, short, a, n):  # type: ignore[no-untyped-def]
-    """The lanes that go on take their step; what noise did is summed up in the first `window` steps of the grid.
+    """Take the step of the lanes that go on; sum up noise over the first `window` steps. Returns the most steps taken.
 
-    Of a guide that `follows` the state only half is taken off, as `settle` does with the other one.
-    Returns the most steps of the grid that a lane has behind it.
+    Of a lead that `follows` the state half is taken off here, half by `settle`.
     """
     n = min(n, LANES)
     row, window, most = row_of(h, 2), np.int32(window), np.int32(0)

@@ -19,8 +19,8 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import unit_rate
+from pirrht.rollouts.backend import loops
 from pirrht.rollouts.general.kind import Kind
-from pirrht.rollouts.general.loops import loops
 from pirrht.rollouts.general.path import any_path
 
 SEEDS = 24

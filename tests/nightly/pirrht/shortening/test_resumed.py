@@ -8,7 +8,7 @@ from discs import scattered
 
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.shortening.arcs_resumed import REACH, resumed
+from pirrht.shortening.shorten import REACH, resumed_along_arcs
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.rover import RoverSteering
 from pirrht.steering.steering import Steering
@@ -64,11 +64,11 @@ def test_a_path_that_is_out_of_reach_or_all_but_over_is_not_resumed():
     start = np.array(tree.space.scene.start, dtype=float)
     path, checker = tree.references(start)[0].path, EdgeChecker.of(tree.space, tree.steering)
     assert isinstance(tree.steering, RoverSteering)
-    assert resumed(start, path, tree.steering, checker) is not None
+    assert resumed_along_arcs(start, path, tree.steering, checker) is not None
     beside = np.array([*tree.space.scene.obstacles[0].position[:2], 0.0])
-    assert resumed(beside, path, tree.steering, checker) is None
+    assert resumed_along_arcs(beside, path, tree.steering, checker) is None
     x, y = tree.space.scene.goal.center
     near = tree.references(np.array([x - tree.space.arena.radius - 0.3, y, 0.0]))
     short = [found.path for found in near if found.path.length.sum() < REACH]
     assert short
-    assert all(resumed(start, path, tree.steering, checker) is None for path in short)
+    assert all(resumed_along_arcs(start, path, tree.steering, checker) is None for path in short)

@@ -12,9 +12,8 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.steering.double_integrator import MassSteering
+from pirrht.steering.double_integrator import MassSteering, optimum
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.two_point import optimum
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.tree.homology_tree import HomologyTree

@@ -13,8 +13,8 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.problem import unit_rate
+from pirrht.rollouts.backend import loops
 from pirrht.rollouts.general.kind import Kind
-from pirrht.rollouts.general.loops import loops
 from pirrht.rollouts.general.path import any_path
 from pirrht.rollouts.records import Paths
 from pirrht.tree.homology_tree import HomologyTree

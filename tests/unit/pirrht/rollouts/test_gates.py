@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pirrht.rollouts.gates import FAR_IN, FAR_OUT, MILLS, mills
+from pirrht.rollouts.general.law import FAR_IN, FAR_OUT, MILLS, mills
 
 
 def exact(z):

@@ -13,8 +13,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
-from pirrht.topology.bases import Bases, row_of, turns_between
-from pirrht.topology.in_time import TimedHomology, beside, whole_turns
+from pirrht.topology.in_time import Bases, TimedHomology, beside, row_of, turns_between, whole_turns
 from pirrht.topology.tracks import Tracks, crossings_of_step, crossings_of_waiting, place_at
 
 STEERING = InTime()

@@ -1,4 +1,4 @@
-"""How long a step is, and the noise that is drawn for it under the reference that a path follows."""
+"""Build the parts of an Euler-Maruyama step: its length, its noise under the reference followed, and its end."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pirrht.compiled.float32 import ONE, ZERO
 from pirrht.compiled.jit import part
 from pirrht.compiled.streams import fill_normals, normals
 from pirrht.rollouts.among import facing_among, look_around, with_moving
-from pirrht.rollouts.first_exit import RIM, facing, fitting, two_walls, wall_slope
-from pirrht.rollouts.general.kind import Kind, is_car, takes_law
-from pirrht.rollouts.general.law import columns_of
-from pirrht.rollouts.general.rows import rows_of
+from pirrht.rollouts.first_exit import GOAL, RIM, facing, fitting, two_walls, wall_slope
+from pirrht.rollouts.general.kind import SWAY, Kind, diffusion_of, is_car, takes_law
+from pirrht.rollouts.general.law import columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST
 from pirrht.rollouts.nearby import REACHES, list_around, next_jump
+from pirrht.rollouts.sweep import sweep_exit, turn_of
 
 SOON = 1e-6  # a step is no shorter than this where motions change [s]
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
@@ -25,7 +25,7 @@ NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
 
 @cache
 def length_for(kind: Kind) -> Any:
-    """The kernel that fits a step to the room that there is, and finds the bodies near it: (dt, how many)."""
+    """Build the kernel that fits a step to the clearance, and lists moving obstacles near it: (dt, how many)."""
     noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
 
     @part
@@ -60,10 +60,7 @@ def length_for(kind: Kind) -> Any:
 
 @cache
 def walls_for(kind: Kind) -> Any:
-    """The kernel that writes what the two nearest walls push, and tells where they are.
-
-    Survivors lean away from walls anyway: the push is B' grad log of what psi is proportional to there.
-    """
+    """Build the kernel that writes the push of the two nearest walls, B' grad log psi there, and returns those."""
     m, fixed, moving = kind.m, kind.n - kind.rows, kind.moving
 
     @part
@@ -88,7 +85,7 @@ def walls_for(kind: Kind) -> Any:
 
 @cache
 def noise_for(kind: Kind) -> Any:
-    """The kernel that draws the noise `y` of a step, `drawn` with all its modes, and sway; (stream's state, sway)."""
+    """Build the kernel that draws the noise `y` of a step, and `drawn` with all modes; (stream's state, sway)."""
     n, m, noisy_position = kind.n, kind.m, kind.noisy_position
     car, leadable, turning = is_car(kind), takes_law(kind), kind.turning
     abreast = leadable and not noisy_position
@@ -96,7 +93,7 @@ def noise_for(kind: Kind) -> Any:
 
     @part
     def under_law(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
-        """Draw under the law of a step, whose covariance counts where steps do not end at crossings."""
+        """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
         law, white, drawn, stage, wide = leads.law, scratch.white, scratch.drawn, scratch.stage, scratch.wide
         even, independent = modes + modes % 2, white.ctypes.data
         for j in range(0, 0 if abreast else modes, 2):
@@ -141,3 +138,97 @@ def noise_for(kind: Kind) -> Any:
         return state, sway
 
     return draw
+
+
+@cache
+def covariance_of(kind: Kind) -> Any:
+    """Build the kernel (B) of the covariance (xx, xy, yy) of the position per second."""
+    m, fixed = kind.m, kind.n - kind.rows
+
+    @part
+    def covariance(B):  # type: ignore[no-untyped-def]
+        xx, xy, yy = 0.0, 0.0, 0.0
+        for j in range(m):
+            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
+            by = B[1 - fixed, j] if fixed <= 1 else 0.0
+            xx, xy, yy = xx + bx * bx, xy + bx * by, yy + by * by
+        return xx, xy, yy
+
+    return covariance
+
+
+@cache
+def motion(kind: Kind) -> Any:
+    """Build the kernel that writes where a step leads to `moved`.
+
+    It returns whether the step enters the goal straight ahead before its noise matters (then y = 0), the share of it
+    until then, how much its path bends [rad], and the covariance of the position per second.
+    """
+    n, m, rows, fixed = kind.n, kind.m, kind.rows, kind.n - kind.rows
+    drift, drifting, midway, noisy_position = kind.drift, kind.drifting, kind.midway, kind.noisy_position
+    varying, turning = kind.varying, kind.turning
+    noise_at: Any = diffusion_of(kind) if varying else drift
+    covariance = covariance_of(kind)
+
+    @part
+    def shaken(scratch, share):  # type: ignore[no-untyped-def]
+        """Add a share of the step's noise to where it leads."""
+        moved, B, y = scratch.moved, scratch.B, scratch.y
+        for j in range(rows):
+            for k in range(m):
+                moved[fixed + j] += share * B[j, k] * y[k]
+
+    @part
+    def half_way(setup, leads, scratch, dt, sway, bent):  # type: ignore[no-untyped-def]
+        """Take the drift at the middle of the step's noise, off it by its sway, where no noise acts on the position."""
+        x, moved, f, B = scratch.x, scratch.moved, scratch.f, scratch.B
+        swaying = turning and leads.least < math.inf
+        for j in range(n):
+            moved[j] = x[j]
+        shaken(scratch, 0.5)
+        if swaying:
+            moved[2] -= B[0, 0] * sway * SWAY
+        for j in range(rows if bent else 0):
+            for k in range(m):
+                moved[fixed + j] -= SWAY * B[j, k] * scratch.drawn[m + k]
+        drift(moved, setup.parameters, f)
+        turn = 0.0
+        if swaying:  # the chord of an arc is shorter than the arc
+            turn = B[0, 0] * scratch.y[0]
+            for j in range(2):
+                f[j] *= 1.0 - (turn * turn + B[0, 0] * B[0, 0] * dt) / 24.0
+        return turn
+
+    @part
+    def move(setup, leads, scratch, arena, dt, sway, rates, bent):  # type: ignore[no-untyped-def]
+        (xx, xy, yy), x, moved, f, y, p = rates, scratch.x, scratch.moved, scratch.f, scratch.y, setup.parameters
+        goal, radius = arena.goal, arena.radius
+        arrived, ahead, turn, vx, vy = False, 1.0, 0.0, f[0], f[1]
+        if not noisy_position and setup.bridge:
+            within = radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
+            if (x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2 < within * within:
+                exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+                arrived = exit == GOAL
+            if arrived:
+                for j in range(m):
+                    y[j] = 0.0
+            elif drifting:
+                turn = half_way(setup, leads, scratch, dt, sway, bent)
+        if midway and not arrived:
+            for j in range(n):
+                moved[j] = x[j] + 0.5 * f[j] * dt
+            shaken(scratch, 0.5)
+            if varying:
+                noise_at(moved, p, setup.inverse, scratch.G, scratch.B)
+                xx, xy, yy = covariance(scratch.B)
+            if drifting and (noisy_position or not setup.bridge):
+                drift(moved, p, f)
+        for j in range(n):
+            moved[j] = x[j] + f[j] * dt
+        shaken(scratch, 1.0)
+        if bent and not arrived:  # between two steps its velocity changes, and the way is no chord
+            drift(moved, p, f)
+            turn = turn_of(vx, vy, f[0], f[1], moved[0] - x[0], moved[1] - x[1], dt)
+        return arrived, ahead, turn, (xx, xy, yy)
+
+    return move
