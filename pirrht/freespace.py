@@ -67,12 +67,12 @@ class FreeSpace:
         where one had gone before. The start may be covered: the robot is under way.
 
         Raises:
-            SceneError: the goal point is in collision, or the workspace is too large for the robot.
+            SceneError: all of the goal is in collision, or the workspace is too large for the robot.
         """
         collision = Collision(scene.world, scene.footprint)
-        if (lacking := -float(collision.clearance(scene.goal.center[None])[0])) >= 0.0:
-            where = f"({scene.goal.center[0]:g}, {scene.goal.center[1]:g})"
-            raise SceneError(f"{scene.name}: an obstacle covers the goal {where}, by {lacking:.3g} m; move it away")
+        scene = fitted(scene, collision, start_counts=False)
+        if scene.waivers:
+            collision = Collision(scene.world, scene.footprint)
         named = self.homology.M if self.homology.named is None else self.homology.named
         parts = components(collision)
         return self._of(scene, collision, parts, continued(parts, self.obstacles, collision, named), named)

@@ -139,7 +139,7 @@ class Controller(Policy):
 
         Raises:
             OptionError: the goal is another, or obstacles move.
-            SceneError: an obstacle covers the goal point, or the workspace is too large for the robot.
+            SceneError: obstacles cover all of the goal, or the workspace is too large for the robot.
         """
         new = renewed(self.problem, self.space, self.tree, scene, vertices)
         if new is None:

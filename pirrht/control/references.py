@@ -125,7 +125,7 @@ def renewed(
 
     Raises:
         OptionError: the goal is another, or obstacles move.
-        SceneError: the goal point is in collision, or the workspace is too large for the robot.
+        SceneError: all of the goal is in collision, or the workspace is too large for the robot.
     """
     before, goal = space.scene, problem.scene.goal
     if not _same(goal, scene.goal):
@@ -140,7 +140,7 @@ def renewed(
     pairs = zip(before.obstacles, scene.obstacles, strict=False)
     if alike and len(before.obstacles) == len(scene.obstacles) and all(_same(*pair) for pair in pairs):
         return None
-    now = space.updated(replace(scene, goal=before.goal, waivers=before.waivers))
+    now = space.updated(replace(scene, waivers=before.waivers))
     grown = None
     if tree is not None:
         grown = HomologyTree(now, tree.steering, limit=tree.limit, classes=tree.classes, rng=tree.rng)

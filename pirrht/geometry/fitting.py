@@ -25,18 +25,19 @@ LATTICE = 32  # points in a goal's radius
 SIMILAR = 0.5  # share of the greatest clearance or radius from which on a place in a goal disc is as good
 
 
-def fitted(scene: Scene, collision: Collision) -> Scene:
+def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> Scene:
     """Return the scene with a start and a goal point that are free, unchanged if they already are.
 
     Args:
-        collision: of the scene's world and footprint, without waivers.
+        collision: of the scene's world and footprint, without waivers at what is fitted.
+        start_counts: whether the robot is at the start; else its waivers are kept as they are.
 
     Raises:
         SceneError: the robot without its margin touches an obstacle at the start, or everywhere in the goal disc.
     """
     start, goal, body = scene.start[:2], scene.goal, _body_radius(scene)
-    waivers = []
-    if (distance := float(collision.distance(start[None])[0])) < scene.robot_radius + SHORTEST:
+    waivers = [] if start_counts else [*scene.waivers]
+    if start_counts and (distance := float(collision.distance(start[None])[0])) < scene.robot_radius + SHORTEST:
         if distance < body - ROUNDING:
             raise SceneError(_in_collision(scene, "start", start, f" (it lacks {body - distance:.3g} m)"))
         waivers.append(_waiver(scene, collision, start))
@@ -47,7 +48,8 @@ def fitted(scene: Scene, collision: Collision) -> Scene:
         goal = part if wide is None or wide.radius < SIMILAR * part.radius else wide
         if collision.distance(goal.center[None])[0] < scene.robot_radius:
             waivers.append(_waiver(scene, collision, goal.center))
-    return replace(scene, goal=goal, waivers=tuple(waivers)) if waivers or goal is not scene.goal else scene
+    changed = goal is not scene.goal or len(waivers) > len(scene.waivers)
+    return replace(scene, goal=goal, waivers=tuple(waivers)) if changed else scene
 
 
 def _body_radius(scene: Scene) -> float:

@@ -167,7 +167,8 @@ def _joint_label(joint: Any) -> str:
 
 def _refuse_flexes(model: mujoco.MjModel, path: Path) -> None:
     if model.nflex:
-        raise SceneError(f'{path}: flex "{model.flex(0).name}" deforms; obstacles must be static: remove it')
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, 0)
+        raise SceneError(f'{path}: flex "{name}" deforms; obstacles must be static: remove it')
 
 
 def _check_floor(model: mujoco.MjModel, data: mujoco.MjData, geom: int, path: Path) -> None:

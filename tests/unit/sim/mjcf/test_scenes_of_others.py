@@ -160,3 +160,11 @@ def test_a_start_inside_the_hull_of_a_mesh_says_so(angled):
     message = refusal(angled, start=(4.6, 6.2))
     assert 'touches the convex hull of geom "arms" (7 m3' in message
     assert "--decompose" in message
+
+
+def test_what_deforms_is_refused_by_name(tmp_path):
+    path = tmp_path / "cloth.xml"
+    cloth = '<flexcomp name="cloth" type="grid" count="5 5 1" spacing=".1 .1 .1" pos="5 5 .5" dim="2"/>'
+    path.write_text(f"<mujoco><worldbody>{SITES}{cloth}</worldbody></mujoco>")
+    with pytest.raises(SceneError, match='flex "cloth" deforms'):
+        load(path)
