@@ -48,7 +48,7 @@ class ModelPaths:
     def missing(self, uri: str, file: Path) -> NoReturn:
         """Raise the SceneError of an address without a file, with the folders that were searched."""
         searched = ", ".join(str(root) for root in self._roots(file) if root.is_dir())
-        remedy = f"put it there, or name the folder that holds it as one of the models, or in {VARIABLES[0]}; nothing is downloaded"
+        remedy = f"name the folder that holds it among the models or in {VARIABLES[0]}; nothing is downloaded"
         self._refuse(uri, file, f"is in none of {searched}; {remedy}")
 
     def _refuse(self, uri: str, file: Path, reason: str) -> NoReturn:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mjcf_samples import GOAL, SITES, START, mjcf, refusal
 
+from pirrht import errors
 from sim.mjcf import load
 
 TASK = """<mujoco model="task"><compiler angle="degree" fusestatic="true"/>
@@ -166,5 +167,5 @@ def test_what_deforms_is_refused_by_name(tmp_path):
     path = tmp_path / "cloth.xml"
     cloth = '<flexcomp name="cloth" type="grid" count="5 5 1" spacing=".1 .1 .1" pos="5 5 .5" dim="2"/>'
     path.write_text(f"<mujoco><worldbody>{SITES}{cloth}</worldbody></mujoco>")
-    with pytest.raises(SceneError, match='flex "cloth" deforms'):
+    with pytest.raises(errors.SceneError, match='flex "cloth" deforms'):
         load(path)
