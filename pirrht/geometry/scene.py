@@ -182,7 +182,7 @@ class Scene:
         Raises:
             SceneError: a number is missing or cannot be; names the row.
 
-        Example:
+        Examples:
             >>> from pirrht import Scene
             >>> room = {"lower": (0, 0), "upper": (4, 3), "start": (0.6, 1.4), "goal": (3.4, 1.5, 0.3)}
             >>> Scene.from_boxes([[1.6, 1.1, 2.4, 1.9]], robot_radius=0.2, **room)

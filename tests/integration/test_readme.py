@@ -14,6 +14,7 @@ import benchmark
 import documents
 import numpy as np
 import pytest
+import trimesh
 from documents import NAMES, PAGES, blocks, commands, links, models, named
 from repository import ROOT, environment
 
@@ -42,6 +43,19 @@ def run(code: str, folder: Path) -> str:
     return done.stdout
 
 
+OFFICE = """<sdf version="1.7"><world name="office">
+<model name="ground"><static>1</static><link name="l"><collision name="c"><geometry><plane><normal>0 0 1</normal>
+<size>12 12</size></plane></geometry></collision></link></model>
+<model name="desk"><static>1</static><pose>3 2.5 0.4 0 0 0</pose><link name="l"><collision name="c"><geometry><box>
+<size>1 0.6 0.8</size></box></geometry></collision></link></model></world></sdf>"""
+TASK = """<mujoco><worldbody><geom type="plane" size="4 3 0.1"/>
+<geom name="shelf" type="box" size="0.3 1 0.5" pos="0 0 0.5"/>
+<body name="agent" pos="-2 2 0.3"><joint name="x" type="slide" axis="1 0 0"/><geom size="0.3"/></body>
+<body name="door" pos="1 -2 0.5"><joint name="hinge" axis="0 0 1"/><geom type="box" size="0.5 0.05 0.5"/></body>
+</worldbody><actuator><motor joint="x"/></actuator></mujoco>"""
+WALLS = [((-5, 2, 0), (5, 2.2, 1)), ((-5, -2.2, 0), (5, -2, 1)), ((1, -1, 0), (1.2, 1, 1))]
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with all that pages tell their reader to save, and a map and a world to import."""
@@ -65,6 +79,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
     )
     (place / "WORLD.world").write_text(WORLD)
+    (place / "office.world").write_text(OFFICE)
+    (place / "task.xml").write_text(TASK)
+    walls = [trimesh.creation.box(bounds=bounds) for bounds in WALLS]
+    trimesh.util.concatenate(walls).export(place / "room.obj")
     (place / "worlds.json").write_text(blocks(named("moving.md"), "json")[0])
     return place
 
