@@ -11,7 +11,7 @@ from sim.options.settings import DRIVE, DRIVES, SINGLE
 
 SCENE, GRID, RECORDING, FILES = "scene and robot", "grid", "recording", "files"
 FAR = 1e6  # [m]
-PLACE = Bounds(low=-FAR, high=FAR, why="positions are told in metres, and worlds are smaller")
+PLACE = Bounds(low=-FAR, high=FAR, why="positions are in metres, and worlds are smaller")
 
 
 def obstacles(text: str) -> list[int]:
