@@ -24,7 +24,7 @@ from itertools import count
 from secrets import randbits
 from typing import Any
 
-from numba import types
+from numba import jit, types
 from numba.core import event, sigutils
 from numba.core.bytecode import FunctionIdentity
 from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
@@ -314,8 +314,9 @@ def keep_functions_of_numba(options: dict[str, Any]) -> None:
     plain = _OverloadFunctionTemplate._get_jit_decorator
 
     def decorator(self: Any) -> Any:
-        if self._overload_func.__module__ not in KEPT:
-            return plain(self)
+        found = plain(self)
+        if found is not jit or self._overload_func.__module__ not in KEPT:  # on other devices numba compiles them
+            return found
         return lambda **given: lambda function: Part(function, options | given)
 
     _OverloadFunctionTemplate._get_jit_decorator = decorator

@@ -11,6 +11,7 @@ import pytest
 from numba.core import codegen, compiler, typed_passes
 from numba.core.bytecode import FunctionIdentity
 from numba.core.registry import CPUDispatcher
+from numba.core.typing import templates
 from repository import environment
 
 from pirrht.compiled import linking
@@ -127,6 +128,19 @@ def test_only_what_python_calls_becomes_machine_code():
     assert part.library._final_module.get_function(part.fndesc.llvm_func_name).linkage.name == "linkonce_odr"
 
 
+@pytest.mark.usefixtures("nothing_kept")
+def test_functions_of_numba_become_parts_that_kernels_share():
+    @kernel
+    def rows(n):
+        return np.zeros((n, 2)).shape[0]
+
+    assert rows(3) == 3
+    (template,) = (one for one in rows.part.typingctx._functions[np.zeros] if hasattr(one, "_overload_func"))
+    made = [found[0] for found in template._impl_cache.values() if found[0] is not None]
+    assert made
+    assert all(isinstance(one, linking.Part) for one in made)
+
+
 def test_numba_has_what_linking_uses_of_its_own():
     """Each line is one use: what is missing here is what a new version of numba has changed."""
     for name in ("compile", "get_call_template", "get_overload", "add_overload"):
@@ -141,6 +155,7 @@ def test_numba_has_what_linking_uses_of_its_own():
         assert callable(getattr(codegen.JITCodeLibrary, name))
     assert {"_reduce", "_rebuild"} <= set(dir(compiler.CompileResult))
     assert isinstance(next(FunctionIdentity._unique_ids), int)
+    assert callable(templates._OverloadFunctionTemplate._get_jit_decorator)
 
 
 class _State:
