@@ -18,6 +18,7 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
     def finalize(self) -> None:
         """Link what numba brings along; other parts are named, and linked where an entry is made."""
         self._raise_if_finalized()
+        self.key: str | None = None
         self.parts: list[PartLibrary] = []
         for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
@@ -36,10 +37,10 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
 
     @property
     def bound(self) -> bool:
-        """Whether the code holds addresses of this process, as of arrays of more than a million bytes."""
-        return bool(self._dynamic_globals)
+        """Whether only this process can use the code: it holds addresses, as of large arrays, or nameless parts."""
+        return bool(self._dynamic_globals) or any(part.key is None for part in self.parts)
 
-    def state(self) -> tuple[str, bytes, list[str], list[Any]]:
+    def state(self) -> tuple[str, bytes, list[str | None], list[Any]]:
         """What is kept on disk: name, IR of this function alone, names of parts that it links, what begins it."""
         return self.name, self._own.as_bitcode(), [part.key for part in self.parts], list(self._reload_init)
 

@@ -317,7 +317,12 @@ def keep_functions_of_numba(options: dict[str, Any]) -> None:
         found = plain(self)
         if found is not jit or self._overload_func.__module__ not in KEPT:  # on other devices numba compiles them
             return found
-        return lambda **given: lambda function: Part(function, options | given)
+
+        def made(**given: Any) -> Callable[..., Any]:
+            """Make a part of a function that can be kept; others stay numba's."""
+            return lambda one: Part(one, options | given) if cache.identity(one) else found(**given)(one)
+
+        return made
 
     _OverloadFunctionTemplate._get_jit_decorator = decorator
 

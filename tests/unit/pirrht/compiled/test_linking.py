@@ -128,8 +128,9 @@ def test_only_what_python_calls_becomes_machine_code():
     assert part.library._final_module.get_function(part.fndesc.llvm_func_name).linkage.name == "linkonce_odr"
 
 
-@pytest.mark.usefixtures("nothing_kept")
-def test_functions_of_numba_become_parts_that_kernels_share():
+def test_functions_of_numba_become_parts_that_kernels_share(monkeypatch):
+    monkeypatch.setattr(linking.cache, "load", lambda *_: None)
+
     @kernel
     def rows(n):
         return np.zeros((n, 2)).shape[0]
@@ -139,6 +140,22 @@ def test_functions_of_numba_become_parts_that_kernels_share():
     made = [found[0] for found in template._impl_cache.values() if found[0] is not None]
     assert made
     assert all(isinstance(one, linking.Part) for one in made)
+
+
+@pytest.mark.usefixtures("nothing_kept")
+def test_code_that_links_a_part_without_a_name_is_not_kept():
+    @kernel
+    def below(x):
+        return x + 1.0
+
+    @kernel
+    def above(x):
+        return below(x)
+
+    assert above(1.0) == 2.0
+    (part,) = above.part.overloads.values()
+    assert part.library.bound
+    assert not part.library.parts[0].bound
 
 
 def test_numba_has_what_linking_uses_of_its_own():
