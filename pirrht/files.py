@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from pirrht.errors import OptionError, printable
+from pirrht.errors import OptionError, SceneError, printable
 
 SHOWN = 40  # characters of a file's name that its draft bears: two such names and an ending fit any file system
 
@@ -169,3 +169,19 @@ def why_unreadable(path: Path) -> str | None:
     if not stat.S_ISREG(mode):
         return _KINDS.get(stat.S_IFMT(mode), "is a device")
     return None if os.access(path, os.R_OK) else "may not be read"
+
+
+def read_bounded(path: Path, most: int, what: str, remedy: str) -> bytes:
+    """Read a file of at most so many bytes.
+
+    Raises:
+        SceneError: it cannot be read, and what to give instead, or it is larger, and what to do about that.
+    """
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(most + 1)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror}); give {what}") from None
+    if len(content) > most:
+        raise SceneError(f"{path}: larger than {most >> 20} MiB; {remedy}")
+    return content

@@ -6,6 +6,7 @@ import stat
 from pathlib import Path
 
 from pirrht.errors import SceneError
+from pirrht.files import read_bounded
 
 LARGEST_FILE = 32 * 2**20  # bytes; the worlds of the BARN data set have one megabyte
 FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a double is no longer fine to a micrometre
@@ -36,11 +37,4 @@ def content_of(path: Path, what: str) -> bytes:
         SceneError: names the path and what is wanted.
     """
     check_regular(path, what)
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(LARGEST_FILE + 1)
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror}); give {what}") from None
-    if len(data) > LARGEST_FILE:
-        raise SceneError(f"{path}: larger than {LARGEST_FILE >> 20} MiB; remove what is no obstacle")
-    return data
+    return read_bounded(path, LARGEST_FILE, what, "remove what is no obstacle")

@@ -21,7 +21,7 @@ from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import iterparse
 
 from pirrht.errors import SceneError
-from pirrht.files import MISSING, why_unreadable
+from pirrht.files import MISSING, read_bounded, why_unreadable
 
 LARGEST_XML, LARGEST_FILE = 32 * 2**20, 128 * 2**20  # bytes
 MOST_ELEMENTS = 60_000  # of a file with all that it includes, copies counted one by one: MuJoCo takes 7 s for them
@@ -157,13 +157,7 @@ def _lower(limit: int, value: int) -> None:
 
 def _elements(file: Path) -> Iterator[tuple[Element, int]]:
     """All elements of a file, and how many of each there will be."""
-    try:
-        with file.open("rb") as stream:
-            content = stream.read(LARGEST_XML + 1)
-    except OSError as error:
-        raise SceneError(f"{file}: cannot be read ({error.strerror}); give the path of an MJCF file") from None
-    if len(content) > LARGEST_XML:
-        raise SceneError(f"{file}: larger than {LARGEST_XML >> 20} MiB; write large meshes to files of their own")
+    content = read_bounded(file, LARGEST_XML, "the path of an MJCF file", "write large meshes to files of their own")
     repeats = [1]
     try:
         for event, element in iterparse(BytesIO(_text(content)), events=("start", "end"), forbid_dtd=True):

@@ -111,8 +111,9 @@ def test_a_kernel_is_compiled_once_for_every_short_whole_number_and_literal():
     assert len(next_of.part.overloads) == 1
 
 
-@pytest.mark.usefixtures("nothing_kept")
-def test_only_what_python_calls_becomes_machine_code():
+def _nested():
+    """Make a kernel and one that calls it."""
+
     @kernel
     def below(x):
         return x + 1.0
@@ -121,6 +122,12 @@ def test_only_what_python_calls_becomes_machine_code():
     def above(x):
         return below(x)
 
+    return below, above
+
+
+@pytest.mark.usefixtures("nothing_kept")
+def test_only_what_python_calls_becomes_machine_code():
+    below, above = _nested()
     assert above(1.0) == 2.0
     assert not below.overloads
     (part,) = below.part.overloads.values()
@@ -144,14 +151,7 @@ def test_functions_of_numba_become_parts_that_kernels_share(monkeypatch):
 
 @pytest.mark.usefixtures("nothing_kept")
 def test_code_that_links_a_part_without_a_name_is_not_kept():
-    @kernel
-    def below(x):
-        return x + 1.0
-
-    @kernel
-    def above(x):
-        return below(x)
-
+    _, above = _nested()
     assert above(1.0) == 2.0
     (part,) = above.part.overloads.values()
     assert part.library.bound
