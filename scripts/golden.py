@@ -1,13 +1,13 @@
-"""Fingerprints of what the default settings compute, to hold a rearranged source against the one before it.
+"""Hash the results of the default settings, to compare a rearranged source with the one before it.
 
-    python scripts/golden.py make before.json            # in one checkout
-    python scripts/golden.py compare before.json         # in another, or after a change: exit 1 where a hash differs
+    python scripts/golden.py make before.json                        # in one checkout
+    python scripts/golden.py compare before.json                     # in another: exit 1 where a hash differs
+    python scripts/golden.py compare before.json --only "run|rover"  # of the cases that a pattern matches
 
-The package that is asked is that of the folder in which it is started.
-
-Everything goes through the command line, so that any two versions can be compared. Hashed are arrays of trees,
-what `plan`, `estimate` and `run` tell, less what a clock measured, and all that a recording holds of its sampled paths.
-The hashes belong to one machine and one set of libraries; they are no test.
+The package of the folder in which it starts is used. Everything goes through the command line, so that any two versions
+can be compared: arrays of trees, the JSON of `plan`, `estimate` and `run` without measured times, and all rows of a
+recording. Six robots, static and moving obstacles, known motion and prediction at constant velocity. Next to each hash
+stands the wall time of its command. The hashes belong to one machine and one set of libraries; they are no test.
 """
 
 from __future__ import annotations
@@ -16,11 +16,14 @@ import argparse
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +48,25 @@ PLANS = {
     "forest puck": "{forest} --radius .2 --seed 1 --limit .8",
     "forest unicycle": "{forest} --robot unicycle --radius .2 --rho .4 --vertices 800",
     "slit all classes": "slit --classes 0 --limit 1.2 --vertices 400",
+    "slit hover": "slit --robot hover --vertices 400",
+    "slit rover": "slit --robot rover --vertices 400",
+    "slit car": "slit --robot car --vertices 400",
+    "crossing puck": "crossing --vertices 400",
+    "crossing velocity": "crossing --vertices 400 --predict velocity",
+    "closing_door hover": "closing_door --robot hover --vertices 400",
+    "closing_door unicycle": "closing_door --robot unicycle --vertices 400",
 }
 ESTIMATES = {
+    "slit hover": "slit --robot hover --noise .2 --repeat 2 --vertices 400",
+    "slit rover": "slit --robot rover --noise .2 --repeat 2 --vertices 400",
+    "slit car": "slit --robot car --noise .2 --repeat 2 --vertices 400",
+    "slit diffdrive": "slit --robot diffdrive --noise .2 --repeat 2 --vertices 400",
+    "crossing puck": "crossing --noise .2 --repeat 2 --vertices 400",
+    "closing_door": "closing_door --repeat 2 --vertices 400",
+    "closing_door truth": "closing_door --noise .2 --truth --vertices 400",
+    "closing_door unicycle": "closing_door --robot unicycle --repeat 2 --vertices 400",
+    "crossing rover": "crossing --robot rover --repeat 2 --vertices 400",
+    "clutter truth": "clutter --at 6 4 .5 --noise .3 --truth --vertices 400",
     "slit .1": "slit --at 1 2.5 --repeat 3",
     "slit .3": "slit --at 2 2.6 --noise .3 --repeat 3",
     "slit paper": "slit --at 1 2.5 --noise .3 --preset paper --repeat 3",
@@ -62,6 +82,17 @@ ESTIMATES = {
     "forest unicycle": "{forest} --robot unicycle --radius .2 --rho .4 --vertices 800 --at 1 1 1 --repeat 2",
 }
 RUNS = {
+    "slit hover": f"slit --robot hover --noise .2 {SHORT}",
+    "slit rover": f"slit --robot rover --noise .2 {SHORT}",
+    "slit car": f"slit --robot car --noise .2 {SHORT}",
+    "crossing puck": f"crossing --noise .1 {SHORT}",
+    "crossing velocity": f"crossing --noise .1 --predict velocity {SHORT}",
+    "crossing hover": f"crossing --robot hover --predict velocity --period .1 {SHORT}",
+    "crossing unicycle": f"crossing --robot unicycle --predict velocity --period .1 {SHORT}",
+    "closing_door": f"closing_door {SHORT}",
+    "closing_door velocity": f"closing_door --predict velocity {SHORT}",
+    "closing_door rover": f"closing_door --robot rover --period .1 {SHORT}",
+    "closing_door car": f"closing_door --robot car --predict velocity --period .1 {SHORT}",
     "slit": f"slit {SHORT}",
     "slit .3": f"slit --noise .3 {SHORT}",
     "slit hold": f"slit --noise .2 --between hold {SHORT}",
@@ -84,44 +115,56 @@ RECORDED = {"slit .3": f"slit --noise .3 {SHORT}", "clutter": f"clutter --vertic
 
 
 def main() -> int:
-    """Make fingerprints, or compare with those of a file."""
+    """Make hashes, or compare with those of a file."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("what", choices=("make", "compare"))
     parser.add_argument("file", type=Path)
-    asked = parser.parse_args()
-    found = fingerprints()
-    if asked.what == "make":
-        asked.file.write_text(json.dumps(found, indent=1) + "\n")
+    parser.add_argument("--only", default="", metavar="PATTERN", help="cases whose name this expression matches")
+    options = parser.parse_args()
+    now = fingerprints(options.only)
+    if options.what == "make":
+        options.file.write_text(json.dumps(now, indent=1) + "\n")
         return 0
-    known = json.loads(asked.file.read_text())
-    off = [name for name in sorted({*known, *found}) if known.get(name) != found.get(name)]
-    for name in off:
-        print(f"differs: {name}  {known.get(name)} -> {found.get(name)}")
-    print(f"{len(found) - len(set(off) & set(found))} of {len(found)} equal")
-    return 1 if off else 0
+    before = {
+        name: then for name, then in json.loads(options.file.read_text()).items() if re.search(options.only, name)
+    }
+    names = sorted({*before, *now})
+    differ = [name for name in names if before.get(name, [None])[0] != now.get(name, [None])[0]]
+    for name in differ:
+        print(f"differs: {name}  {before.get(name)} -> {now.get(name)}")
+    print(f"{len(names) - len(differ)} of {len(names)} equal")
+    print(f"{sum(then[1] for then in before.values()):.0f} s before, {sum(one[1] for one in now.values()):.0f} s now")
+    return 1 if differ else 0
 
 
-def fingerprints() -> dict[str, str]:
-    """Hash by name of what was run; two commands run at a time."""
+def fingerprints(only: str = "") -> dict[str, tuple[str, float]]:
+    """Return hash and wall time [s] by name of each case; two commands run at a time."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         (place / "forest.xml").write_text(FOREST.format(discs="".join(_discs())))
-        jobs: dict[str, Callable[[], str]] = {}
+        jobs: dict[str, Callable[[], tuple[str, float]]] = {}
         tables = (
             ("plan", PLANS, _plan),
-            ("estimate", ESTIMATES, _told),
-            ("run", RUNS, _told),
-            ("record", RECORDED, _held),
+            ("estimate", ESTIMATES, _json),
+            ("run", RUNS, _json),
+            ("record", RECORDED, _rows),
         )
         for number, (kind, table, work) in enumerate(tables):
             for k, (name, words) in enumerate(table.items()):
+                if not re.search(only, f"{kind} {name}"):
+                    continue
                 there = place / f"{number}-{k}"
                 there.mkdir()
                 line = words.format(forest=place / "forest.xml")
                 command = "run" if kind == "record" else kind
-                jobs[f"{kind} {name}"] = lambda work=work, line=f"{command} {line}", there=there: work(line, there)
+                jobs[f"{kind} {name}"] = partial(_timed, work, f"{command} {line}", there)
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
             return dict(zip(jobs, pool.map(lambda job: job(), jobs.values()), strict=True))
+
+
+def _timed(work: Callable[[str, Path], str], line: str, there: Path) -> tuple[str, float]:
+    began = time.perf_counter()
+    return work(line, there), round(time.perf_counter() - began, 1)
 
 
 def _discs() -> Iterator[str]:
@@ -137,23 +180,23 @@ def _cli(line: str, *more: str) -> None:
         raise SystemExit(f"pirrht {line}: {done.stderr}")
 
 
-def _told(line: str, there: Path) -> str:
-    _cli(line, "--json", str(there / "told.json"))
-    return _digest(_timeless(json.loads((there / "told.json").read_text())))
+def _json(line: str, there: Path) -> str:
+    _cli(line, "--json", str(there / "result.json"))
+    return _digest(_timeless(json.loads((there / "result.json").read_text())))
 
 
 def _plan(line: str, there: Path) -> str:
-    _cli(line, "--json", str(there / "told.json"), "-o", str(there / "tree.npz"))
+    _cli(line, "--json", str(there / "result.json"), "-o", str(there / "tree.npz"))
     with np.load(there / "tree.npz") as tree:
         arrays = {name: _bytes(tree[name]) for name in sorted(tree.files) if name not in ("about", "digest")}
-    return _digest([_timeless(json.loads((there / "told.json").read_text())), arrays])
+    return _digest([_timeless(json.loads((there / "result.json").read_text())), arrays])
 
 
-def _held(line: str, there: Path) -> str:
-    """All rows of a recording, however they were batched, but for what clocks say."""
+def _rows(line: str, there: Path) -> str:
+    """All rows of a recording, however they were batched, but for measured times."""
     from rerun.chunk import RrdReader
 
-    record = there / "drive.rrd"
+    record = there / "run.rrd"
     _cli(line, "--record", str(record))
     rows = []
     for chunk in RrdReader(str(record)).stream():
@@ -166,10 +209,10 @@ def _held(line: str, there: Path) -> str:
     return _digest(sorted(rows))
 
 
-def _timeless(told: Any) -> Any:
-    if isinstance(told, dict):
-        return {name: _timeless(value) for name, value in told.items() if name not in TIMES and name != "scene"}
-    return [_timeless(value) for value in told] if isinstance(told, list) else told
+def _timeless(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _timeless(one) for name, one in value.items() if name not in TIMES and name != "scene"}
+    return [_timeless(one) for one in value] if isinstance(value, list) else value
 
 
 def _bytes(array: Any) -> str:
