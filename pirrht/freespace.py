@@ -13,7 +13,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted
 from pirrht.geometry.motion import Mover
@@ -40,7 +40,7 @@ class FreeSpace:
     homology: Homology
     traffic: Traffic  # what moves, none of which the others know of
     moving: MovingHomology  # its markers, with bases at 1 m/s
-    crowd: Crowd  # the same as FCL knows it
+    crowd: MovingObstacles  # the same as FCL knows it
 
     def __repr__(self) -> str:
         return f"FreeSpace({shown.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
@@ -124,7 +124,7 @@ class FreeSpace:
             scene=scene,
             traffic=self.traffic.moving(movers),
             moving=MovingHomology.of(movers, scene.footprint, self.moving.goal, self.moving.speed),
-            crowd=Crowd(movers, scene.footprint, self.crowd.shapes),
+            crowd=MovingObstacles(movers, scene.footprint, self.crowd.shapes),
         )
 
     @property
@@ -141,7 +141,7 @@ def _moving(scene: Scene) -> dict[str, Any]:
     """What is known of a scene's bodies that move."""
     movers, footprint = scene.movers, scene.footprint
     moving = MovingHomology.of(movers, footprint, scene.goal.center, 1.0)
-    return {"traffic": Traffic.of(scene), "moving": moving, "crowd": Crowd(movers, footprint)}
+    return {"traffic": Traffic.of(scene), "moving": moving, "crowd": MovingObstacles(movers, footprint)}
 
 
 def _field(scene: Scene, collision: Collision, members: list[int]) -> Field:

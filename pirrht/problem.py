@@ -9,9 +9,9 @@ import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
-from pirrht.compiled.jit import jitable
 from pirrht.errors import NotLinearlySolvable, OptionError
 from pirrht.geometry.scene import Scene
+from pirrht.jit.jit import jitable
 from pirrht.systems.dynamics import Dynamics
 
 

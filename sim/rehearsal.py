@@ -12,8 +12,8 @@ from pirrht.control.methods import TREELESS
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from sim.drive import episode
 from sim.drive.plant import Analytic
 from sim.scenario import Scenario

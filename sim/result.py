@@ -9,11 +9,11 @@ import numpy as np
 
 from pirrht.estimation.estimate import Estimate
 from pirrht.freespace import FreeSpace
+from pirrht.planner.convergence import Convergence
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.convergence import Convergence
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 from sim.drawing.sides import passing
 from sim.drive.truth import Truth
 from sim.scenario import Scenario

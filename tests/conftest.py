@@ -7,7 +7,7 @@ import signal
 import pytest
 from hypothesis import settings
 
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.cli import warm
 from sim.scenario import Scenario, prepare
 

@@ -15,10 +15,10 @@ from pirrht.control.blocked import Brake, known_law
 from pirrht.control.feedback import ClassMixture, ClassPool
 from pirrht.control.methods import SAMPLING
 from pirrht.control.plan import Plan
-from pirrht.control.policy import Pace, Policy, enough_of, pressed_of
-from pirrht.control.prediction import Prediction, Way
-from pirrht.control.proposals import Around, Moment
-from pirrht.control.references import Remembered, blame_speed, check_drives, check_fits, heirs, renewed
+from pirrht.control.policy import Policy, TimeBudget, enough_of, pressed_of
+from pirrht.control.prediction import FavouritePath, Predictor
+from pirrht.control.proposals import PlanContext, ProposalBuilder
+from pirrht.control.references import ReferenceCache, blame_speed, check_drives, heirs, renewed, validate_tree
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
@@ -26,15 +26,15 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
-from pirrht.guidance.leads import Batch, Lead
-from pirrht.guidance.walls import Push
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.leads import Batch, ProposalControl
+from pirrht.proposals.walls import WallDrift
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 
 BETWEEN = ("classes", "hold")
 ELSEWHEN = 0.1  # a drive that begins so much later is another one [s]
@@ -80,7 +80,7 @@ class Controller(Policy):
     def __init__(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
         method: str = "pi-rrht", polished: bool = True, consistency: float = CONSISTENCY, between: str = "classes",
-        homology: Homology | TimedHomology | None = None, predict: Prediction | None = None,
+        homology: Homology | TimedHomology | None = None, predict: Predictor | None = None,
         rng: np.random.Generator,
     ) -> None:  # fmt: skip
         if between not in BETWEEN:
@@ -91,7 +91,7 @@ class Controller(Policy):
         if tree is None and self.method.most != 0:
             raise OptionError(f"the method {method!r} needs a tree")
         if tree is not None:
-            check_fits(problem, tree)
+            validate_tree(problem, tree)
         self.consistency, self.predict = consistency, predict
         self.polished, self.rng, self.between = polished, rng, between
         self._enter(problem, space, tree, sampling, homology)
@@ -108,7 +108,7 @@ class Controller(Policy):
         if tree is not None:
             check_drives(problem, tree, guided=self.path_integral.leads_itself)
         self.problem, self.space, self.tree, self.homology = problem, space, tree, homology
-        self.around = Around(problem, self.path_integral, homology, mixes=self.method.mixes)
+        self.around = ProposalBuilder(problem, self.path_integral, homology, mixes=self.method.mixes)
         self.pool = ClassPool(problem) if self.between == "classes" else None
         self.brake = Brake(problem)
 
@@ -121,9 +121,9 @@ class Controller(Policy):
             self.pool.forget()
         self.around.begin()
         self.brake.begin()
-        self._ways = Remembered(polished=self.polished, threads=self.path_integral.threads)
+        self._ways = ReferenceCache(polished=self.polished, threads=self.path_integral.threads)
         self._aim(self.homology.asked(x, time))
-        self._way, self._pressed, self._pace = Way(), pressed_of(None), Pace()
+        self._way, self._pressed, self._pace = FavouritePath(), pressed_of(None), TimeBudget()
 
     def update(self, scene: Scene, vertices: int | None = None) -> None:
         """Continue among other static obstacles; the path driven so far still counts.
@@ -248,7 +248,7 @@ class Controller(Policy):
     def batch(self, x: Array, references: list[Reference]) -> Batch:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
         backwards = partial(self._ways.reversed, self.tree, self.homology.asked(x, self.now))
-        moment = Moment(now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=backwards)
+        moment = PlanContext(now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=backwards)
         batch = self.around.batch(x, references, self._from_start(references), moment)
         return replace(batch, others=self._ways.unseen)
 
@@ -275,10 +275,10 @@ class Controller(Policy):
         self._followed = ids[best]
         return alone(self.problem, estimate, best, {key: name for key, name in names.items() if name == ids[best]})
 
-    def _law(self, pool: ClassPool, estimate: Estimate, batch: Batch, push: Push) -> ClassMixture:
+    def _law(self, pool: ClassPool, estimate: Estimate, batch: Batch, push: WallDrift) -> ClassMixture:
         """Return the feedback until the next plan."""
         rows = sorted(zip(batch.proposals, estimate.proposal_weights, strict=True), key=lambda row: row[1])
-        leads: dict[str, Lead | None] = {one.name: None for one, _ in rows if one.key is not None}
+        leads: dict[str, ProposalControl | None] = {one.name: None for one, _ in rows if one.key is not None}
         leads |= {one.name: one.lead for one, _ in rows if one.key is not None and one.lead.follows}
         elapsed, self.drive.since_estimate = self.drive.since_estimate, 0.0
         return pool.law(estimate, leads, push, elapsed)

@@ -26,8 +26,8 @@ from pirrht.arrays import Array, IntArray
 from pirrht.control.proposals import kept
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.weights import normalised
-from pirrht.guidance.leads import Lead
 from pirrht.problem import Problem
+from pirrht.proposals.leads import ProposalControl
 
 MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
 STALE = 0.05  # classes without samples for so long are forgotten [s]
@@ -36,7 +36,7 @@ NEGLIGIBLE = 25.0  # classes that a linear model leaves so many nats behind add 
 FADED = -60.0  # classes whose desirability is below the largest by so many nats are forgotten
 
 EVERY = slice(None)
-Push = Callable[[Array, float], Array]  # wall drift (m,) at a state (n,), s [s] after the plan
+WallDrift = Callable[[Array, float], Array]  # wall drift (m,) at a state (n,), s [s] after the plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,10 +45,10 @@ class ClassLaw:
 
     log_psi: float  # up to a constant that all classes share [nats]
     rest: Array  # (m,) what samples found on top of the guide's share
-    lead: Lead | None  # None: samples of no class have none
+    lead: ProposalControl | None  # None: samples of no class have none
     age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
     unseen: float = 0.0  # time since samples were last of this class [s]
-    trust: float = 1.0  # share of the guide that is followed, as `Leads.trust`
+    trust: float = 1.0  # share of the guide that is followed, as `ProposalTables.trust`
 
     def control(self, x: Array, s: float) -> Array:
         """Return the control (m,) of this class at state x (n,), s [s] after the plan, without wall drift."""
@@ -66,7 +66,7 @@ class ClassMixture:
     problem: Problem
     state: Array  # (n,) of the plan
     classes: Mapping[str, ClassLaw]
-    push: Push
+    push: WallDrift
     laws: tuple[ClassLaw, ...] = field(init=False, repr=False)  # (C,) of all classes; below: at the plan's state
     known: Array = field(init=False, repr=False)  # (C,) log psi of every class [nats]
     before: Array = field(init=False, repr=False)  # (C, m) controls
@@ -164,7 +164,9 @@ class ClassPool:
         laws = {} if before._last is None else kept(before._last.classes, names)
         self._last = replace(before._last, classes=laws) if before._last is not None and laws else None
 
-    def law(self, estimate: Estimate, leads: Mapping[str, Lead | None], push: Push, elapsed: float) -> ClassMixture:
+    def law(
+        self, estimate: Estimate, leads: Mapping[str, ProposalControl | None], push: WallDrift, elapsed: float
+    ) -> ClassMixture:
         """Pool one more plan, made `elapsed` [s] after the last one.
 
         Args:

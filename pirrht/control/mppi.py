@@ -22,14 +22,14 @@ from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan, shifted
 from pirrht.control.policy import Policy
-from pirrht.control.prediction import Prediction
+from pirrht.control.prediction import Predictor
 from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.estimation.batches import sample
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.leads import Batch, Proposal, Tape
 from pirrht.problem import Problem
+from pirrht.proposals.leads import Batch, Proposal, Tape
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
@@ -58,7 +58,7 @@ class Mppi(Policy):
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = HORIZON,
         beyond: Callable[[Array], Array] | None = None, homology: Homology | TimedHomology | None = None,
-        predict: Prediction | None = None, rng: np.random.Generator,
+        predict: Predictor | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         if not (np.isfinite(horizon) and horizon > 0):
             raise OptionError(f"the horizon is {horizon:g} s; it must be a positive number")

@@ -17,9 +17,9 @@ from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.outcome import Outcome
+from pirrht.planner.reference import Reference
 from pirrht.plotting import axes as axes_of
 from pirrht.plotting import ground, lines
-from pirrht.tree.reference import Reference
 
 DECIDED = 0.9  # share of a decision; under the exact law shares are martingales, so 1 in 9 is reversed
 ALONG = 0.5  # time that the arrow of a control stands for [s]

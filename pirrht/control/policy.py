@@ -12,15 +12,15 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.control.prediction import Foreseen, Prediction
+from pirrht.control.prediction import Prediction, Predictor
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.driven import DrivenInTime, driven
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.homology_tree import HomologyTree
 
 PRESSED = 0.3  # share of the time for sampling that is left when time is short
 GROWN, FEW = 0.6, 100  # share left when a tree that had to be regrown is kept if it has so many vertices
@@ -48,7 +48,7 @@ def enough_of(left: Left | None) -> Callable[[int], bool] | None:
     return lambda vertices: left() < whole * (GROWN if vertices >= FEW else PRESSED)
 
 
-class Pace:
+class TimeBudget:
     """Predicts the number of classes that a plan against a clock has time for, by how long the last ones took."""
 
     def __init__(self) -> None:
@@ -110,10 +110,10 @@ class Policy(ABC):
     space: FreeSpace  # the scene, with its moving obstacles
     homology: Homology | TimedHomology  # of references and drives
     tree: HomologyTree | None = None  # None: it needs none
-    predict: Prediction | None = None  # None: motions are known
+    predict: Predictor | None = None  # None: motions are known
     drive: Drive
     movers: tuple[Mover, ...]  # moving obstacles as the next plan predicts them, on the drive's clock
-    _foreseen: Foreseen | None = None
+    _foreseen: Prediction | None = None
     _held: float | None = None  # how long the control of the last step is held [s]
 
     @abstractmethod
@@ -185,7 +185,7 @@ class Policy(ABC):
         """Time on the prediction's clock [s]."""
         return self.drive.time - self.since
 
-    def _look(self, x: Array, rest: Array | None, enough: Callable[[int], bool] | None = None) -> Foreseen | None:
+    def _look(self, x: Array, rest: Array | None, enough: Callable[[int], bool] | None = None) -> Prediction | None:
         """Return the prediction at x (n,), if it has changed; the class of a path keeps its name.
 
         Args:

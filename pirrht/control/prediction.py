@@ -17,11 +17,11 @@ from pirrht.control.plan import Plan
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.passages import Passages
+from pirrht.planner.tree import HomologyTree
 from pirrht.steering.along_legs import Legs
 from pirrht.steering.in_time import InTime
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.homology_tree import HomologyTree
 
 OFF = 0.005  # an obstacle that is farther from its prediction contradicts it [m]
 SOON = 1.0  # as does one that by its velocity will be ten times as far off after this time [s]
@@ -29,7 +29,7 @@ AHEAD = 2.0  # horizon, in times to cross the workspace at the best speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Foreseen:
+class Prediction:
     """A prediction, on a clock of its own."""
 
     space: FreeSpace
@@ -38,13 +38,13 @@ class Foreseen:
     since: float  # when its clock starts, on that of the drive [s]
 
 
-class Prediction(Protocol):
+class Predictor(Protocol):
     """Predicts moving obstacles."""
 
     def begin(self) -> None:
         """Forget the last prediction; a new drive begins."""
 
-    def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Foreseen:
+    def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Prediction:
         """Return the prediction of a robot that has seen all until `seen` [s] and plans at x (n,).
 
         Args:
@@ -52,7 +52,7 @@ class Prediction(Protocol):
         """
 
 
-class ByVelocity:
+class ConstantVelocity:
     """Predicts constant velocities.
 
     Args:
@@ -69,19 +69,19 @@ class ByVelocity:
         self.horizon = AHEAD * float(np.hypot(*(space.scene.upper - space.scene.lower))) / steering.pace
         self._passages: Passages | None = None
         self._shapes: FreeSpace | None = None
-        self._last: Foreseen | None = None
+        self._last: Prediction | None = None
 
     def begin(self) -> None:
         """Forget the last prediction; a new drive begins."""
         self._last = None
 
-    def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Foreseen:
+    def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Prediction:
         """Return the prediction of a robot that has seen all until `seen` [s] and plans at x (n,)."""
         if self._last is None or not self._holds(self._last, seen):
             self._last = self._foretold(x, seen, enough)
         return self._last
 
-    def _holds(self, last: Foreseen, seen: float) -> bool:
+    def _holds(self, last: Prediction, seen: float) -> bool:
         """Check that obstacles move as predicted."""
         for actual, foretold in zip(self.space.scene.movers, last.space.scene.movers, strict=True):
             then = seen - last.since
@@ -91,14 +91,14 @@ class ByVelocity:
                 return False
         return True
 
-    def _foretold(self, x: Array, seen: float, enough: Callable[[int], bool] | None) -> Foreseen:
+    def _foretold(self, x: Array, seen: float, enough: Callable[[int], bool] | None) -> Prediction:
         movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
         start = np.array([x[0], x[1], self.space.scene.start[2]])
         if self._shapes is None:
             self._shapes = self.space.among(movers)  # FCL's of its own: a drive queries those of the scene meanwhile
         space = replace(self._shapes, scene=replace(self.space.scene, start=start)).foretold(movers)
         homology, tree = self.steering.homology(space), self._tree(space, enough)
-        return Foreseen(space=space, homology=homology, tree=tree, since=seen)
+        return Prediction(space=space, homology=homology, tree=tree, since=seen)
 
     def _tree(self, space: FreeSpace, enough: Callable[[int], bool] | None) -> HomologyTree | None:
         if self.grown is None:
@@ -119,7 +119,7 @@ def straight_on(mover: Mover, time: float, horizon: float) -> Mover:
 
 
 @dataclass(slots=True)
-class Way:
+class FavouritePath:
     """Path of the last plan's favourite, by which classes are identified under another prediction."""
 
     rows: Array | None = None  # (k, 3) [m, m, s] on the drive's clock

@@ -9,19 +9,19 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.threads import mapped
-from pirrht.estimation.allocation import Allocation, Aside
+from pirrht.estimation.allocation import Allocation, DefensiveComponent
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.guidance.any_guide import AnyGuide
-from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.leads import Batch, Lead, Proposal, Tape, lead_of
-from pirrht.guidance.tracking import FEW
+from pirrht.jit.threads import mapped
+from pirrht.planner.reference import Reference
 from pirrht.problem import Problem
+from pirrht.proposals.any_guide import DDPGuide
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.leads import Batch, Proposal, ProposalControl, Tape, lead_of
+from pirrht.proposals.tracking import FEW
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.reference import Reference
 
 THOROUGH = 4  # cheapest classes for whose first guides all ways to begin are looked at
 
@@ -36,7 +36,7 @@ def kept(known: Mapping[K, V], heirs: Mapping[K, K]) -> dict[K, V]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class GuideRequest:
     """A class that a guide is required of."""
 
     whole: Whole
@@ -49,11 +49,12 @@ class Guides:
     """The guides of the last plan, for the next one."""
 
     last: dict[Whole, Any] = field(default_factory=dict)
-    rivals: dict[Whole, AnyGuide] = field(default_factory=dict)  # alternative optima
+    rivals: dict[Whole, DDPGuide] = field(default_factory=dict)  # alternative optima
     strong: set[Whole] = field(default_factory=set)  # classes that were given all N samples
 
     def improve(
-        self, guidance: Any, x: Array, times: Array, wanted: Sequence[Wanted], moment: Moment, *, samples: int,
+        self, guidance: Any, x: Array, times: Array, wanted: Sequence[GuideRequest], moment: PlanContext, *,
+        samples: int,
         threads: int, **clock: float,
     ) -> tuple[list[Any], list[int]]:  # fmt: skip
         """Improve guides from x (n,), None where there is none, and `rivals`; return them and samples around each.
@@ -66,12 +67,12 @@ class Guides:
             clock: `time` now, where obstacles move [s].
         """
         pressed = moment.pressed
-        anew = isinstance(guidance, AnyGuidance) and not self.last and not pressed()
+        anew = isinstance(guidance, DDPGuidance) and not self.last and not pressed()
         thorough = {one.whole for one in wanted[:THOROUGH]} if anew else set()
         backwards = moment.reversed() if anew else {}
         elapsed = moment.elapsed
 
-        def improved(one: Wanted) -> Any:
+        def improved(one: GuideRequest) -> Any:
             last, rival, reference = self.last.get(one.whole), self.rivals.get(one.whole), one.reference
             if one.whole in thorough and (one is wanted[0] or not pressed()):
                 turned = backwards.get(reference.winding)
@@ -113,13 +114,13 @@ class Guides:
                 yield whole, rest
 
 
-def _cheaper(one: AnyGuide | None, other: AnyGuide | None) -> bool:
+def _cheaper(one: DDPGuide | None, other: DDPGuide | None) -> bool:
     """Check that a guide is valid, and that another is not or costs more."""
     return one is not None and one.valid and (other is None or not other.valid or one.priced < other.priced)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
+class PlanContext:
     """Times of a plan, and reversed paths for the first one of a drive."""
 
     now: float  # on the clock of moving obstacles [s]
@@ -128,7 +129,7 @@ class Moment:
     reversed: Callable[[], Mapping[tuple[int, ...], Trajectory]]  # paths driven backwards, by winding
 
 
-class Around:
+class ProposalBuilder:
     """Chooses leads and numbers of samples, and learns from plan to plan.
 
     Args:
@@ -148,9 +149,9 @@ class Around:
         """Forget the drive so far."""
         if self.allocation is not None:
             self.allocation.forget()
-        self.guides, self.aside = Guides(), Aside()
+        self.guides, self.aside = Guides(), DefensiveComponent()
 
-    def inherit(self, before: Around, heirs: Mapping[Whole, Whole], names: Mapping[str, str]) -> None:
+    def inherit(self, before: ProposalBuilder, heirs: Mapping[Whole, Whole], names: Mapping[str, str]) -> None:
         """Take over the memory of an earlier one.
 
         Args:
@@ -162,7 +163,7 @@ class Around:
         if self.allocation is not None and before.allocation is not None:
             self.allocation.inherit(before.allocation, names)
 
-    def batch(self, x: Array, references: Sequence[Reference], classes: Sequence[Whole], moment: Moment) -> Batch:
+    def batch(self, x: Array, references: Sequence[Reference], classes: Sequence[Whole], moment: PlanContext) -> Batch:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none.
 
         Args:
@@ -176,14 +177,14 @@ class Around:
             return Batch(state=x, times=times, proposals=(Proposal(lead=still, count=N),), time=moment.now)
         names = [self.homology.name(whole) for whole in classes]
         pairs = zip(classes, references, strict=True)
-        wanted = [Wanted(whole=whole, key=self.homology.key(one.winding), reference=one) for whole, one in pairs]
+        wanted = [GuideRequest(whole=whole, key=self.homology.key(one.winding), reference=one) for whole, one in pairs]
         leads, counts = self._leads(x, times, wanted, names, moment)
         proposals = [
             Proposal(lead=lead, count=count, name=name, key=one.key)
             for lead, count, name, one in zip(leads, counts, names, wanted, strict=True)
         ]
 
-        def beside(k: int) -> Lead | None:
+        def beside(k: int) -> ProposalControl | None:
             """Return an alternative optimum of the k-th class, or the way that a point climbs."""
             if (rival := self.guides.rivals.get(classes[k])) is not None:
                 return lead_of(rival, self.problem.dynamics)
@@ -208,8 +209,8 @@ class Around:
         return min(running_cost(self.problem, x, trajectory) for trajectory in trajectories)
 
     def _leads(
-        self, x: Array, times: Array, wanted: Sequence[Wanted], names: Sequence[str], moment: Moment
-    ) -> tuple[list[Lead], list[int]]:
+        self, x: Array, times: Array, wanted: Sequence[GuideRequest], names: Sequence[str], moment: PlanContext
+    ) -> tuple[list[ProposalControl], list[int]]:
         """Return what samples around each reference follow, and how many there are."""
         integral, shared = self.integral, self.allocation
         trajectories = [one.reference.trajectory for one in wanted]

@@ -13,17 +13,17 @@ from pirrht.control.proposals import Whole, kept
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import SPACING, Trajectory
 from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology, integers
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 
 
-def check_fits(problem: Problem, tree: HomologyTree) -> None:
+def validate_tree(problem: Problem, tree: HomologyTree) -> None:
     """Raise an OptionError for a tree of another kind of system, or one without times where obstacles move."""
     steering, dynamics = type(tree.steering).__name__, type(problem.dynamics).__name__
     if problem.scene.movers and not isinstance(tree.homology, TimedHomology):
@@ -53,7 +53,7 @@ def blame_speed(tree: HomologyTree | None, x: Array) -> None:
         raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
 
 
-class Remembered:
+class ReferenceCache:
     """Queries a tree for references; the paths of one plan, by class, are where the next one's shortening begins.
 
     Args:

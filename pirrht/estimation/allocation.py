@@ -17,8 +17,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
-from pirrht.guidance.leads import Batch, Lead, Proposal
-from pirrht.guidance.tracking import FEW
+from pirrht.proposals.leads import Batch, Proposal, ProposalControl
+from pirrht.proposals.tracking import FEW
 
 PLANS = 5.0  # contributions are averaged over about so many plans
 LEAST = 0.15  # of N goes to every reference that is worth it, and of a class around and beside its guide
@@ -95,12 +95,12 @@ class Allocation:
 
 
 @dataclass(slots=True)
-class Aside:
+class DefensiveComponent:
     """Splits the samples of a class between its guide and another lead, if there is one."""
 
     shares: dict[str, float] = field(default_factory=dict)  # of samples beside the guide, by class
 
-    def split(self, proposals: Sequence[Proposal], beside: Callable[[int], Lead | None]) -> list[Proposal]:
+    def split(self, proposals: Sequence[Proposal], beside: Callable[[int], ProposalControl | None]) -> list[Proposal]:
         """Give some samples of the k-th class to the lead `beside(k)`, if that is not None."""
         kept, more = [], []
         few = min(FEW, max((one.count for one in proposals), default=0) - 1)

@@ -12,10 +12,10 @@ from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.weights import centred, deviation, grouped, heavy, tail_shape
-from pirrht.guidance.near_walls import NearWalls
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollouts.records import Leads, MovingSetup, Origin, Paths, Setup
+from pirrht.proposals.near_walls import NearWalls
+from pirrht.rollouts.records import MovingSetup, Origin, Paths, ProposalTables, Setup
 
 OTHER = "other"
 SHOWN, LEAST = 4, 0.005  # number and least weight of classes in one line
@@ -27,7 +27,7 @@ class Rollouts:
     """S sampled paths from one state; their states are simulated again where needed (`Replay`)."""
 
     origin: Origin
-    leads: Leads
+    leads: ProposalTables
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
     setup: Setup | MovingSetup | None = None  # of the sampler; None: that of a replay

@@ -13,14 +13,14 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.traffic import Traffic, traffic_clearance
-from pirrht.guidance.leads import Climb, Lead, Tape
-from pirrht.guidance.near_walls import NearWalls, NearWallsOfMeans
-from pirrht.guidance.walls import NEAREST, Push, Scales
-from pirrht.guidance.ways import way_of
 from pirrht.problem import Problem
+from pirrht.proposals.leads import DesirabilityAscent, ProposalControl, Tape
+from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
+from pirrht.proposals.walls import NEAREST, Scales, WallDrift
+from pirrht.proposals.ways import way_of
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.kind import is_steady
-from pirrht.rollouts.records import Leads
+from pirrht.rollouts.records import ProposalTables
 from pirrht.steering.trajectory import Trajectory
 
 UNSURE = 3.0  # nats by which a shortfall may change before it is updated
@@ -30,7 +30,7 @@ SMALLEST = 0.2  # share of the goal's radius that is left at least
 STRAIGHT = 1e-3  # bends of a way below this are dropped; one that cuts corners by more leads into them [m]
 
 
-class Leading:
+class ProposalFactory:
     """Leads for one problem and sampling.
 
     Attributes:
@@ -68,7 +68,7 @@ class Leading:
 
     def leads(
         self, x: Array, times: Array, trajectories: Sequence[Trajectory], shortfalls: Sequence[float] | None = None
-    ) -> Sequence[Lead]:
+    ) -> Sequence[ProposalControl]:
         """Return leads from x (n,): climbs of references' ways if it `climbs`, else tapes over the steps (T+1,) [s].
 
         Args:
@@ -76,7 +76,7 @@ class Leading:
             shortfalls: expected losses of log psi to walls, (H,) [nats]; if given, classes that promise less than
                 exp(-HOPELESS) of another's psi get their tapes.
         """
-        found: list[Lead] = []
+        found: list[ProposalControl] = []
         goal, most = self.space.scene.goal, -math.inf
         for h, trajectory in enumerate(trajectories):
             promise, lead, expected = -math.inf, None, math.inf
@@ -94,13 +94,13 @@ class Leading:
         """Return log psi of a reference's class from x (n,) without walls [nats], about an upper bound."""
         return -self.scales(x).decay * trajectory.length
 
-    def climbing(self, x: Array, line: Array, time: float = 0.0) -> Climb:
+    def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
         """Return the climb from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
         push = self._push(scales.reach, self.sampling.leading, time=time)
-        return Climb(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
+        return DesirabilityAscent(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
 
-    def beside(self, x: Array, trajectory: Trajectory, time: float) -> Climb | None:
+    def beside(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
         """Return the climb of a point next to its guide among moving obstacles; None of other systems.
 
         Static walls bend psi more than a law that is linear around one trajectory, and a way knows how. It ignores
@@ -111,7 +111,7 @@ class Leading:
         line = np.vstack([trajectory.path.tails[:, :2], self.space.scene.goal.center])
         return self.climbing(x, _bends(line)[1:], time)
 
-    def push(self, leads: Leads, x: Array | None = None, time: float = 0.0) -> Push:
+    def push(self, leads: ProposalTables, x: Array | None = None, time: float = 0.0) -> WallDrift:
         """Return the wall drift (m,) near samples that followed these leads, for any state (n,).
 
         Args:
@@ -125,7 +125,7 @@ class Leading:
                 slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known)
         return self._push(leads.reach, float(leads.times[1]), slack, time)
 
-    def near_walls(self, leads: Leads, x: Array, time: float) -> NearWalls:
+    def near_walls(self, leads: ProposalTables, x: Array, time: float) -> NearWalls:
         """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these leads."""
         push = self.push(leads, x, time)
         if self.steady and leads.reach > 0.0:
@@ -133,8 +133,8 @@ class Leading:
         pushed = push(x)
         return NearWalls(push=pushed, held_back=push(x, closest=NEAREST) - pushed)
 
-    def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> Push:
-        return Push(
+    def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
+        return WallDrift(
             problem=self.problem, field=self.space.field, reach=reach, step=step, beyond=self.beyond, slack=slack,
             traffic=self.traffic, time=time,
         )  # fmt: skip

@@ -16,9 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.threads import mapped
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
-from pirrht.estimation.leading import Leading
+from pirrht.estimation.leading import ProposalFactory
 from pirrht.estimation.replay import Replay
 from pirrht.estimation.sampling import Sampling
 from pirrht.estimation.tables import Tables
@@ -26,11 +25,12 @@ from pirrht.estimation.weights import log_weights
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.geometry.traffic import Traffic
-from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.leads import Batch, Proposal, Tape
-from pirrht.guidance.tracking import Guidance
+from pirrht.jit.threads import mapped
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.leads import Batch, Proposal, Tape
+from pirrht.proposals.tracking import Guidance
 from pirrht.rollouts.backend import kernels_for, setup_of
 from pirrht.rollouts.records import Kernels, MovingSetup, Origin, Setup, empty_paths
 from pirrht.steering.in_time import homology_of
@@ -60,15 +60,15 @@ class PathIntegral:
         found = homology_of(problem, space) if homology is None else homology
         self.homology = found if isinstance(found, TimedHomology) else None
         self.setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
-        self.guidance: Guidance | AnyGuidance | None = None
+        self.guidance: Guidance | DDPGuidance | None = None
         if sampling.guide == "feedback" and not self.moving and Guidance.suits(problem):
             assert isinstance(self.setup, Setup)
             self.guidance = Guidance(problem, self.setup, sways=sampling.fitted)
-        elif sampling.guide == "feedback" and (self.moving or AnyGuidance.suits(problem)):
-            self.guidance = AnyGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
+        elif sampling.guide == "feedback" and (self.moving or DDPGuidance.suits(problem)):
+            self.guidance = DDPGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
         self.replay = Replay(self.kernels, self.setup)
         traffic = self.setup.traffic if isinstance(self.setup, MovingSetup) else None
-        self.leading = Leading(problem, space, sampling, self.setup.arena, traffic)
+        self.leading = ProposalFactory(problem, space, sampling, self.setup.arena, traffic)
         self.tables = Tables(self.leading, self.guidance)
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
@@ -77,7 +77,7 @@ class PathIntegral:
         assert isinstance(self.setup, MovingSetup)
         self.setup, self.homology = self.setup._replace(traffic=traffic), homology
         self.leading.traffic = traffic
-        if isinstance(self.guidance, AnyGuidance):
+        if isinstance(self.guidance, DDPGuidance):
             self.guidance.setup, self.guidance.homology = self.setup, homology
 
     def warm_up(self) -> None:
@@ -128,7 +128,7 @@ class PathIntegral:
     @property
     def shares(self) -> bool:
         """Check whether references may have unequal numbers of samples, by contributions in earlier plans."""
-        return self.guidance is None or isinstance(self.guidance, AnyGuidance)
+        return self.guidance is None or isinstance(self.guidance, DDPGuidance)
 
     def prepare(self, batch: Batch) -> None:
         """Make the tables of a batch, for any numbers of samples."""

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.estimation.leading import Leading
-from pirrht.guidance.any_guide import AnyGuide
-from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.leads import Batch, Follow
-from pirrht.guidance.tracking import Guidance
-from pirrht.guidance.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
-from pirrht.guidance.ways import NODES
+from pirrht.estimation.leading import ProposalFactory
+from pirrht.proposals.any_guide import DDPGuide
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.leads import Batch, LinearFeedback
+from pirrht.proposals.tracking import Guidance
+from pirrht.proposals.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
+from pirrht.proposals.ways import NODES
 from pirrht.rollouts.nearby import NO_NEARBY, REACHES, Nearby
-from pirrht.rollouts.records import FINER, LAW, Leads, MovingSetup, Setup
+from pirrht.rollouts.records import FINER, LAW, MovingSetup, ProposalTables, Setup
 from pirrht.rollouts.ways import no_ways
 from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.marks import NO_MARKS, Marks
+from pirrht.topology.marks import NO_MARKS, RayTable
 
 MOMENTS = np.arange(1, 9) / 8.0  # shares of the window at which a guide's clearance is evaluated
 LEAST = 1.0 / 300.0  # least share of a step that is split near walls and goal
@@ -27,15 +27,15 @@ SMALL = 0.01  # among moving obstacles no step is split over which noise carries
 class Tables:
     """Tables of one sampler; those of the last batch are kept for one that differs in numbers of samples only."""
 
-    def __init__(self, leading: Leading, guidance: Guidance | AnyGuidance | None) -> None:
+    def __init__(self, leading: ProposalFactory, guidance: Guidance | DDPGuidance | None) -> None:
         self.leading = leading
         self.problem, self.sampling = leading.problem, leading.sampling
-        general = guidance if isinstance(guidance, AnyGuidance) else None
+        general = guidance if isinstance(guidance, DDPGuidance) else None
         self._finer, self._width = (1, LAW) if general is None else (FINER, general.law_width)  # of laws
         self._pushes = leading.climbs or (general is not None and general.gated)
-        self._last: tuple[Batch | None, Leads | None] = None, None
+        self._last: tuple[Batch | None, ProposalTables | None] = None, None
 
-    def of(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> Leads:
+    def of(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> ProposalTables:
         """Return the tables of a batch; `homology` is that of paths in space and time, where obstacles move."""
         known, leads = self._last
         first = np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64)
@@ -44,7 +44,7 @@ class Tables:
         self._last = batch, leads
         return leads._replace(first=first)
 
-    def _made(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> Leads:
+    def _made(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> ProposalTables:
         x, times, m = batch.state, batch.times, self.problem.dynamics.m
         H, T = len(batch.proposals), len(times) - 1
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
@@ -52,7 +52,7 @@ class Tables:
         bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
         pointlike = self.leading.pointlike
         near = self.leading.nearest(x, batch.time) if pointlike else np.inf
-        leads = Leads(
+        leads = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
             ways=no_ways(H, C, NODES, scales.decay), reach=scales.reach if self._pushes else 0.0,
@@ -61,7 +61,7 @@ class Tables:
             window=self._window(batch, scales, near) if pointlike else 1,
             mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * self._finer, self._width)),
             led=np.zeros(H, np.int64),
-            marks=NO_MARKS if homology is None else Marks.of(homology, x, times + batch.time),
+            marks=NO_MARKS if homology is None else RayTable.of(homology, x, times + batch.time),
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
         )  # fmt: skip
         leads = leads._replace(counted=self._counted(batch, leads, scales), nearby=self._nearby(batch, leads, setup))
@@ -90,7 +90,7 @@ class Tables:
             most = min(most, under_way(scales.noise, self.leading.from_goal(_places(guide, times)), times))
         return max(most, window(scales.noise, 0.0, batch.times, self.sampling.window, shortest))
 
-    def _counted(self, batch: Batch, leads: Leads, scales: Scales) -> float:
+    def _counted(self, batch: Batch, leads: ProposalTables, scales: Scales) -> float:
         """Return the share of a law that counts in the control now by its value at the start.
 
         For a steady point it is zero, unless it comes near other walls meanwhile, whose bias is not corrected.
@@ -105,7 +105,7 @@ class Tables:
         room = [self.leading.room(x, batch.time + t) for x, t in zip(_places(guide, times), times, strict=True)]
         return leads.trust * squeezed(scales.noise, np.array(room), times)
 
-    def _nearby(self, batch: Batch, leads: Leads, setup: Setup | MovingSetup) -> Nearby:
+    def _nearby(self, batch: Batch, leads: ProposalTables, setup: Setup | MovingSetup) -> Nearby:
         """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
         if not isinstance(setup, MovingSetup):
             return NO_NEARBY
@@ -127,12 +127,12 @@ class Tables:
         return max(least, (SMALL * self.problem.scene.robot_radius) ** 2 / scales.noise)
 
 
-def _guides(batch: Batch) -> list[tuple[int, AnyGuide]]:
+def _guides(batch: Batch) -> list[tuple[int, DDPGuide]]:
     """Return the guides that samples follow, each after their number."""
-    return [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, Follow)]
+    return [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
 
 
-def _places(guide: AnyGuide, times: Array) -> Array:
+def _places(guide: DDPGuide, times: Array) -> Array:
     """Return places (k, 2) [m] of a guide at times (k,) [s] since the plan."""
     return np.stack([np.interp(times, guide.times, column) for column in guide.states.T[:2]], axis=1)
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
+from pirrht.jit.jit import kernel
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.records import Paths

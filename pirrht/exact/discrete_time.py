@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.exact.domain import (
     Domain,
@@ -30,6 +29,7 @@ from pirrht.exact.domain import (
     untold,
 )
 from pirrht.freespace import FreeSpace
+from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 
 PER_STEP = 3.0  # default points per standard deviation of a step

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearances
 from pirrht.geometry.scene import Goal, Scene
+from pirrht.jit.jit import inlined
 
 MOST = 1_000_000  # grid points in the plane that are solved for in about half a minute
 BAND = 0.03  # FCL itself is asked where the clearance field claims less than this [m]

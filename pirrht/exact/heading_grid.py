@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.exact.domain import Frame, Progress, derivative, frame_at, in_cells, in_goal, polynomial, untold
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
+from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import GOAL, INSIDE
 from pirrht.rollouts.sweep import sweep_exit

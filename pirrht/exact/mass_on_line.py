@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.exact.domain import derivative, polynomial
+from pirrht.jit.jit import inlined, kernel
 
 SPACING = 0.005  # of the finer grid: v is within 0.1 % [m]
 STEP = 4.0  # a step takes so many spacings at 1 m/s

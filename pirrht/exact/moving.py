@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.exact import moving_look, planar
 from pirrht.exact.bridges import Room, Step, at_goal
@@ -27,6 +26,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Scene
+from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 
 SHORT = 0.5  # no step is shorter than this share of the longest

@@ -23,10 +23,10 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
 from pirrht.arrays import Array, BoolArray, IntArray
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.exact.domain import Domain, Frame, Progress, affordable, frame_at, in_cells, in_goal, untold
 from pirrht.freespace import FreeSpace
+from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 
 ARMS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel
 
 TWO_PI = 2.0 * np.pi
 

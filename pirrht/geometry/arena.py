@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, cast
 
-from pirrht.compiled.jit import inlined
 from pirrht.geometry.field import Field
 from pirrht.geometry.scene import Goal
+from pirrht.jit.jit import inlined
 
 
 class Arena(NamedTuple):

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import BAND, LEVEL_BITS, LEVELS, NOTHING, REACH, SHARP, Arrays, Field
 from pirrht.geometry.flat import CURVED, FLAT
 from pirrht.geometry.walls import Found
+from pirrht.jit.jit import inlined, kernel
 
 WIDTHS = (8, 16, 32)  # cells on a side of a block; wider ones make the table smaller and waste more points
 TABLE = 32_000_000  # places of the largest table, 4 bytes each

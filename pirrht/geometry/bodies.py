@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Footprint, Obstacle, Scene, World
 from pirrht.geometry.shapes import Solids, distance_from, offset_from
+from pirrht.jit.jit import inlined, kernel
 
 PITCH = 0.05  # spacing of a table as a share of the robot's radius, as long as ...
 MOST = 1_000_000  # ... all tables together have no more points: 8 bytes each, and FCL takes some microseconds for one

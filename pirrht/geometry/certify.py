@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from pirrht.compiled.addresses import load_float32
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import along, point_along
 from pirrht.geometry.field import border, clearance, closest
+from pirrht.jit.addresses import load_float32
+from pirrht.jit.jit import inlined, kernel
 
 FREE, UNSURE, BLOCKED = 1, 0, -1
 LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m] is left to FCL

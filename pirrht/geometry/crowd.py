@@ -113,7 +113,7 @@ class Body:
         yield a, s, b, s + end - begin
 
 
-class Crowd:
+class MovingObstacles:
     """All moving bodies around a robot.
 
     Args:

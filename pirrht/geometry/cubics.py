@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
 from pirrht.geometry.field import clearance
+from pirrht.jit.jit import inlined, kernel
 
 NEAR = 1e-7  # distance from the goal's disc that counts as touching it [m]
 

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.addresses import load_float32, load_int32
-from pirrht.compiled.float32 import ONE
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.scene import World
+from pirrht.jit.addresses import load_float32, load_int32
+from pirrht.jit.float32 import ONE
+from pirrht.jit.jit import inlined, kernel
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
 BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths

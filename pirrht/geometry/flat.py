@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray, IntArray
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.shapes import PROBE, Solids, bin_at, bins_of, distance_from, offset_from
 from pirrht.geometry.walls import Found, square_to
+from pirrht.jit.jit import inlined, kernel
 
 CURVED, BENT, FLAT = 0, 1, 2  # what is known of a cell: nothing; several faces, each of them flat; one face only
 LINEAR = 1e-9  # relative difference between a distance and its planar part that is rounding

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.traffic import outside_of, piece_of, wall_of_body
+from pirrht.jit.jit import inlined, kernel
 
 WALL = 5  # numbers of a wall that moves
 

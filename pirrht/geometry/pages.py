@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell_of, interpolate
+from pirrht.jit.jit import inlined, kernel
 
 ROOM = 1.0  # a room is deeper than its door by this many spacings of the field, or it is grain
 SOLID = 0.5  # an obstacle is deeper than the gap by this share of the robot's radius; its inside by all of it

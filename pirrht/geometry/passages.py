@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray
-from pirrht.compiled.jit import kernel
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import REACH, Field, border, clearance, value_at
 from pirrht.geometry.saddles import narrow_places
+from pirrht.jit.jit import kernel
 
 ANGLES = 16  # directions that are tried first, over half a turn
 TURNS = 4  # searches for the direction, each four times as fine

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.compiled.jit import kernel
+from pirrht.jit.jit import kernel
 
 Cells = NDArray[np.bool_]
 Rectangles = NDArray[np.int64]

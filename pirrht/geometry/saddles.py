@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.field import REACH, Field, value_at
 from pirrht.geometry.pages import BLOCKS, ROOM, SOLID, saddles_of_pages
+from pirrht.jit.jit import inlined, kernel
 
 
 class Blocks(NamedTuple):

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.scene import Kind, Obstacle
+from pirrht.jit.jit import inlined, kernel
 
 PROBE = 1e-6  # radius of the sphere that stands for the robot's centre; nearer than this counts as inside [m]
 FORMS = (Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.addresses import load_float64
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.jit.addresses import load_float64
+from pirrht.jit.jit import inlined, kernel
 
 SPAN = 0.5  # of a body's own clock, where it is asked whether it is near [s]
 BOX = 4  # numbers of a box: least x and y, greatest x and y [m]

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import math
 
-from pirrht.compiled.addresses import load_int64
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
 from pirrht.geometry.field import clearance
 from pirrht.geometry.spans import BOX, MOMENT, comes_by, keeps_off
@@ -24,6 +22,8 @@ from pirrht.geometry.traffic import (
     of_body,
     piece_of,
 )
+from pirrht.jit.addresses import load_int64
+from pirrht.jit.jit import inlined, kernel
 
 STRIDE = 5e-3  # of a march on where nothing is certain [m]
 CLOSE = 1e-5  # where distances are closed forms a march may come so close before it is uncertain [m]

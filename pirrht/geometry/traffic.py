@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.addresses import load_float64, load_int64
-from pirrht.compiled.jit import inlined
 from pirrht.geometry.bodies import gathered
 from pirrht.geometry.crowd import jumps, reach_of, speed_bound
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.shapes import offset_of, outside
 from pirrht.geometry.spans import BOX, boxes_of
+from pirrht.jit.addresses import load_float64, load_int64
+from pirrht.jit.jit import inlined
 
 REACH = 8.0  # no clearance above so many robot radii is told ...
 LEAST = 1.0  # ... and one of so many meters, if that is more [m]
@@ -34,7 +34,7 @@ SOLID = 15  # numbers of a solid: MuJoCo's sizes, place in the body's frame, and
 TABLE = 4  # of a solid: form or -1, where its lattice begins in the table, and how many points that has along x and y
 
 
-class Flow(NamedTuple):
+class MovingObstacleArrays(NamedTuple):
     """J bodies that move, as numbers and addresses that kernels can take cheaply."""
 
     J: int  # number of bodies
@@ -53,7 +53,7 @@ class Flow(NamedTuple):
     reach: float  # clearances are told up to this [m]
 
 
-class Traffic(Flow):
+class Traffic(MovingObstacleArrays):
     """The same together with the arrays that the addresses point to."""
 
     arrays: Sequence[Array | IntArray]

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray, IntArray
-from pirrht.compiled.jit import inlined, jitable, kernel
 from pirrht.geometry.shapes import PROBE, Bins, Solids, bin_at, bins_of, distance_from, offset_from, tiles
+from pirrht.jit.jit import inlined, jitable, kernel
 
 APART = 0.5  # cosine of the angle from which on two directions are those of two walls
 LEVEL = 0.15  # sine of the angle by which a solid has to rise from the plane of the nearer wall

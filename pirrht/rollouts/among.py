@@ -11,8 +11,6 @@ import math
 
 import numpy as np
 
-from pirrht.compiled.jit import inlined
-from pirrht.compiled.streams import normals, uniform
 from pirrht.geometry.listed import listing, surely
 from pirrht.geometry.moving_walls import WALL, moving_walls, walls_of_some
 from pirrht.geometry.traffic import (
@@ -26,6 +24,8 @@ from pirrht.geometry.traffic import (
     piece_of,
     wall_facing,
 )
+from pirrht.jit.jit import inlined
+from pirrht.jit.streams import normals, uniform
 from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_crossing
 
 SKIN = 1.0  # bodies are listed so much further away than they have to be [m]

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import as_jitable, kernel
 from pirrht.freespace import FreeSpace
+from pirrht.jit.jit import as_jitable, kernel
 from pirrht.problem import Problem, unit_rate
-from pirrht.rollouts.general.kind import Kind
+from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.law import car_home, straight_home
 from pirrht.rollouts.general.path import Kept, any_path
 from pirrht.rollouts.point.block import control, is_point, sample, trace
@@ -102,11 +102,11 @@ def kernels_for(problem: Problem) -> Kernels:
     return loops(*any_path(kind_of(problem)), problem.dynamics.m)
 
 
-def kind_of(problem: Problem) -> Kind:
+def kind_of(problem: Problem) -> KernelSpec:
     """Describe a problem for which kernels are compiled."""
     d = problem.dynamics
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
-    return Kind(
+    return KernelSpec(
         drift=as_jitable(d.drift),
         control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
         diffusion_block=None if d.constant else as_jitable(_function(noise)),

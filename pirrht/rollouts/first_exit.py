@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from pirrht.compiled.float32 import ONE, ZERO
-from pirrht.compiled.jit import inlined, kernel
-from pirrht.compiled.streams import normals, uniform
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
+from pirrht.jit.float32 import ONE, ZERO
+from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.streams import normals, uniform
 
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
 FAR = 12.0  # exponents beyond this are taken as certain survival

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.traffic import PERIOD, Traffic, disc_of, of_body, piece_of, restart_of
+from pirrht.jit.jit import inlined, kernel
 
-REACHES = 3.0  # of walls that push (`Leads.reach`), within which bodies are asked for
+REACHES = 3.0  # of walls that push (`ProposalTables.reach`), within which bodies are asked for
 STRETCH = 0.2  # stretches last at least so long [s]
 MOST = 1 << 16  # cells of all stretches, which grow where there would be more
 PITCH = 1.0  # side of a cell over the reach

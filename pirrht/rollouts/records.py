@@ -12,9 +12,9 @@ from pirrht.arrays import Array
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.traffic import Traffic
 from pirrht.rollouts.nearby import NO_NEARBY, Nearby
-from pirrht.rollouts.ways import Ways
+from pirrht.rollouts.ways import DesirabilityTubes
 from pirrht.topology.cuts import Cuts
-from pirrht.topology.marks import NO_MARKS, Marks
+from pirrht.topology.marks import NO_MARKS, RayTable
 
 LAW = 15  # numbers of a car's law
 FINER = 4  # rows of the law of any other system per step of the grid
@@ -57,7 +57,7 @@ class MovingSetup(NamedTuple):
     bridge: bool
     pace: float
     traffic: Traffic
-    marks: Marks  # of no path; guides are told those of their steps
+    marks: RayTable  # of no path; guides are told those of their steps
 
     @classmethod
     def of(cls, setup: Setup, traffic: Traffic) -> MovingSetup:
@@ -65,7 +65,7 @@ class MovingSetup(NamedTuple):
         return cls(*setup, traffic, NO_MARKS)
 
 
-class Leads(NamedTuple):
+class ProposalTables(NamedTuple):
     """Proposal controls around H references, one row each: a control sequence, a way or a law; kernels read it."""
 
     control: Array  # (H, T, m) tapes; zero for references with a way or a law
@@ -73,7 +73,7 @@ class Leads(NamedTuple):
     times: Array  # (T+1,) ends of the steps, from 0 [s]
     active: NDArray[np.int64]  # (H,) number of steps before a row of `control` is zero for good
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
-    ways: Ways  # whose desirability is climbed, instead of the tape
+    ways: DesirabilityTubes  # whose desirability is climbed, instead of the tape
     reach: float  # walls push within about this distance [m]; 0: they do not
     beyond: float  # how far behind walls psi vanishes, since exits are judged at the ends of steps only [m]
     least: float  # steps of the grid are split down to this near walls and goal [s]; infinite: they are not
@@ -83,7 +83,7 @@ class Leads(NamedTuple):
     law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
     # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
-    marks: Marks = NO_MARKS  # about which paths are told apart where bodies move
+    marks: RayTable = NO_MARKS  # about which paths are told apart where bodies move
     nearby: Nearby = NO_NEARBY  # which of these may be near
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
     counted: float = 1.0  # share of it that counts as it is at the start in the control now

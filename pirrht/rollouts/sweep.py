@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import clearance
+from pirrht.jit.jit import inlined, kernel
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, endpoint_exit
 
 TURNED = 1.0  # a step is swept along an arc of at most this angle [rad]

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.compiled.addresses import load_float32
-from pirrht.compiled.float32 import HALF, ONE, ZERO
-from pirrht.compiled.jit import inlined, kernel
+from pirrht.jit.addresses import load_float32
+from pirrht.jit.float32 import HALF, ONE, ZERO
+from pirrht.jit.jit import inlined, kernel
 
 PLACE, KNOWN = 6, 4  # numbers of a cross-section, and of a node
 REACH = 1.0  # of a wall next to the goal, in decay lengths 1/k
@@ -24,7 +24,7 @@ AT_ONCE = 8  # cross-sections that a step may pass
 TINY = np.float32(1e-9)
 
 
-class Ways(NamedTuple):
+class DesirabilityTubes(NamedTuple):
     """Ways of H references, of at most C cross-sections with J nodes each, as plain arrays for kernels.
 
     A cross-section is a point on the reference, the unit normal in the direction of travel, the offset to the left of
@@ -38,10 +38,10 @@ class Ways(NamedTuple):
     decay: float  # k, of psi per meter in the open [1/m]
 
 
-def no_ways(H: int, C: int, J: int, decay: float) -> Ways:
+def no_ways(H: int, C: int, J: int, decay: float) -> DesirabilityTubes:
     """Allocate H ways of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
     place, slope = np.zeros((H, C, PLACE), np.float32), np.zeros((H, C, J, KNOWN), np.float32)
-    return Ways(np.zeros(H, np.int64), place, slope, decay)
+    return DesirabilityTubes(np.zeros(H, np.int64), place, slope, decay)
 
 
 @inlined
@@ -90,7 +90,7 @@ def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-
 def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[no-untyped-def]
     """Return the cross-section that (x, y) [m] has passed, the s-th or one near it, and grad log psi there [1/m].
 
-    Args: addresses of a way's `Ways.place` and `Ways.slope`, number of its last cross-section, J, k [1/m], the goal's
+    Args: addresses of a way's `place` and `slope`, number of its last cross-section, J, k [1/m], the goal's
         centre [m], s, (x, y) [m], `two_walls` there, none closer than they may push. Single precision suffices.
     """
     x, y = np.float32(x), np.float32(y)

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import TWO_PI, along, entry_of_curve, truncate
 from pirrht.geometry.certify import LEAST_STEP, surely_free
 from pirrht.geometry.field import clearance
+from pirrht.jit.jit import kernel
 from pirrht.steering.dubins import shortest
 from pirrht.topology.turns import key_of_pairs, pairs_of_curve
 

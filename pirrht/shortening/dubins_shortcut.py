@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves, along, entry_of_curve
 from pirrht.geometry.certify import surely_free
+from pirrht.jit.jit import kernel
 from pirrht.shortening.dubins_legs import Pieces, append, approach, key_of_leg, tighten
 from pirrht.steering.dubins import Dubins, length_between, shortest
 from pirrht.steering.motion import Surroundings

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import FREE
 from pirrht.geometry.scene import Goal
+from pirrht.jit.jit import kernel
 from pirrht.shortening.timed_relaxation import INSIDE, WEIGHTS, relax
 from pirrht.steering.along_legs import Legs, entered, free_leg
 from pirrht.steering.edges import EdgeChecker

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import clearance
+from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import Surroundings
 from pirrht.topology.cuts import key_of_segment
 

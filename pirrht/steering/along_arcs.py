@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, along, entry_of_curve, truncate
 from pirrht.geometry.certify import BLOCKED, UNSURE, certify_curve
 from pirrht.geometry.collision import Collision
+from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import Motion, MotionKernels, Surroundings
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.turns import pairs_of_curve

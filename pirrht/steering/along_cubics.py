@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import BLOCKED, UNSURE
 from pirrht.geometry.cubics import (
@@ -23,6 +22,7 @@ from pirrht.geometry.cubics import (
     stride,
 )
 from pirrht.geometry.field import clearance
+from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import Motion, MotionKernels, Surroundings
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.cuts import crossed

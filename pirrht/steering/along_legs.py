@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.certify import BLOCKED, FREE, UNSURE
 from pirrht.geometry.field import Field
 from pirrht.geometry.sweeps import certify_leg, certify_some, certify_way, list_passed, note_unsure
 from pirrht.geometry.traffic import Traffic
+from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.cuts import Cuts, crossed
-from pirrht.topology.in_time import Bases, TimedHomology, row_of, turns_between, whole_turns, write_straight
-from pirrht.topology.tracks import Tracks
+from pirrht.topology.in_time import BaseCache, TimedHomology, row_of, turns_between, whole_turns, write_straight
+from pirrht.topology.tracks import MarkerTrajectories
 
 
 class TimedSurroundings(NamedTuple):
@@ -35,9 +35,9 @@ class TimedSurroundings(NamedTuple):
     goal_y: float
     reach: float  # radius of the goal's disc [m]
     traffic: Traffic
-    tracks: Tracks
+    tracks: MarkerTrajectories
     speed: float  # of bases [m/s]
-    bases: Bases  # that are kept
+    bases: BaseCache  # that are kept
 
     @classmethod
     def of(cls, space: FreeSpace, homology: TimedHomology) -> TimedSurroundings:
@@ -47,7 +47,7 @@ class TimedSurroundings(NamedTuple):
         return cls(
             field=space.field, cuts=standing.cuts, markers=standing.markers, weights=homology.hash_weights,
             goal_x=x, goal_y=y, reach=reach, traffic=space.traffic, tracks=moving.tracks, speed=moving.speed,
-            bases=Bases.room(moving.J, 0),
+            bases=BaseCache.room(moving.J, 0),
         )  # fmt: skip
 
 

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
+from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 from pirrht.steering.along_cubics import CUBICS, CubicRecord, Cubics
 from pirrht.steering.steering import Compiled, Steering, insert, rows

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.copies import copy_row
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
 from pirrht.geometry.scene import Scene
+from pirrht.jit.copies import copy_row
+from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 from pirrht.steering.along_arcs import Arcs
 from pirrht.steering.steering import Compiled, Steering, insert, rows

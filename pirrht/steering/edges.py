@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_point
+from pirrht.jit.jit import kernel
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.motion import Motion, MotionKernels, Motions, Surroundings
 from pirrht.steering.steering import Steering

@@ -14,12 +14,12 @@ from functools import lru_cache
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
+from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 from pirrht.steering.along_legs import LEGS, LegRecord, Legs, TimedSurroundings
 from pirrht.steering.steering import Compiled, Steering, insert, rows
@@ -29,7 +29,7 @@ from pirrht.steering.useful import drawn, offered
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import Bases, TimedHomology
+from pirrht.topology.in_time import BaseCache, TimedHomology
 
 FASTER = 5.0  # speeds up to so many times the best one, if the robot has no limit of its own
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
@@ -159,7 +159,7 @@ class InTime(Steering):
 
     def remembering(self, around: TimedSurroundings) -> TimedSurroundings:
         """Add room for the bases of a graph's vertices; for one thread at a time."""
-        return around._replace(bases=Bases.room(around.tracks.J))
+        return around._replace(bases=BaseCache.room(around.tracks.J))
 
     def vertex_of(self, x: Array) -> Array:
         """Place and time, (..., 3) [m, m, s], of states that begin with them; OptionError if a state has no time."""

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import Field
+from pirrht.jit.jit import inlined
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.cuts import Cuts, straight_turns
 

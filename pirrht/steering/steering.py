@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
+from pirrht.jit.jit import inlined
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.motion import Motion, Motions, Surroundings
 from pirrht.steering.trajectory import Trajectory

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import Curves
 from pirrht.geometry.scene import Scene
+from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 from pirrht.steering.along_arcs import Arcs
 from pirrht.steering.steering import Compiled, Steering

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
+from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 
 SPACING = 0.05  # distance of points on drawn arcs [m]

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, jitable, kernel
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.traffic import disc_of, piece_of, traffic_clearance
+from pirrht.jit.jit import inlined, jitable, kernel
 
 SLOWER = 0.5  # excess of cost that half of the other draws stay below, as a share of the unhindered cost
 BESIDE = 0.3  # share of the others that lie beside a body ...

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, jitable, kernel
+from pirrht.jit.jit import inlined, jitable, kernel
 from pirrht.systems.dynamics import Dynamics, _check_noise
 from pirrht.systems.heading import AIM
 

@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import jitable
 from pirrht.errors import OptionError, told
 from pirrht.geometry.scene import Scene
+from pirrht.jit.jit import jitable
 
 PROBES = 5  # states at which it is asked how noise acts on the position
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined
+from pirrht.jit.jit import inlined
 
 AIM = 0.9  # share of the goal's radius that is aimed at
 TURN_GAIN = 3.0  # turn rate of homing per heading error [1/s]

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import jitable
+from pirrht.jit.jit import jitable
 from pirrht.systems.dynamics import Dynamics, _check_noise
 from pirrht.systems.heading import ahead, beyond_disc
 

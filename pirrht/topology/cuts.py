@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.addresses import load_float64, load_int32, load_int64
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import turns_of_chord
+from pirrht.jit.addresses import load_float64, load_int32, load_int64
+from pirrht.jit.jit import inlined, kernel
 
 FEW = 8  # up to so many markers are all asked: that is faster than finding their sector
 WIDER = 1e-9  # sectors are widened by this much for rounding, of 4 for a whole turn

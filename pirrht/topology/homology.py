@@ -15,8 +15,8 @@ import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import turns_of_chord
+from pirrht.jit.jit import kernel
 from pirrht.topology.cuts import Cuts, straight_turns
 
 

@@ -3,7 +3,7 @@
 The integers of static markers are those of the path's places alone. About a moving one an edge adds its own turn, and
 the turn of its head's base more than its tail's; the base that arrives earlier waits for the other. That is whole, and
 summed along a path it is `MovingHomology.winding`. As edges begin and end at the same states many times while a graph
-grows, `Bases` keeps the bases of as many states as it has rows; a state whose row is taken is computed anew.
+grows, `BaseCache` keeps the bases of as many states as it has rows; a state whose row is taken is computed anew.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.addresses import load_float64, load_int64
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.spans import BOX, span_at
+from pirrht.jit.addresses import load_float64, load_int64
+from pirrht.jit.jit import inlined, kernel
 from pirrht.topology.cuts import straight_turns
 from pirrht.topology.homology import Homology, class_id, hash_weights
 from pirrht.topology.moving import MovingHomology
@@ -118,7 +118,7 @@ def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyp
     """Whole turns that a straight edge in space and time adds about moving marker j to the class of its head.
 
     Seen from the marker the edge, the base of its head and the base of its tail backwards are closed: that winds as
-    often as it crosses one ray. Args: `Tracks`, j, goal point (2) [m], speed of bases [m/s], tail and head, or where it
+    often as it crosses one ray. Args: `MarkerTrajectories`, j, goal (2) [m], base speed [m/s], tail, head, or where it
     enters the goal's disc, (3) each [m, m, s], and whether it ends there and goes on straight to the goal point.
     """
     gx, gy = goal
@@ -206,7 +206,7 @@ ROWS = 8192  # of a tree that grows
 SPREAD = (7919.3, 104729.7, 1299709.1)  # by which states are spread over rows
 
 
-class Bases(NamedTuple):
+class BaseCache(NamedTuple):
     """Bases of states (R,) as they are seen from J markers that move; without rows nothing is kept."""
 
     state: Array  # (R, 3) x, y [m], t [s]; not a number where none is kept
@@ -214,7 +214,7 @@ class Bases(NamedTuple):
     crossings: NDArray[np.int64]  # (R, J) as `in_time.crossings_of_base` has them
 
     @classmethod
-    def room(cls, J: int, rows: int = ROWS) -> Bases:
+    def room(cls, J: int, rows: int = ROWS) -> BaseCache:
         """Allocate bases of so many states, none of which is known."""
         return cls(np.full((rows, 3), np.nan), np.empty((rows, J, 2)), np.empty((rows, J), np.int64))
 

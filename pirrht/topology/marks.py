@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import inlined, kernel, part
+from pirrht.jit.jit import inlined, kernel, part
 from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.tracks import place_at
 
 PER_PIECE = 0.02  # the base is looked at so often [s]
 
 
-class Marks(NamedTuple):
+class RayTable(NamedTuple):
     """J markers that move, at the ends of T steps."""
 
     goal: Array  # (T + 1, 2, J) the goal point as seen from each [m]
@@ -28,7 +28,7 @@ class Marks(NamedTuple):
     opening: int  # additive key of the turns that the base takes off
 
     @classmethod
-    def of(cls, homology: TimedHomology, x: Array, times: Array) -> Marks:
+    def of(cls, homology: TimedHomology, x: Array, times: Array) -> RayTable:
         """Mark paths from x (n,) over steps that end at times (T + 1,) on the clock of moving obstacles [s]."""
         moving = homology.moving
         weight = homology.hash_weights[homology.standing.M :]
@@ -42,7 +42,7 @@ class Marks(NamedTuple):
 
 
 SPOT = 4  # numbers of the last place of a path: step, share of it, and place as seen from the goal point [m]
-NO_MARKS = Marks(np.zeros((1, 2, 0)), np.zeros(0, dtype=np.int64), 0)
+NO_MARKS = RayTable(np.zeros((1, 2, 0)), np.zeros(0, dtype=np.int64), 0)
 
 
 @kernel

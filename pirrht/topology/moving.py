@@ -22,7 +22,7 @@ from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, World
 from pirrht.topology.homology import integers
 from pirrht.topology.obstacles import components
-from pirrht.topology.tracks import Tracks, add_turns
+from pirrht.topology.tracks import MarkerTrajectories, add_turns
 
 PLANE = 1e3  # half the side of the plane in which a body is looked at on its own [m]
 ASIDE = np.array([1.7e-3, -2.9e-3])  # markers from the middle of what they mark [robot radii]
@@ -34,7 +34,7 @@ class MovingHomology:
     """Turns of paths in space and time about J markers that move; paths are (k, 3) of x, y [m] and t [s]."""
 
     names: tuple[str, ...]  # (J,) of the bodies that the markers belong to
-    tracks: Tracks
+    tracks: MarkerTrajectories
     goal: Array  # (2,) goal representative point [m]
     speed: float  # of the base, sqrt(2 q / r) [m/s]
 
@@ -46,7 +46,10 @@ class MovingHomology:
         periods = [m.motion.rows[-1, 0] if m.motion.repeat else 0.0 for m, _ in rows]
         point = np.array(goal, dtype=float)
         return cls(
-            names=tuple(m.name for m, _ in rows), tracks=Tracks.of(ways, periods, point), goal=point, speed=speed
+            names=tuple(m.name for m, _ in rows),
+            tracks=MarkerTrajectories.of(ways, periods, point),
+            goal=point,
+            speed=speed,
         )
 
     @property

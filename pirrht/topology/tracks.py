@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.addresses import load_float64, load_int64
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.spans import BOX, boxes_of
+from pirrht.jit.addresses import load_float64, load_int64
+from pirrht.jit.jit import inlined, kernel
 
 LONG = 2.0  # span of time of the boxes that markers are in [s]
 
@@ -39,13 +39,13 @@ class Lanes(NamedTuple):
     first_box: int  # address of int64 (J + 1,): where the boxes of each begin
 
 
-class Tracks(Lanes):
+class MarkerTrajectories(Lanes):
     """Lanes together with the arrays that the addresses point to."""
 
     arrays: tuple[Array | IntArray, ...]
 
     @classmethod
-    def of(cls, ways: Sequence[Array], periods: Sequence[float], goal: Array) -> Tracks:
+    def of(cls, ways: Sequence[Array], periods: Sequence[float], goal: Array) -> MarkerTrajectories:
         """Follow ways (k, 3) of times [s] and places [m], repeated after periods [s] if not 0; goal point (2,) [m]."""
         every = np.vstack([np.zeros((0, 3)), *ways])
         columns = (np.ascontiguousarray(column) for column in every.T)

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.compiled.addresses import load_float64, load_int32
-from pirrht.compiled.jit import inlined, kernel
 from pirrht.geometry.arcs import along, center_of, turns_of_piece
+from pirrht.jit.addresses import load_float64, load_int32
+from pirrht.jit.jit import inlined, kernel
 from pirrht.topology.cuts import sector, straight_turns, turn_at_cut
 
 

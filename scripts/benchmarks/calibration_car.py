@@ -20,7 +20,7 @@ from tqdm import tqdm
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference, SceneError
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.scenario import Scenario
 
 NOISES = (0.03,)  # the default; more takes longer paths

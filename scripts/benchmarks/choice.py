@@ -14,7 +14,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.scenario import Scenario, prepare
 
 STATES = 20

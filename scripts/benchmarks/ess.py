@@ -16,7 +16,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.estimation.estimate import Estimate
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.scenario import Scenario, prepare
 
 APART = 10  # control steps between the states that are looked at

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pirrht.compiled.threads import mapped
 from pirrht.geometry.arena import Arena
+from pirrht.jit.threads import mapped
 from pirrht.rollouts.point.exits import judge, single, survey
 from pirrht.rollouts.point.stages import (
     DT,

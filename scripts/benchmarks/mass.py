@@ -25,7 +25,7 @@ from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.guidance.leads import Batch, Follow, Proposal, Tape
+from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, Tape
 from sim.scenario import Scenario, prepare
 
 STATES, SAMPLES, PLANS = 20, 1_000_000, 10
@@ -157,7 +157,7 @@ def batches_at(controller: Controller, x: Array) -> dict[str, Batch]:
     held = [replace(one, lead=tape, count=1) for one, tape in zip(first, tapes, strict=True)]
     out = {"guided": guided, "tapes": replace(guided, proposals=tuple(held))}
     led = sorted(
-        (one for one in guided.proposals if isinstance(one.lead, Follow)),
+        (one for one in guided.proposals if isinstance(one.lead, LinearFeedback)),
         key=lambda one: one.lead.guide.priced,  # type: ignore[attr-defined]
     )
     if not led:
@@ -169,9 +169,11 @@ def batches_at(controller: Controller, x: Array) -> dict[str, Batch]:
 
 def _aside(proposal: Proposal) -> Proposal:
     """The same around a guide beside its own."""
-    assert isinstance(proposal.lead, Follow)
+    assert isinstance(proposal.lead, LinearFeedback)
     guide = proposal.lead.guide
-    return replace(proposal, lead=Follow(replace(guide, states=guide.states + ASIDE, gains=WEAKER * guide.gains)))
+    return replace(
+        proposal, lead=LinearFeedback(replace(guide, states=guide.states + ASIDE, gains=WEAKER * guide.gains))
+    )
 
 
 def psi_of(integral: PathIntegral, batch: Batch, samples: int, seed: int) -> Psi:

@@ -21,9 +21,9 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.mass_on_line import MassOnLine, mass_on_line
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
 from pirrht.problem import Problem
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -60,12 +60,12 @@ def sampled(integral: PathIntegral, p: float, v: float, count: int, seed: int, g
     x, steering = np.array([p, 0.0, v, 0.0]), MassSteering.of(integral.problem)
     way = steering.trajectory(steering.connect(x, np.array([1.0, 0.0, np.nan, np.nan])))
     times = integral.grid(running_cost(integral.problem, x, way))
-    lead: Lead = Tape(times, way.tape(times))
+    lead: ProposalControl = Tape(times, way.tape(times))
     if guide:
-        assert isinstance(integral.guidance, AnyGuidance)
+        assert isinstance(integral.guidance, DDPGuidance)
         found = integral.guidance.improve(x, times, 0, way)
         assert found is not None
-        lead = Follow(found)
+        lead = LinearFeedback(found)
     return integral.estimate(
         integral.rollout(Batch(state=x, times=times, proposals=(Proposal(lead=lead, count=count),)), seed)
     )

@@ -25,10 +25,10 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.dubins import Dubins
 from pirrht.systems.unicycle import Unicycle
-from pirrht.tree.homology_tree import HomologyTree
 from sim.scenario import Scenario, prepare
 
 NOISES = (0.1, 0.2, 0.3)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from figures import style
 from figures.effort import Effort, Tick
 from pirrht.arrays import Array
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.plotting.ground import MOVER, outline
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors
 from sim.drawing.sides import sides, worded
 from sim.drawing.strokes import timed

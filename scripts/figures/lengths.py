@@ -11,9 +11,9 @@ import numpy as np
 from figures import ground, style
 from figures.effort import Effort, Tick
 from pirrht.arrays import Array
-from pirrht.tree.convergence import Convergence, grow
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
+from pirrht.planner.convergence import Convergence, grow
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import ClassColors, title
 from sim.scenario import Scenario
 

@@ -11,9 +11,9 @@ import numpy as np
 from figures import style
 from figures.effort import Effort, Tick
 from pirrht.arrays import Array
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.plotting.ground import outline
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, title
 from sim.scenario import Scenario

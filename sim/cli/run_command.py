@@ -12,7 +12,7 @@ from pirrht.control.methods import TREELESS
 from pirrht.estimation.estimate import OTHER
 from pirrht.files import shown
 from pirrht.outcome import Outcome
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.cli import tables, warm
 from sim.cli.shared import (
     as_they_stand,

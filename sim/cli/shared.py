@@ -15,8 +15,8 @@ from tqdm import tqdm
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact.domain import Progress
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from sim.cli import tables, warm
 from sim.files import check_writable
 from sim.options import table as options

@@ -10,9 +10,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import FEW, Estimate
+from pirrht.planner.reference import Reference
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.reference import Reference
 from sim.drawing.colors import title
 from sim.drawing.sides import passing
 from sim.drive import clock

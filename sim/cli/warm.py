@@ -22,7 +22,7 @@ from numba.core import event
 from tqdm import tqdm
 
 import pirrht
-from pirrht.compiled import cache
+from pirrht.jit import cache
 from pirrht.problem import Problem
 from sim.systems import BUILT_IN, System, named
 

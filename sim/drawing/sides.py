@@ -12,10 +12,10 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.planner.reference import Reference
 from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.moving import MovingHomology
 from pirrht.topology.tracks import places_at
-from pirrht.tree.reference import Reference
 
 MOMENTS = 60  # of a path that are looked at
 BACK = 0.1  # over which a body's direction is taken [s]

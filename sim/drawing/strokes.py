@@ -15,11 +15,11 @@ from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
+from pirrht.planner.graph import ROOT, edge_turns_around, node_turns_around
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
-from pirrht.tree.graph import ROOT, edge_turns_around, node_turns_around
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 from sim.drawing.colors import Color
 
 Floats = NDArray[np.float32]

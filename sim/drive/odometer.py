@@ -20,7 +20,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.crowd import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
@@ -156,7 +156,7 @@ class Odometer:
         scene = space.scene
         collision = Collision(scene.world, scene.footprint) if busy else space.collision
         self._clearance: Callable[[Array], Array] = collision.clearance
-        self._crowd = Crowd(scene.movers, scene.footprint) if scene.movers else None
+        self._crowd = MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
 
     def enter(self, space: FreeSpace) -> None:
         """Continue among other static obstacles, to the same goal (`Controller.update`)."""

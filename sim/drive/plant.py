@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.crowd import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 
@@ -37,7 +37,7 @@ class Room:
     def __init__(
         self,
         clearance: Callable[[Array], Array],
-        crowd: Crowd | None = None,
+        crowd: MovingObstacles | None = None,
         now: Callable[[], float] = lambda: 0.0,
         step: float = 0.0,
     ) -> None:
@@ -195,7 +195,7 @@ class Loop:
     def room(self, clearance: Callable[[Array], Array]) -> Room:
         """Return the clearance along the run, given the free distance among what stands."""
         scene = self.problem.scene
-        crowd = Crowd(scene.movers, scene.footprint) if scene.movers else None
+        crowd = MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
         return Room(clearance, crowd, lambda: self.time, self.step)
 
     def drive(

@@ -19,12 +19,12 @@ from pirrht.errors import OptionError
 from pirrht.files import replaced
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal
+from pirrht.planner.convergence import Convergence
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.plotting import ground
 from pirrht.plotting.ground import MOVER
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.convergence import Convergence
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 from sim.drawing.colors import ClassColors, rgb, title
 from sim.drawing.sides import NAMED, by_side, called, passed, places_of
 from sim.drawing.strokes import timed

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.scene import Scene
 
 MOMENTS = 1000  # before it rests at which one looks
@@ -18,7 +18,7 @@ def covered(scene: Scene) -> str | None:
     for mover in scene.movers:
         if not math.isfinite(mover.motion.last):
             continue
-        crowd, rests = Crowd([mover], scene.footprint), max(mover.motion.last, 0.0)
+        crowd, rests = MovingObstacles([mover], scene.footprint), max(mover.motion.last, 0.0)
         if crowd.clearance(goal, rests) > 0.0:
             continue
         times = np.linspace(0.0, rests, MOMENTS)

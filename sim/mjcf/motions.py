@@ -153,9 +153,9 @@ def shortfall(scene: Scene) -> float:
     """Return how far moving obstacles reach into the footprint at the start [m]; negative if none does."""
     if not scene.movers:
         return -inf
-    from pirrht.geometry.crowd import Crowd
+    from pirrht.geometry.crowd import MovingObstacles
 
-    return -float(Crowd(scene.movers, scene.footprint).clearance(scene.start[:2], 0.0))
+    return -float(MovingObstacles(scene.movers, scene.footprint).clearance(scene.start[:2], 0.0))
 
 
 def check_start(scene: Scene, path: Path) -> None:
@@ -166,12 +166,12 @@ def check_start(scene: Scene, path: Path) -> None:
     """
     if not scene.movers:
         return
-    from pirrht.geometry.crowd import Body, Crowd, jumps  # FCL is slow to import, and few scenes move
+    from pirrht.geometry.crowd import Body, MovingObstacles, jumps  # FCL is slow to import, and few scenes move
 
     place = scene.start[:2]
     where = f"the start ({place[0]:g}, {place[1]:g})"
     for mover in scene.movers:
-        lack = -Crowd([mover], scene.footprint).clearance(place, 0.0)
+        lack = -MovingObstacles([mover], scene.footprint).clearance(place, 0.0)
         if lack >= 0.0:
             raise SceneError(f'{path}: at {where} the robot touches body "{mover.name}" (by {lack:.3g} m), and {MOVES}')
         if jumps(mover.motion):

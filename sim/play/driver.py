@@ -14,10 +14,10 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import Drive, Policy
 from pirrht.errors import NoReference, PirrhtError
 from pirrht.freespace import FreeSpace
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
-from pirrht.tree.homology_tree import HomologyTree
 from sim.play.world import World
 from sim.scenario import Driver
 

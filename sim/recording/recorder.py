@@ -18,7 +18,7 @@ from types import TracebackType
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.drawing import strokes
 from sim.drive.clock import URGENT
 from sim.drive.episode import Frame

@@ -17,7 +17,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.mjcf import Loaded
 from sim.recording import geoms
 from sim.recording.geoms import Bodies

@@ -13,16 +13,16 @@ from pirrht.control.methods import TREELESS
 from pirrht.control.mppi import Mppi
 from pirrht.control.optimal import Optimal
 from pirrht.control.policy import Policy
-from pirrht.control.prediction import ByVelocity, Prediction
+from pirrht.control.prediction import ConstantVelocity, Predictor
 from pirrht.errors import NoReference, OptionError, SceneError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, solver_for
 from pirrht.exact.domain import Progress, untold
 from pirrht.freespace import FreeSpace
-from pirrht.tree import file as tree_file
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.left_out import left_out
-from pirrht.tree.reference import Reference
+from pirrht.planner import file as tree_file
+from pirrht.planner.left_out import left_out
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from sim.drive import episode, realtime
 from sim.drive.executor import Executor
 from sim.drive.odometer import Frame
@@ -196,7 +196,7 @@ class Scenario(Task):
         budget = None if s.budget is None else s.budget * classes
         return replace(self.sampling, samples=s.samples * classes, budget=budget)
 
-    def _prediction(self, *, trees: bool) -> Prediction | None:
+    def _prediction(self, *, trees: bool) -> Predictor | None:
         """Return what predicts moving obstacles for plans; None: they know."""
         if not self.moving or self.settings.predict == "known":
             return None
@@ -206,7 +206,7 @@ class Scenario(Task):
             return self._rooted(space, np.random.default_rng(seeds.spawn(1)[0]))
 
         vertices = min(self.settings.vertices, QUICK)
-        return ByVelocity(self.space, self.in_time, grown if trees else None, vertices=vertices)
+        return ConstantVelocity(self.space, self.in_time, grown if trees else None, vertices=vertices)
 
     def driver(
         self, tree: HomologyTree | None = None, truth: Desirability | None = None, progress: Progress = untold

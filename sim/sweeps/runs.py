@@ -16,8 +16,8 @@ import numpy as np
 
 from pirrht.control.methods import TREELESS
 from pirrht.errors import PirrhtError
-from pirrht.tree import file as tree_file
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner import file as tree_file
+from pirrht.planner.tree import HomologyTree
 from sim.drive import episode
 from sim.drive.result import DriveResult
 from sim.mjcf.library import find

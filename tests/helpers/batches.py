@@ -8,8 +8,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.guidance.leads import Along, Batch, Lead, Proposal, Tape
-from pirrht.guidance.tracking import Guide
+from pirrht.proposals.leads import Along, Batch, Proposal, ProposalControl, Tape
+from pirrht.proposals.tracking import Guide
 
 
 def batch_of(
@@ -25,7 +25,7 @@ def batch_of(
 ) -> Batch:
     """Samples from x (n,) around guides if there are any, else on ways over corners (k, 2), else along tapes (T, m)."""
 
-    def lead(h: int) -> Lead:
+    def lead(h: int) -> ProposalControl:
         if guides is not None and (guide := guides[h]) is not None:
             return Along(guide, integral.problem.dynamics)
         if corners is not None and integral.leading.climbs and len(corners[h]):

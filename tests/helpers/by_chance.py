@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
-from pirrht.compiled.streams import stream, uniform
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.geometry.listed import held_of
-from pirrht.guidance.any_guide import AnyGuide, Track
-from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.clearance_cost import touches
-from pirrht.guidance.leads import Batch, Follow, Proposal, Tape
+from pirrht.jit.jit import kernel
+from pirrht.jit.streams import stream, uniform
+from pirrht.proposals.any_guide import DDPGuide, Track
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.clearance_cost import touches
+from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.sweep import sweep_exit
 from pirrht.steering.trajectory import Trajectory
@@ -95,11 +95,11 @@ def references(integral: PathIntegral, x: Array, t: float, drawn: int = DRAWN) -
 
 def guided(
     integral: PathIntegral, x: Array, t: float, samples: int, drawn: int = DRAWN
-) -> tuple[Batch, list[AnyGuide], list[str]]:
+) -> tuple[Batch, list[DDPGuide], list[str]]:
     """Samples, so many in all, from x (n,) at t [s] around guides of all classes that count, and these guides."""
     assert integral.homology is not None
     guidance = integral.guidance
-    assert isinstance(guidance, AnyGuidance)
+    assert isinstance(guidance, DDPGuidance)
     known = references(integral, x, t, drawn)
     assert known, "no way is free"
     times = integral.grid(max(one.cost for one in known.values()))
@@ -116,7 +116,7 @@ def guided(
     counts = [max(1, round(count * samples / sum(counts))) for count in counts]
     names = [class_id(keys[key]) for key, _ in kept]
     proposals = tuple(
-        Proposal(lead=Follow(guide), count=count, name=name, key=key)
+        Proposal(lead=LinearFeedback(guide), count=count, name=name, key=key)
         for (key, guide), count, name in zip(kept, counts, names, strict=True)
     )
     return Batch(state=x, times=times, proposals=proposals, time=t), [guide for _, guide in kept], names

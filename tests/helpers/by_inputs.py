@@ -10,8 +10,8 @@ from discs import disc
 from scooter import Scooter
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import jitable
 from pirrht.geometry.scene import Goal, Scene
+from pirrht.jit.jit import jitable
 from pirrht.problem import Problem
 from pirrht.systems.double_integrator import coasting, into_goal
 from pirrht.systems.dynamics import Dynamics, no_drift

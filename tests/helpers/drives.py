@@ -18,11 +18,11 @@ from rerun.chunk import RrdReader
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.tree.homology_tree import HomologyTree
 from sim.drive.episode import Frame, Tally, run
 from sim.drive.executor import Executor
 from sim.mjcf import load

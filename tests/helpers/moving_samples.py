@@ -12,11 +12,11 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
-from pirrht.compiled.streams import normals, stream
 from pirrht.exact.desirability import Desirability
 from pirrht.exact.moving_look import look, poses_of
 from pirrht.geometry.bodies import clearance_from
+from pirrht.jit.jit import kernel
+from pirrht.jit.streams import normals, stream
 
 EARLY = 0.5826
 STEP = 2e-4  # [s]

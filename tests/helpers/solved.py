@@ -13,8 +13,8 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Obstacle, Scene
-from pirrht.guidance.leads import Batch, Climb, Proposal, Tape
 from pirrht.problem import Problem
+from pirrht.proposals.leads import Batch, DesirabilityAscent, Proposal, Tape
 from pirrht.systems.single_integrator import SingleIntegrator
 
 
@@ -75,7 +75,7 @@ def tape(x: Array, line: Array, times: Array) -> Array:
     return np.diff(places, axis=0) / np.diff(times)[:, None]
 
 
-def slope(integral: PathIntegral, lead: Climb, x: Array) -> Array:
+def slope(integral: PathIntegral, lead: DesirabilityAscent, x: Array) -> Array:
     """grad log psi (2,) [1/m] that a way says at x (2,), walls included: its control is b^2 times that."""
     B = integral.problem.dynamics.B_c(x)
     return np.linalg.solve(B @ B.T, lead(x, 0.0) + lead.push(x))

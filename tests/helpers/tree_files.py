@@ -8,8 +8,8 @@ from io import BytesIO
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.tree import file as tree_file
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner import file as tree_file
+from pirrht.planner.tree import HomologyTree
 from sim.scenario import Scenario
 
 COUNTED = ("straight", "tail", "head", "first_out", "first_in", "next_out", "next_in", "edge_cost", "edge_key")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pirrht.compiled.jit import kernel
 from pirrht.geometry.arcs import along, turns_of_piece
+from pirrht.jit.jit import kernel
 
 
 @kernel

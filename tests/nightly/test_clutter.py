@@ -13,10 +13,10 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.steering.dubins import Dubins
 from pirrht.topology.obstacles import Component
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 from sim.mjcf import Loaded, load
 
 NARROW = 4 * 0.15  # four robot radii [m]

@@ -6,9 +6,9 @@ import math
 from functools import cache
 from typing import Any
 
-from pirrht.compiled.jit import part
-from pirrht.compiled.streams import normals
 from pirrht.geometry.traffic import traffic_clearance
+from pirrht.jit.jit import part
+from pirrht.jit.streams import normals
 from pirrht.rollouts.among import at_moving_wall, look_around, met_on_bridge, met_on_way
 from pirrht.rollouts.first_exit import (
     COLLISION,
@@ -22,13 +22,13 @@ from pirrht.rollouts.first_exit import (
     line_of,
     rim_along,
 )
-from pirrht.rollouts.general.kind import Kind
+from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.nearby import list_around, list_everybody
 from pirrht.rollouts.sweep import sweep_exit, sweep_onward
 
 
 @cache
-def bodies_for(kind: Kind) -> Any:
+def bodies_for(kind: KernelSpec) -> Any:
     """Build the kernel that lists the moving obstacles that a step may meet, and counts them."""
     noisy_position, along_line = kind.noisy_position, kind.along_line
 
@@ -49,7 +49,7 @@ def bodies_for(kind: Kind) -> Any:
 
 
 @cache
-def ended_for(kind: Kind) -> Any:
+def ended_for(kind: KernelSpec) -> Any:
     """Build kernels that end a step at its crossing: without this the rest of it would enter dQ/dP as noise."""
     n, m, moving = kind.n, kind.m, kind.moving
 
@@ -97,7 +97,7 @@ def ended_for(kind: Kind) -> Any:
 
 
 @cache
-def exits(kind: Kind) -> Any:
+def exits(kind: KernelSpec) -> Any:
     """Build the kernel that judges a step by how it moved.
 
     It returns the stream's state, exit, share of the step, time [s] for which its noise counts, log probability that no

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
-from pirrht.compiled.jit import kernel
+from pirrht.jit.jit import kernel
 from pirrht.systems.dynamics import no_drift, no_homing
 from pirrht.systems.unicycle import unicycle_drift
 
 SWAY = 1.0 / math.sqrt(12.0)  # of the mean of a step's noise beside its middle, in deviations of the noise
 
 
-class Kind(NamedTuple):
+class KernelSpec(NamedTuple):
     """A kind of dynamics and cost rate for which kernels are compiled; functions are numba's."""
 
     drift: Callable[..., None]  # (x, p, out)
@@ -74,7 +74,7 @@ class Kind(NamedTuple):
 
 
 @cache
-def diffusion_of(kind: Kind) -> Any:
+def diffusion_of(kind: KernelSpec) -> Any:
     """Build the kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
     block: Any = kind.diffusion_block
     rows, m = kind.rows, kind.m
@@ -96,12 +96,12 @@ def diffusion_of(kind: Kind) -> Any:
     return through_inputs if kind.input_form else as_it_is
 
 
-def is_gated(kind: Kind) -> bool:
+def is_gated(kind: KernelSpec) -> bool:
     """Tell whether walls that are yet to be passed bend its law (`law`): of a point among moving obstacles."""
     return kind.moving and kind.n == kind.m == 2 and not kind.input_form
 
 
-def is_steady(kind: Kind) -> bool:
+def is_steady(kind: KernelSpec) -> bool:
     """Tell whether a gated point has neither drift nor varying B, G or q.
 
     Then its optimal control is a martingale along its optimal paths (`guidance.near_walls`).
@@ -109,13 +109,13 @@ def is_steady(kind: Kind) -> bool:
     return is_gated(kind) and not (kind.drifting or kind.varying or kind.gaining or kind.varying_rate)
 
 
-def takes_law(kind: Kind) -> bool:
+def takes_law(kind: KernelSpec) -> bool:
     """Tell whether a law of any size leads samples: not for a car or a point, except among moving obstacles."""
     if kind.moving:
         return True
     return not is_car(kind) and not (kind.n == kind.m == 2 and not kind.astray)
 
 
-def is_car(kind: Kind) -> bool:
+def is_car(kind: KernelSpec) -> bool:
     """Tell whether a car's own law leads samples."""
     return kind.turning and not kind.gaining

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.compiled.addresses import load_float64
-from pirrht.compiled.jit import inlined, jitable, part
-from pirrht.compiled.vectors import bounded, mixed, product, summed
-from pirrht.rollouts.general.kind import Kind, is_car, is_gated, takes_law
+from pirrht.jit.addresses import load_float64
+from pirrht.jit.jit import inlined, jitable, part
+from pirrht.jit.vectors import bounded, mixed, product, summed
+from pirrht.rollouts.general.kind import KernelSpec, is_car, is_gated, takes_law
 from pirrht.rollouts.records import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.heading import TURN_GAIN, beyond_disc, wrapped
@@ -184,7 +184,7 @@ LOST = 30.0  # nats by which a path is less likely under another reference, whic
 
 
 @cache
-def aims(kind: Kind) -> Any:
+def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, and with a law `wide` or `aside`."""
     n, m, rows, moving, noisy_position = kind.n, kind.m, kind.rows, kind.moving, kind.noisy_position
     car, leadable, gated, gaining = is_car(kind), takes_law(kind), is_gated(kind), kind.gaining

@@ -9,11 +9,11 @@ system whose noise does not act on its position does so as well; for a mass that
 Systems other than cars and points follow a law (`records.law_width`): the noise of a step, m numbers or with sways 2 m,
 has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps end at
 crossings, up to which only passive noise has a likelihood ratio: there L is not used. Without moving obstacles the
-nearest state's step counts, since noise makes a mass early or late; with them (`Kind.moving`) the step that is due.
+nearest state's step counts, since noise moves a mass early or late; with them (`moving`) the step that is due.
 Beyond the last step `Dynamics.homing` takes over.
 
 The control now is the mean of what paths apply on top of the fast-changing part of their lead, which is taken at the
-start. Among moving obstacles that is only a share of a point's linear law (`Leads.counted`), since close to walls the
+start. Among moving obstacles that is only a share of a point's linear law (`counted`), since close to walls the
 law changes faster than the optimal control, and mostly nothing of a steady one (`guidance.near_walls`). Every step
 queries the moving obstacles near it (`among`); it ends when the motion of one changes that is near a noisy position.
 """
@@ -26,16 +26,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.compiled.addresses import load_float64
-from pirrht.compiled.copies import copy_row, copy_rows
-from pirrht.compiled.jit import borrowing, part
-from pirrht.compiled.linear import solve
-from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
+from pirrht.jit.addresses import load_float64
+from pirrht.jit.copies import copy_row, copy_rows
+from pirrht.jit.jit import borrowing, part
+from pirrht.jit.linear import solve
+from pirrht.jit.streams import antithetic, stream
 from pirrht.rollouts.among import look_anew
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.general.exits import exits
-from pirrht.rollouts.general.kind import Kind, diffusion_of, is_car, is_gated, is_steady, takes_law
+from pirrht.rollouts.general.kind import KernelSpec, diffusion_of, is_car, is_gated, is_steady, takes_law
 from pirrht.rollouts.general.law import aims, columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST, scratch_for
 from pirrht.rollouts.general.step import NO_WALLS, covariance_of, length_for, motion, noise_for, walls_for
@@ -45,7 +45,7 @@ from pirrht.topology.marks import key_among, open_sides
 
 
 @cache
-def log_ratios(kind: Kind) -> Any:
+def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     n, m, noisy_position, car, leadable = kind.n, kind.m, kind.noisy_position, is_car(kind), takes_law(kind)
 
@@ -88,7 +88,7 @@ def log_ratios(kind: Kind) -> Any:
 
 
 @cache
-def recorder(kind: Kind) -> Any:
+def recorder(kind: KernelSpec) -> Any:
     """Build kernels that add a step's control, and its lead's part, to means over steps of the grid.
 
     Where walls push, the lead over a step is the mean of both ends, to second order: the next step adds the second half
@@ -161,7 +161,7 @@ class Kept(NamedTuple):
 
 
 @cache
-def any_path(kind: Kind) -> tuple[Any, Any]:
+def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     """Build kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, m, noisy_position = kind.drift, kind.q, kind.n, kind.m, kind.noisy_position
     varying, varying_rate, gaining, drifting = kind.varying, kind.varying_rate, kind.gaining, kind.drifting

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
+from pirrht.jit.jit import kernel
 from pirrht.rollouts.among import NEAR
-from pirrht.rollouts.general.kind import Kind
+from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.nearby import HELD
 from pirrht.topology.marks import SPOT
 
@@ -53,7 +53,7 @@ SCRATCH: Any = Scratch
 
 
 @cache
-def scratch_for(kind: Kind) -> Any:
+def scratch_for(kind: KernelSpec) -> Any:
     """Build the kernel (setup, leads) that makes the scratch."""
     n, m, rows, moving = kind.n, kind.m, kind.rows, kind.moving
 

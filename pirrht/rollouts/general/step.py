@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.compiled.float32 import ONE, ZERO
-from pirrht.compiled.jit import part
-from pirrht.compiled.streams import fill_normals, normals
+from pirrht.jit.float32 import ONE, ZERO
+from pirrht.jit.jit import part
+from pirrht.jit.streams import fill_normals, normals
 from pirrht.rollouts.among import facing_among, look_around, with_moving
 from pirrht.rollouts.first_exit import GOAL, RIM, facing, fitting, two_walls, wall_slope
-from pirrht.rollouts.general.kind import SWAY, Kind, diffusion_of, is_car, takes_law
+from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of, is_car, takes_law
 from pirrht.rollouts.general.law import columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST
 from pirrht.rollouts.nearby import REACHES, list_around, next_jump
@@ -24,7 +24,7 @@ NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
 
 
 @cache
-def length_for(kind: Kind) -> Any:
+def length_for(kind: KernelSpec) -> Any:
     """Build the kernel that fits a step to the clearance, and lists moving obstacles near it: (dt, how many)."""
     noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
 
@@ -59,7 +59,7 @@ def length_for(kind: Kind) -> Any:
 
 
 @cache
-def walls_for(kind: Kind) -> Any:
+def walls_for(kind: KernelSpec) -> Any:
     """Build the kernel that writes the push of the two nearest walls, B' grad log psi there, and returns those."""
     m, fixed, moving = kind.m, kind.n - kind.rows, kind.moving
 
@@ -84,7 +84,7 @@ def walls_for(kind: Kind) -> Any:
 
 
 @cache
-def noise_for(kind: Kind) -> Any:
+def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step, and `drawn` with all modes; (stream's state, sway)."""
     n, m, noisy_position = kind.n, kind.m, kind.noisy_position
     car, leadable, turning = is_car(kind), takes_law(kind), kind.turning
@@ -141,7 +141,7 @@ def noise_for(kind: Kind) -> Any:
 
 
 @cache
-def covariance_of(kind: Kind) -> Any:
+def covariance_of(kind: KernelSpec) -> Any:
     """Build the kernel (B) of the covariance (xx, xy, yy) of the position per second."""
     m, fixed = kind.m, kind.n - kind.rows
 
@@ -158,7 +158,7 @@ def covariance_of(kind: Kind) -> Any:
 
 
 @cache
-def motion(kind: Kind) -> Any:
+def motion(kind: KernelSpec) -> Any:
     """Build the kernel that writes where a step leads to `moved`.
 
     It returns whether the step enters the goal straight ahead before its noise matters (then y = 0), the share of it

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import inlined, kernel
-from pirrht.compiled.streams import antithetic, stream
 from pirrht.geometry.arena import at
+from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.streams import antithetic, stream
 from pirrht.rollouts.first_exit import INSIDE, RIM, at_crossing, bridge_exit
 from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey, wall_push
 

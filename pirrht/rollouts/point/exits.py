@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.compiled.addresses import load_float32
-from pirrht.compiled.float32 import HALF, ONE, TWO, ZERO, exponential
-from pirrht.compiled.jit import inlined
-from pirrht.compiled.streams import GOLDEN, bits_of, logarithm
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import Grid, bilinear, bilinear_slope, border, cell_in_block, finest_cell
+from pirrht.jit.addresses import load_float32
+from pirrht.jit.float32 import HALF, ONE, TWO, ZERO, exponential
+from pirrht.jit.jit import inlined
+from pirrht.jit.streams import GOLDEN, bits_of, logarithm
 from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE, wall_slope, walls_of
 
 from pirrht.rollouts.point.stages import (  # isort: skip

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.compiled.addresses import load_float64, load_int64
-from pirrht.compiled.float32 import HALF, ONE, ZERO
-from pirrht.compiled.jit import inlined
-from pirrht.compiled.streams import GOLDEN, halves, normals_of
+from pirrht.jit.addresses import load_float64, load_int64
+from pirrht.jit.float32 import HALF, ONE, ZERO
+from pirrht.jit.jit import inlined
+from pirrht.jit.streams import GOLDEN, halves, normals_of
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.topology.cuts import FEW, key_of_step, turn_at_cut
 
@@ -62,7 +62,7 @@ def row_of(g, each):  # type: ignore[no-untyped-def]
 
 @inlined
 def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untyped-def]
-    """Write a_g of a control sequence, its row of `Leads.drift`, by address, and the push."""
+    """Write a_g of a control sequence, its row of `ProposalTables.drift`, by address, and the push."""
     n = min(n, LANES)
     row = row_of(g, 2)
     for k in range(n):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pirrht import FreeSpace, Goal, Kind, Obstacle, Scene, SceneError
-from pirrht.compiled.jit import kernel
 from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance
+from pirrht.jit.jit import kernel
 
 POSTS = tuple(
     Obstacle(

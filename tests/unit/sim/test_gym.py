@@ -9,8 +9,8 @@ import pytest
 from policies import ahead
 
 from pirrht.errors import OptionError
+from pirrht.planner.tree import HomologyTree
 from pirrht.systems.unicycle import Unicycle
-from pirrht.tree.homology_tree import HomologyTree
 from sim import gym
 from sim.drive import episode
 from sim.mjcf.robot import control_limits

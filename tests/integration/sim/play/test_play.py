@@ -14,7 +14,7 @@ from thoroughly import thorough
 
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.cli import main
 from sim.mjcf import load, scene_names
 from sim.play import drive, driver, events

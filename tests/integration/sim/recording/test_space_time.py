@@ -210,9 +210,9 @@ def test_samples_that_hit_a_moving_body_are_told_to_have_hit_it():
 
 def test_the_nearest_body_is_named_with_the_distance_that_the_crowd_tells():
     scene: Scene = load("pincer").scene
-    from pirrht.geometry.crowd import Crowd
+    from pirrht.geometry.crowd import MovingObstacles
 
-    others, crowd = Bystanders(scene.movers, scene.footprint), Crowd(scene.movers, scene.footprint)
+    others, crowd = Bystanders(scene.movers, scene.footprint), MovingObstacles(scene.movers, scene.footprint)
     rng = np.random.default_rng(0)
     places, times = rng.uniform(scene.lower, scene.upper, (30, 2)), rng.uniform(0, 3, 30)
     found = others.nearest(scene.movers, places, times)

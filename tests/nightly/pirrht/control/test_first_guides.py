@@ -14,12 +14,12 @@ from pirrht.control.controller import Controller
 from pirrht.estimation.batches import sample
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.any_guides import RIVAL, AnyGuidance
-from pirrht.guidance.tracking import FEW
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.any_guides import RIVAL, DDPGuidance
+from pirrht.proposals.tracking import FEW
 from pirrht.steering.rover import RoverSteering
 from pirrht.systems.rover import Rover
-from pirrht.tree.homology_tree import HomologyTree
 from sim.scenario import prepare
 
 STATES = {"rover": (4.6, 4.0, 1.4), "car": (4.9, 3.4, 0.4, 0.0)}  # the goal is at (5.5, 2.5)
@@ -69,7 +69,7 @@ def test_a_goal_close_behind_is_worth_no_more_than_reversing_straight_there(robo
 def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(robot):
     controller = planner(robot)
     guidance = controller.path_integral.guidance
-    assert isinstance(guidance, AnyGuidance)
+    assert isinstance(guidance, DDPGuidance)
     cheaper = 0
     for x in (STATES[robot], AWAY[robot], turned(STATES[robot]), turned(AWAY[robot])):
         state = np.array(x)

@@ -8,8 +8,8 @@ from closed_forms import annulus
 
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampling import Sampling
+from pirrht.planner.tree import HomologyTree
 from pirrht.steering.straight_line import StraightLine
-from pirrht.tree.homology_tree import HomologyTree
 
 # -- the best class ----------------------------------------------------------------------------------------------
 

@@ -14,10 +14,10 @@ from pirrht.control.controller import Controller
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.tree.homology_tree import HomologyTree
 
 
 @cache

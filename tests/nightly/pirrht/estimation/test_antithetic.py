@@ -7,7 +7,7 @@ from batches import batch_of
 from unit.pirrht.estimation.test_antithetic import PLANS, TIMES, of
 
 from pirrht.arrays import Array
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.scenario import Scenario
 
 

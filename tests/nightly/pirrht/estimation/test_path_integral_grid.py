@@ -20,7 +20,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import unit_rate
 from pirrht.rollouts.backend import loops
-from pirrht.rollouts.general.kind import Kind
+from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.path import any_path
 
 SEEDS = 24
@@ -28,7 +28,7 @@ SEEDS = 24
 
 def one_by_one(integral: PathIntegral) -> PathIntegral:
     """The same, but simulated path by path."""
-    path = any_path(Kind(integral.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True))
+    path = any_path(KernelSpec(integral.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True))
     integral.kernels = loops(*path, 2)
     return integral
 

@@ -20,7 +20,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.scenario import Scenario
 
 

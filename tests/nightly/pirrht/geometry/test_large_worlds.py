@@ -26,8 +26,8 @@ from pirrht.geometry.flat import CURVED
 from pirrht.geometry.passages import find_passages
 from pirrht.geometry.scene import Footprint, Goal, Kind, Obstacle, Scene
 from pirrht.geometry.survey import build_field
+from pirrht.planner.tree import HomologyTree
 from pirrht.steering.straight_line import StraightLine
-from pirrht.tree.homology_tree import HomologyTree
 
 ROBOT = 0.2
 ROUNDING = 1e-6  # the field is kept in single precision [m]

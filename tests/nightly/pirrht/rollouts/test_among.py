@@ -14,14 +14,14 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.listed import held_of, listing
 from pirrht.geometry.traffic import Traffic
-from pirrht.guidance.any_guide import AnyGuide
-from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.clearance_cost import touches
-from pirrht.guidance.leads import Batch, Follow, Proposal
 from pirrht.problem import Problem
+from pirrht.proposals.any_guide import DDPGuide
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.clearance_cost import touches
+from pirrht.proposals.leads import Batch, LinearFeedback, Proposal
 from pirrht.rollouts.among import NEVER, met_on_way
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -33,7 +33,7 @@ RESTART = 0.9  # when one of them is suddenly elsewhere [s]
 
 def test_a_straight_way_is_met_where_fcl_says():
     world, rng = busy(), np.random.default_rng(0)
-    traffic, crowd, met = Traffic.of(world), Crowd(world.movers, world.footprint), 0
+    traffic, crowd, met = Traffic.of(world), MovingObstacles(world.movers, world.footprint), 0
     held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
     for _ in range(300):
         a, t, dt = rng.uniform([1.0, 0.5], [5.0, 3.5]), rng.uniform(0.0, 2.0), rng.uniform(0.05, 0.3)
@@ -74,7 +74,7 @@ def crossed(dynamics: Dynamics, R: Array) -> PathIntegral:
 
 def through(
     integral: PathIntegral, x: Array, places: list[tuple[float, float]], durations: list[float]
-) -> AnyGuide | None:
+) -> DDPGuide | None:
     """The guide of a way over places (x, y) [m] to the goal point, with so long for each piece [s]."""
     goal = integral.space.scene.goal.center
     corners = np.vstack([x[:2], np.array(places).reshape(-1, 2), goal])
@@ -88,7 +88,7 @@ def through(
     passed = np.cumsum([0.0, *durations])
     key = integral.homology.key(integral.homology.winding(np.column_stack([corners, passed])))
     guidance = integral.guidance
-    assert isinstance(guidance, AnyGuidance)
+    assert isinstance(guidance, DDPGuidance)
     return guidance.improve(x, integral.grid(8.0), key, trajectory)
 
 
@@ -109,13 +109,13 @@ def test_two_guides_of_what_moves_smoothly_agree_on_psi(system):
     assert guides
     times, found = integral.grid(8.0), []
     for gain in (1.0, 0.7):
-        leads = [Follow(replace(guide, gains=gain * guide.gains)) for guide in guides]
+        leads = [LinearFeedback(replace(guide, gains=gain * guide.gains)) for guide in guides]
         proposals = tuple(Proposal(lead=lead, count=6000) for lead in leads)
         found.append(integral.estimate(integral.rollout(Batch(state=x, times=times, proposals=proposals), 1)))
     assert min(one.ess for one in found) > 50.0
     assert abs(found[0].value - found[1].value) < 4.0 * math.hypot(found[0].value_error, found[1].value_error)
     states, _ = integral.replay.trace(found[0].rollouts, np.flatnonzero(found[0].weight > 1e-4)[:50])
-    crowd = Crowd(integral.space.scene.movers, integral.space.scene.footprint)
+    crowd = MovingObstacles(integral.space.scene.movers, integral.space.scene.footprint)
     for path in states:
         for place, time in zip(path[1:30, :2], times[1:30], strict=True):
             if np.any(place != 0.0):

@@ -9,9 +9,9 @@ from unit.pirrht.rollouts.test_car_steps import STEP, case
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.guidance.leads import Along, Batch, Proposal
+from pirrht.planner.reference import Reference
+from pirrht.proposals.leads import Along, Batch, Proposal
 from pirrht.steering.trajectory import running_cost
-from pirrht.tree.reference import Reference
 
 OPEN = np.array([0.0, 0.0, 2.6])
 

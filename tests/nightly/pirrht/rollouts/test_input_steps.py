@@ -15,9 +15,9 @@ from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.leads import Batch, Follow, Proposal, Tape
 from pirrht.problem import Problem
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, Tape
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.mjcf import load
@@ -100,12 +100,12 @@ def test_a_mass_is_the_same_in_input_form_as_in_the_papers_partition():
     found = []
     for partition in (True, False):
         integral = in_slit(partition)
-        assert isinstance(integral.guidance, AnyGuidance)
+        assert isinstance(integral.guidance, DDPGuidance)
         times = integral.steps(12.0)
         key = integral.space.homology.key((0,) * len(integral.space.obstacles))
         guide = integral.guidance.improve(x, times, key, push)
         assert guide is not None
-        leads = (Follow(guide), Tape(times, push.tape(times)))
+        leads = (LinearFeedback(guide), Tape(times, push.tape(times)))
         proposals = tuple(Proposal(lead=lead, count=100) for lead in leads)
         rollouts = integral.rollout(Batch(state=x, times=times, proposals=proposals), 7)
         found.append((guide, rollouts, integral.estimate(rollouts)))

@@ -7,6 +7,7 @@ import pytest
 from discs import scattered
 
 from pirrht.freespace import FreeSpace
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.shortening.shorten import REACH, resumed_along_arcs
 from pirrht.steering.edges import EdgeChecker
@@ -15,7 +16,6 @@ from pirrht.steering.steering import Steering
 from pirrht.steering.tracked import Tracked
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar
-from pirrht.tree.homology_tree import HomologyTree
 
 
 def rover(seed: int) -> HomologyTree:

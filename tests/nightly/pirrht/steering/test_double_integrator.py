@@ -11,12 +11,12 @@ from discs import scattered
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.double_integrator import MassSteering, optimum
 from pirrht.steering.edges import EdgeChecker
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.tree.homology_tree import HomologyTree
 
 MASS = MassSteering(q=1.0, r=2.0, top=2.0)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pirrht.control.feedback import STALE, ClassPool
-from pirrht.guidance.leads import Tape
-from pirrht.guidance.walls import AMONG, trust, window
 from pirrht.problem import Problem
+from pirrht.proposals.leads import Tape
+from pirrht.proposals.walls import AMONG, trust, window
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 from sim.scenario import prepare
@@ -79,13 +79,15 @@ def test_a_class_that_weighs_nothing_is_not_asked_until_the_robot_is_where_it_do
     """Of psi = e^(k a.x) + e^(k b.x - 30) the second term weighs e^-30 here, and most where k (b - a).x is 40."""
     stiff, asked = 2.0 / problem.temperature, []
 
-    class Asked(Steep):
+    class ReferenceQuery(Steep):
         def __call__(self, x, s):
             asked.append(x)
             return np.zeros(2)
 
     a, b = np.array([0.6, 0.8]), np.array([1.0, 0.0])
-    law = ClassPool(problem).law(estimate([0, 0], one=(0.0, a), other=(-30.0, b)), {"other": Asked()}, nothing, 0.0)
+    law = ClassPool(problem).law(
+        estimate([0, 0], one=(0.0, a), other=(-30.0, b)), {"other": ReferenceQuery()}, nothing, 0.0
+    )
     asked.clear()
     np.testing.assert_allclose(law(np.array([0.1, 0.0]), 0.0), a, rtol=1e-9)
     assert not asked

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pirrht.control.policy import ALONE, FEW, GROWN, PRESSED, RECENT, SPENT, Pace, enough_of, pressed_of
+from pirrht.control.policy import ALONE, FEW, GROWN, PRESSED, RECENT, SPENT, TimeBudget, enough_of, pressed_of
 
 
 class Clock:
@@ -41,8 +41,8 @@ def test_time_is_short_when_a_share_of_what_was_left_is(share):
     assert pressed() == (share < PRESSED)
 
 
-def after(*plans: tuple[int, float]) -> Pace:
-    pace = Pace()
+def after(*plans: tuple[int, float]) -> TimeBudget:
+    pace = TimeBudget()
     for classes, taken in plans:
         pace.note(classes, taken)
     return pace
@@ -50,7 +50,7 @@ def after(*plans: tuple[int, float]) -> Pace:
 
 def test_without_a_clock_or_a_plan_every_class_is_looked_at():
     assert after((4, 0.05)).most(None) is None
-    assert Pace().most(Clock()) is None
+    assert TimeBudget().most(Clock()) is None
 
 
 @pytest.mark.parametrize("classes", [1, 3, 16])

@@ -13,8 +13,8 @@ from pirrht.control.methods import METHODS, SAMPLING
 from pirrht.control.plan import Plan
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.tree.homology_tree import HomologyTree
 from sim import cli
 from sim.drive import episode
 from sim.scenario import Scenario

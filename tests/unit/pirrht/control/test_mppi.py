@@ -10,11 +10,11 @@ from pirrht.control.mppi import Mppi, straight_home
 from pirrht.control.plan import shifted
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.steering.trajectory import running_cost
 from pirrht.systems.unicycle import Unicycle
-from pirrht.tree.homology_tree import HomologyTree
 from sim.scenario import Scenario
 
 B, RADIUS = 0.3, 0.3

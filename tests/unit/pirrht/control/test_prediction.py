@@ -14,18 +14,18 @@ from moving import SCENES, hall, moved
 
 from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
-from pirrht.control.prediction import ByVelocity, Way, straight_on
+from pirrht.control.prediction import ConstantVelocity, FavouritePath, straight_on
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion
-from pirrht.guidance.leads import Batch
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HURRIED, HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.leads import Batch
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.driven import DrivenInTime
-from pirrht.tree.homology_tree import HURRIED, HomologyTree
-from pirrht.tree.reference import Reference
 
 START = np.array([1.0, 2.5])
 
@@ -66,8 +66,8 @@ def sampled(one: Controller, monkeypatch: pytest.MonkeyPatch) -> list[Counter[st
     return found
 
 
-def by_velocity(space: FreeSpace) -> ByVelocity:
-    return ByVelocity(space, InTime(), rooted, vertices=200)
+def by_velocity(space: FreeSpace) -> ConstantVelocity:
+    return ConstantVelocity(space, InTime(), rooted, vertices=200)
 
 
 def test_the_velocity_of_a_motion_is_that_which_led_to_where_it_is():
@@ -224,7 +224,7 @@ def test_of_a_favourite_in_one_piece_its_end_is_known_again():
     steering = InTime()
     path = steering.connect(np.array([[1.0, 2.5, 4.0]]), np.array([[5.2, 2.4, 5.5]]))
     found = Reference(winding=(1,), signature=np.ones(1), trajectory=steering.trajectory(path))
-    way = Way()
+    way = FavouritePath()
     assert way.left(START, 3.0) is None
     way.note(SimpleNamespace(ids=("1",), references=(found,), favourite="1", time=7.0))
     rest = way.left(np.array([2.0, 2.48]), 7.4)
@@ -235,6 +235,6 @@ def test_the_end_of_a_way_along_curves_is_known_again_too():
     lines = StraightLine(pace=1.0, cost_rate=2.0)
     path = lines.connect(np.array([[1.0, 2.5]]), np.array([[4.0, 2.5]]))
     found = Reference(winding=(0,), signature=np.ones(1), trajectory=lines.trajectory(path))
-    way = Way()
+    way = FavouritePath()
     way.note(SimpleNamespace(ids=("0",), references=(found,), favourite="0", time=1.0))
     np.testing.assert_allclose(way.left(START, 1.5), [[1.0, 2.5, 1.5], [4.0, 2.5, 4.0]])

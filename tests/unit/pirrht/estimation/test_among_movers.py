@@ -21,15 +21,15 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.guidance.any_guides import AnyGuidance
-from pirrht.guidance.leads import Batch, Follow, Lead, Proposal, Tape
 from pirrht.outcome import Outcome
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
 from pirrht.rollouts.records import FINER
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.tree.homology_tree import HomologyTree
 
 
 def sampler(scene: Scene, b: float = 0.3, phi: float = np.inf, **settings: object) -> PathIntegral:
@@ -80,7 +80,7 @@ def test_psi_is_the_same_around_guides_with_gates_without_them_and_around_one_cl
         for proposal in batch.proposals:
             guide = proposal.lead.guide
             other = replace(guide, gates=None) if "gates" in change else replace(guide, gains=0.8 * guide.gains)
-            proposals.append(replace(proposal, lead=Follow(other)))
+            proposals.append(replace(proposal, lead=LinearFeedback(other)))
         found.append(integral.estimate(integral.rollout(replace(batch, proposals=tuple(proposals)), 2)))
     for one in found[1:]:
         assert abs(one.value - found[0].value) < 4.0 * math.hypot(one.value_error, found[0].value_error)
@@ -157,14 +157,14 @@ def test_nobody_survives_where_a_body_starts_over():
 def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
     integral, batch = passing()
     guidance = integral.guidance
-    assert isinstance(guidance, AnyGuidance)
+    assert isinstance(guidance, DDPGuidance)
     for proposal in batch.proposals:
-        lead: Lead = proposal.lead
+        lead: ProposalControl = proposal.lead
         guide = lead.guide
         assert guide.valid
         assert guide.gates is not None
         for i in (0, 3, 6):
-            pushed = guide.input_of(guide.states[i], 0.2 * guide.pushes[0][FINER * i])  # what `Push` adds, b = 0.2
+            pushed = guide.input_of(guide.states[i], 0.2 * guide.pushes[0][FINER * i])  # what `WallDrift` adds, b = 0.2
             found = lead(guide.states[i], guide.times[i]) + pushed
             assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
 

@@ -23,10 +23,10 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.estimation.weights import OUTLYING, deviation
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.tree.homology_tree import HomologyTree
 from sim.scenario import Scenario
 
 HALF, NOISE = 0.5, 0.5  # of the strip: half its width L [m], b [m/sqrt(s)]

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from moving import busy
 
-from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.listed import HELD, SEEN, held_of, listing, surely
 from pirrht.geometry.traffic import Traffic
 
 
 def test_a_list_serves_as_long_as_it_says():
     world, rng = busy(), np.random.default_rng(1)
-    traffic, crowd = Traffic.of(world), Crowd(world.movers, world.footprint)
+    traffic, crowd = Traffic.of(world), MovingObstacles(world.movers, world.footprint)
     held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
     served = 0
     for _ in range(200):

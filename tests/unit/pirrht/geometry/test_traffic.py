@@ -13,7 +13,7 @@ from thoroughly import first
 from pirrht.arrays import Array
 from pirrht.geometry import bodies
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.moving_walls import WALL, moving_walls
 from pirrht.geometry.scene import Kind, Scene, World
 from pirrht.geometry.traffic import Traffic, pose_of, traffic_clearance
@@ -42,7 +42,7 @@ def truth(scene: Scene, place: Array, time: float) -> float:
 @pytest.mark.parametrize("scene", [busy, *SCENES.values()])
 def test_clearances_are_those_of_the_bodies_as_they_stand_then(scene):
     world, rng = scene(), np.random.default_rng(1)
-    traffic, crowd, met = Traffic.of(world), Crowd(world.movers, world.footprint), 0
+    traffic, crowd, met = Traffic.of(world), MovingObstacles(world.movers, world.footprint), 0
     for _ in range(150):
         place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 6.0)
         found, right = traffic_clearance(traffic, place[0], place[1], time), truth(world, place, time)

@@ -12,12 +12,12 @@ from thoroughly import first
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import unit_rate
 from pirrht.rollouts.backend import loops
-from pirrht.rollouts.general.kind import Kind
+from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.path import any_path
 from pirrht.rollouts.records import Paths
-from pirrht.tree.homology_tree import HomologyTree
 from sim.scenario import Scenario
 
 TIMES = np.concatenate([np.arange(10) * 0.01, np.arange(1, 40) * 0.1])
@@ -39,7 +39,7 @@ def both(scenario: Scenario, tree: HomologyTree, counts: list[int], phi: float, 
     problem = replace(scenario.problem, phi=phi)
     source = PathIntegral(problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
-    path = any_path(Kind(scenario.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True))
+    path = any_path(KernelSpec(scenario.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True))
     source.kernels = loops(*path, 2)
     return block, drawn(source, tree, counts).paths
 

@@ -16,11 +16,11 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.guidance.leads import Batch, Proposal, Tape
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.leads import Batch, Proposal, Tape
 from pirrht.steering.dubins import Dubins
 from pirrht.systems.unicycle import Unicycle
-from pirrht.tree.homology_tree import HomologyTree
 
 STEP = 0.1
 

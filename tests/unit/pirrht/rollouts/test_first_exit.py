@@ -9,8 +9,8 @@ from scipy.stats import kstest, norm
 from walled_room import room
 
 from pirrht.arrays import Array
-from pirrht.compiled.streams import stream, uniform
 from pirrht.geometry.field import clearance, interpolate
+from pirrht.jit.streams import stream, uniform
 from pirrht.rollouts.first_exit import (
     COLLISION,
     GOAL,

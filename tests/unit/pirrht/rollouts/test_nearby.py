@@ -8,9 +8,9 @@ from discs import disc
 from moving import busy, hall, moved
 
 from pirrht.arrays import Array, IntArray
-from pirrht.compiled.jit import kernel
-from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.traffic import Traffic
+from pirrht.jit.jit import kernel
 from pirrht.rollouts.nearby import HELD, Nearby, begin_list, list_around, next_jump
 
 FRAME = 0.0, 0.0, 6.0, 5.0
@@ -40,7 +40,7 @@ def listed(nearby: Nearby, bodies: int, i: int, x: Array, within: float) -> IntA
 
 def test_no_body_that_comes_within_reach_in_a_step_is_left_out():
     world, rng, left_out = busy(), np.random.default_rng(3), 0
-    traffic, crowds = Traffic.of(world), [Crowd([mover], world.footprint) for mover in world.movers]
+    traffic, crowds = Traffic.of(world), [MovingObstacles([mover], world.footprint) for mover in world.movers]
     for _ in range(2000):
         reach = rng.choice([0.1, 0.4, 1.1])
         nearby = Nearby.of(traffic, FRAME, TIMES, reach)

@@ -11,10 +11,10 @@ from discs import scattered
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 
 
 class Foreign(Steering):

@@ -8,10 +8,10 @@ from discs import block, disc, scattered, scene_of
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.shortening.polyline import taut_polyline
 from pirrht.steering.straight_line import StraightLine
-from pirrht.tree.homology_tree import HomologyTree
-from pirrht.tree.reference import Reference
 
 RADIUS, GOAL = 0.1, 0.1  # of the robot and of the goal's disc [m]
 TOUCHES = 0.01  # clearance of a corner [m]

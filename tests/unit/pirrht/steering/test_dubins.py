@@ -11,6 +11,7 @@ from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, along
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.shortening.dubins_shortcut import shortcut
 from pirrht.shortening.shorten import polish
@@ -18,7 +19,6 @@ from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from pirrht.tree.homology_tree import HomologyTree
 
 CAR = Dubins(V=1.5, rho=0.8)
 

@@ -13,8 +13,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
-from pirrht.topology.in_time import Bases, TimedHomology, beside, row_of, turns_between, whole_turns
-from pirrht.topology.tracks import Tracks, crossings_of_step, crossings_of_waiting, place_at
+from pirrht.topology.in_time import BaseCache, TimedHomology, beside, row_of, turns_between, whole_turns
+from pirrht.topology.tracks import MarkerTrajectories, crossings_of_step, crossings_of_waiting, place_at
 
 STEERING = InTime()
 
@@ -98,7 +98,7 @@ def test_an_edge_between_kept_bases_turns_as_one_that_is_looked_at_alone():
     space, rng = FreeSpace.of(busy(1)), np.random.default_rng(2)
     moving, goal, turned = STEERING.homology(space).moving, (5.5, 2.5), 0
     tracks, states = moving.tracks, np.vstack([random_path(rng)[:2] for _ in range(40)])
-    for bases in (Bases.room(moving.J, 7), Bases.room(moving.J)):
+    for bases in (BaseCache.room(moving.J, 7), BaseCache.room(moving.J)):
         for _ in range(400):
             a, b = sorted(states[rng.integers(len(states), size=2)].tolist(), key=lambda state: state[2])
             if a == b:
@@ -117,7 +117,7 @@ def test_crossings_of_waiting_are_those_of_steps_that_stay():
     goal, rng = np.array([5.5, 2.5]), np.random.default_rng(3)
     lap = np.array([[0.0, 4.0, 2.0], [1.0, 6.0, 3.4], [2.0, 6.5, 1.0], [3.0, 3.5, 1.5], [4.0, 5.0, 3.5]])
     for period in (0.0, 4.0):
-        tracks = Tracks.of([lap], [period], goal)
+        tracks = MarkerTrajectories.of([lap], [period], goal)
         for t in [*rng.uniform(-1.0, 30.0, 50), 0.0, 1.0, 4.0, 8.0, 8.5]:
             (fx, fy), (lx, ly) = (goal - place_at(tracks, 0, s) for s in (-1.0, t))
             steps = crossings_of_step(tracks, 0, *goal, -1.0, *goal, max(t, -1.0), fx, fy, lx, ly)

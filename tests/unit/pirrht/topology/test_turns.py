@@ -7,7 +7,7 @@ import pytest
 from windings_by_angle import turns_of_curve
 
 from pirrht.arrays import Array
-from pirrht.compiled.jit import kernel
+from pirrht.jit.jit import kernel
 from pirrht.topology.cuts import key_of_segment, sector
 from pirrht.topology.homology import Homology
 from pirrht.topology.turns import key_of_pairs, pairs_of_curve, spread, summed

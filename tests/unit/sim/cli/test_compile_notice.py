@@ -8,15 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pirrht.compiled import cache, disk
 from pirrht.geometry.scene import Scene
+from pirrht.jit import cache, disk
 from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.cli import warm
 from sim.rehearsal import BUSY_ROOM, ROOM
 from sim.systems import System, named
 
-KERNEL = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__="pirrht.tree.extend"))})
+KERNEL = SimpleNamespace(
+    data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__="pirrht.planner.extend"))}
+)
 
 
 def windy(speed: float) -> System:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pirrht.control.controller import Controller
-from pirrht.tree.homology_tree import HomologyTree
+from pirrht.planner.tree import HomologyTree
 from sim.drawing.strokes import fans
 from sim.scenario import Scenario
 

@@ -13,10 +13,10 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import NoReference
 from pirrht.estimation.estimate import Rollouts
-from pirrht.geometry.crowd import Crowd
+from pirrht.geometry.crowd import MovingObstacles
 from pirrht.outcome import Outcome
+from pirrht.planner.tree import HomologyTree
 from pirrht.topology.driven import Driven, driven
-from pirrht.tree.homology_tree import HomologyTree
 from sim.cli import main
 from sim.drive import realtime
 from sim.drive.episode import Frame, Tally
@@ -319,7 +319,7 @@ def test_periods_add_up_as_they_do_without_a_clock(slit: Scenario):
 def test_bodies_that_move_set_out_when_the_drive_does_and_not_when_it_was_rehearsed():
     scenario = prepare("crossing", start=(2.6, 2.5), given={"period": PERIOD})
     frames, *_ = drive(scenario, lambda i: 0.05, periods=4)
-    crowd = Crowd(scenario.loaded.scene.movers, scenario.loaded.scene.footprint)
+    crowd = MovingObstacles(scenario.loaded.scene.movers, scenario.loaded.scene.footprint)
     assert [frame.time for frame in frames] == pytest.approx([0.0, 0.1, 0.2, 0.3])
     for frame in frames:  # the disc comes nearer all the time
         assert frame.clearance == pytest.approx(crowd.clearance(frame.plan.state, frame.time))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from mjcf_samples import ROBOT, refusal, robot_mjcf
 
-from pirrht.compiled.jit import jitable
 from pirrht.errors import OptionError
+from pirrht.jit.jit import jitable
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics

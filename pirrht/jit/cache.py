@@ -1,0 +1,287 @@
+"""Compiled kernels on disk, each found by what it computes: its code, and all that this refers to, without docstrings.
+
+A name is a digest of the bytecode of a function, of the numbers, records and functions that it refers to, of the types
+of its arguments, and of compiler and processor. So an edit costs the kernels that it touches and those that call them.
+A function that refers to something that could change unseen has no name, and what is made of it is not kept.
+
+A file begins with a digest of its content: nothing is unpickled unless it is what was written, by this user or root
+(`disk`). One process compiles a kernel; others that want it wait, and then find it.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import dis
+import enum
+import hashlib
+import logging
+import math
+import os
+import pickle
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from numba import types
+from numba.core.dispatcher import Dispatcher
+from numba.core.serialize import dumps
+from numba.extending import intrinsic
+
+from pirrht.jit import disk
+from pirrht.jit.unbroken import unbroken
+
+try:
+    import fcntl
+except ImportError:  # a system without such locks: everyone compiles
+    fcntl = None  # type: ignore[assignment]
+
+LENGTH = hashlib.sha256().digest_size
+HAS_DOCSTRING = 0x4000000  # of code objects, from Python 3.13 on
+_TRUSTED = (math, np)  # modules whose functions do what they did
+_PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic)
+_Intrinsic = type(intrinsic(lambda context: None))
+_log = logging.getLogger("pirrht")
+_warned: set[str] = set()  # kinds of lines that this process has written
+
+
+class Unknown(Exception):
+    """What a function refers to could change unseen."""
+
+
+def key_of(function: Callable[..., Any], kind: str, args: tuple[Any, ...], options: Any, context: Any) -> str | None:
+    """The name on disk of compiled code for argument types; None if there is none."""
+    code = identity(function)
+    if code is None:
+        return None
+    made = (numba.__version__, llvmlite.__version__, sys.version_info[:2], context.codegen().magic_tuple(), *_makers())
+    whole = repr((code, kind, [_type(one) for one in args], sorted(options.items()), made))
+    name = "".join(c if c.isalnum() or c in "._" else "" for c in f"{function.__module__}.{function.__name__}")
+    return f"{name[-80:]}-{hashlib.sha256(whole.encode()).hexdigest()[:32]}"
+
+
+def identity(function: Callable[..., Any]) -> str | None:
+    """A name of what a function computes, the same in all processes; None if there is none."""
+    try:
+        return _of_function(getattr(function, "py_func", function), ())
+    except Unknown:
+        return None
+
+
+_identities: dict[FunctionType, str] = {}
+
+
+def _of_function(function: Any, above: tuple[Any, ...]) -> str:
+    if not isinstance(function, FunctionType) or function in above:
+        raise Unknown
+    if function in _identities:
+        return _identities[function]
+    closed = [cell.cell_contents for cell in function.__closure__ or ()]
+    above = (*above, function)
+    values = [*closed, *(function.__defaults__ or ()), *_globals(function.__code__, function.__globals__)]
+    parts = [_text(function.__code__), *(_of(value, above) for value in values)]
+    _identities[function] = found = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    return found
+
+
+def _text(code: CodeType) -> str:
+    """All that code does, without where it stands and its docstring."""
+    constants = [_text(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
+    documented = code.co_flags & HAS_DOCSTRING if sys.version_info >= (3, 13) else not code.co_name.startswith("<")
+    if documented and isinstance(code.co_consts[0], str):
+        constants[0] = "None"
+    names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars, code.co_argcount)
+    return repr((code.co_code.hex(), *names, code.co_kwonlyargcount, code.co_exceptiontable.hex(), constants))
+
+
+def _globals(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
+    """Values of the global names that code reads; of a module, the values that it takes out of it."""
+    steps = [step for step in dis.get_instructions(code) if step.opname != "PRECALL"]
+    for i, step in enumerate(steps):
+        if step.opname not in ("LOAD_GLOBAL", "LOAD_NAME"):
+            continue
+        if step.argval not in scope:
+            if hasattr(builtins, step.argval):
+                continue
+            raise Unknown
+        value, name = scope[step.argval], step.argval
+        while isinstance(value, ModuleType) and value not in _TRUSTED:
+            i += 1
+            if steps[i].opname not in ("LOAD_ATTR", "LOAD_METHOD") or not hasattr(value, steps[i].argval):
+                raise Unknown
+            value, name = getattr(value, steps[i].argval), steps[i].argval
+        yield name
+        yield value
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _globals(constant, scope)
+
+
+def _of(value: Any, above: tuple[Any, ...]) -> str:
+    """A text that changes with what kernels can read of a value."""
+    if isinstance(value, _PLAIN):
+        return f"{type(value).__name__} {value!r}"
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        return f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
+    if isinstance(value, tuple):
+        return (
+            f"{_of(type(value), above) if type(value) is not tuple else ''}({','.join(_of(v, above) for v in value)})"
+        )
+    if isinstance(value, Dispatcher):
+        return f"{_of_function(value.py_func, above)} {sorted(value.targetoptions.items())}"
+    if isinstance(value, _Intrinsic):
+        return _of_intrinsic(value, above)
+    if isinstance(value, FunctionType):
+        return _of_function(value, above)
+    if isinstance(value, type):
+        return _of_class(value)
+    if isinstance(value, types.Type):
+        return _type(value)
+    if value in _TRUSTED or isinstance(value, np.ufunc) or getattr(value, "__module__", "") in ("math", "builtins"):
+        return getattr(value, "__name__", repr(value))
+    if getattr(value, "__module__", "").split(".")[0] == "numpy":
+        return str(getattr(value, "__qualname__", repr(value)))
+    raise Unknown
+
+
+def _of_class(value: type) -> str:
+    fields = getattr(value, "_fields", None)
+    if fields is not None:
+        return f"{value.__module__}.{value.__qualname__}{fields}"
+    if issubclass(value, enum.Enum):
+        return f"{value.__qualname__}{[(one.name, one.value) for one in value]}"
+    if value.__module__ in ("builtins", "numpy"):
+        return value.__qualname__
+    raise Unknown
+
+
+def _of_intrinsic(value: Any, above: tuple[Any, ...]) -> str:
+    """An intrinsic writes LLVM IR itself: all code of its module counts, and what its function closes over."""
+    define = value._defn
+    closed = [cell.cell_contents for cell in define.__closure__ or ()]
+    return f"{_code_of_module(define.__module__)} {define.__qualname__} {[_of(one, above) for one in closed]}"
+
+
+@cache
+def _code_of_module(name: str) -> str:
+    """A digest of a module's code without docstrings and comments."""
+    path = getattr(sys.modules[name], "__file__", None)
+    if name.split(".")[0] == "numba":
+        return name  # its version is in every key
+    if path is None or not os.path.exists(path):
+        raise Unknown
+    tree = ast.parse(Path(path).read_bytes())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body[0] = ast.Pass()
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+
+
+@cache
+def _makers() -> tuple[str, ...]:
+    """Digests of the code that makes kernels and writes them down."""
+    return tuple(_code_of_module(f"pirrht.jit.{name}") for name in ("cache", "libraries", "linking"))
+
+
+def _type(kind: Any) -> str:
+    """A type of numba's with the names of fields, which its own text leaves out."""
+    if isinstance(kind, types.BaseNamedTuple):
+        return f"{_of_class(kind.instance_class)}[{','.join(map(_type, kind.types))}]"
+    if isinstance(kind, types.BaseTuple):
+        return f"({','.join(map(_type, kind.types))})"
+    return str(kind)
+
+
+def load(key: str | None, made: Callable[[Any], Any]) -> Any:
+    """What `made` makes of the content that is kept under a name; None if there is none that is whole."""
+    try:
+        content = None if key is None else disk.read(key)
+    except disk.Foreign as error:
+        _warn_once(str(error))
+        return None
+    if content is None:
+        return None
+    try:
+        if hashlib.sha256(content[LENGTH:]).digest() != content[:LENGTH]:
+            raise ValueError
+        with unbroken("loading"):
+            return made(pickle.loads(content[LENGTH:]))
+    except Exception:  # whatever rebuilding meets
+        path = disk.folder() / disk.KERNELS / str(key)
+        _warn_once(f"a compiled kernel on disk is damaged, {path}; it is compiled anew")
+        return None
+
+
+def save(key: str | None, content: Callable[[], Any]) -> None:
+    """Keep something under a name; where that is not possible it is compiled anew by every process."""
+    if key is None:
+        return
+    data = dumps(content())
+    try:
+        disk.write(key, hashlib.sha256(data).digest() + data)
+        disk.tidy()
+    except disk.Foreign as error:
+        _warn_once(str(error))
+    except OSError as error:
+        _warn_once(
+            f"compiled kernels cannot be kept in {disk.folder()} ({error.strerror}), so every "
+            "command compiles anew; set NUMBA_CACHE_DIR to a folder that may be written"
+        )
+
+
+@contextmanager
+def locked(key: str | None) -> Iterator[None]:
+    """Hold the lock of a name until done or gone; where it cannot be had, go on without.
+
+    Kernels call each other in no circle, so that who waits for one is never waited for.
+    """
+    stream = None
+    if key is not None and fcntl is not None:
+        with suppress(OSError):
+            stream = (disk.own(disk.LOCKS) / key).open("ab")
+    if stream is None:
+        yield
+        return
+    with stream:
+        with suppress(OSError):
+            os.utime(stream.name)
+            fcntl.flock(stream, fcntl.LOCK_EX)
+        yield
+
+
+def kept() -> bool:
+    """Whether what is compiled can be kept on disk for the next process."""
+    if numba.config.DISABLE_JIT:
+        return False
+    try:
+        tempfile.TemporaryFile(dir=disk.own(disk.KERNELS)).close()
+    except OSError:
+        return False
+    return True
+
+
+def noted(name: str) -> bool:
+    """Whether somebody has noted that all kernels of a name are there."""
+    return (disk.folder() / disk.NOTES / name).exists()
+
+
+def note(name: str) -> None:
+    """Note that all kernels of a name are there; nothing where it cannot be written."""
+    with suppress(OSError):
+        (disk.own(disk.NOTES) / name).touch()
+
+
+def _warn_once(line: str) -> None:
+    """Once per process and kind; without a handler of the caller's own it goes to standard error as it is."""
+    kind = line.split(",")[0].split("(")[0]
+    if kind not in _warned:
+        _warned.add(kind)
+        _log.warning("pirrht: %s", line)

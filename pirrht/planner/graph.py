@@ -1,0 +1,257 @@
+"""The graph on the state space and the tree that it projects into the H-augmented space, as arrays and as memory.
+
+Every vertex keeps its K cheapest allowed classes ("nodes"). A node stores its class, its cost and the edge to its
+parent; the parent's class follows from the edge. Classes and edges keep their integers as (marker, turn) pairs, of
+which there are few.
+
+Searches must neither count references to arrays nor wait for memory, so they read and write by address.
+What a search needs of an edge, or of a vertex and its first nodes, lies together in a record: it asks for them at
+random, and whatever lies apart is fetched apart. The dtypes say where in a record a field lies; kernels read there.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.jit.addresses import load_int32, load_int64
+from pirrht.jit.jit import inlined, kernel
+from pirrht.topology.turns import spread
+
+ROOT = -1
+PAIRS = 16  # room for so many (marker, turn) pairs of a class, to begin with
+LINE = 64  # bytes that a processor fetches at once
+
+
+class Graph(NamedTuple):
+    """Plain arrays with room to grow; the first `size` entries count. Kernels change them in place."""
+
+    size: NDArray[np.int64]  # (5,) vertices, edges, queue entries, vertices to refill, pairs of edges
+    pruned: NDArray[np.int64]  # (1,) classes refused or dropped because K cheaper ones were known
+    straight: Array  # (V, M) H of the straight line to the goal point [turns]
+    first_out: NDArray[np.int32]  # (V,) first edge that leaves a vertex, -1 if none
+    first_in: NDArray[np.int32]  # (V,) first edge that enters it
+    tail: NDArray[np.int32]  # (E,) vertices an edge leads from and to
+    head: NDArray[np.int32]  # (E,)
+    next_out: NDArray[np.int32]  # (E,) next edge with the same tail, and with the same head
+    next_in: NDArray[np.int32]  # (E,)
+    edge_cost: Array  # (E,) [cost]
+    edge_first: NDArray[np.int64]  # (E+1,) first pair of each edge: whole turns that prepending it adds
+    edge_marker: NDArray[np.int32]  # (P,)
+    edge_turn: NDArray[np.int16]  # (P,) [turns]
+    edge_key: NDArray[np.int64]  # (E,) those turns as an additive key
+    nodes: NDArray[np.int32]  # (V,) number of nodes at a vertex
+    cost: Array  # (V, K) to the goal [cost]
+    key: NDArray[np.int64]  # (V, K) additive key of the class
+    pairs: NDArray[np.int32]  # (V, K) number of pairs of the class itself
+    marker: NDArray[np.int32]  # (V, K, C)
+    turn: NDArray[np.int16]  # (V, K, C) [turns]
+    parent: NDArray[np.int32]  # (V, K) edge to the parent, ROOT at a root
+    queue_cost: Array  # (Q,) binary heap of nodes to propagate [cost]
+    queue_vertex: NDArray[np.int32]  # (Q,)
+    queue_key: NDArray[np.int64]  # (Q,)
+    refill: NDArray[np.int32]  # (V,) vertices that lost nodes and must ask their successors again
+    waiting: NDArray[np.bool_]  # (V,) whether a vertex is in that list
+
+
+VERTEX = np.dtype([("nodes", "i4"), ("first_out", "i4"), ("first_in", "i4"), ("spare", "i4")])  # its nodes after
+EDGE = np.dtype(
+    [("next_in", "i4"), ("tail", "i4"), ("edge_cost", "f8"), ("edge_key", "i8"), ("next_out", "i4"), ("head", "i4")]
+)
+NODE = np.dtype([("cost", "f8"), ("key", "i8"), ("parent", "i4"), ("pairs", "i4")])
+
+
+def _index(record: np.dtype[np.void], *names: str) -> tuple[int, ...]:
+    """Where fields of a record lie, counted in fields of their own size."""
+    fields = record.fields
+    assert fields is not None
+    return tuple(fields[name][1] // fields[name][0].itemsize for name in names)
+
+
+COUNT, FIRST_OUT, FIRST_IN = _index(VERTEX, "nodes", "first_out", "first_in")
+NEXT_IN, TAIL, NEXT_OUT, HEAD = _index(EDGE, "next_in", "tail", "next_out", "head")
+EDGE_COST, EDGE_KEY = _index(EDGE, "edge_cost", "edge_key")
+COST, KEY, PARENT, NODE_PAIR_COUNT = _index(NODE, "cost", "key", "parent", "pairs")
+VERTEX_BYTES, EDGE_BYTES, NODE_BYTES = VERTEX.itemsize, EDGE.itemsize, NODE.itemsize
+VERTEX_COUNT, EDGE_COUNT, QUEUE_COUNT, REFILL_COUNT, PAIR_COUNT = range(5)  # entries of `size`
+
+# Arrays that grow together.
+EDGES = ("edge_first", *(EDGE.names or ()))
+EDGE_PAIRS = ("edge_marker", "edge_turn")
+VERTICES = ("straight", "refill", "waiting")
+NODES = (*(NODE.names or ()), "marker", "turn")
+NODE_PAIRS = ("marker", "turn")
+QUEUE = ("queue_cost", "queue_vertex", "queue_key")
+
+
+class Addresses(NamedTuple):
+    """Where a graph's arrays lie that kernels read and write (up to `waiting`), and how much room there is in them."""
+
+    size: int
+    pruned: int
+    straight: int
+    nodes: int  # records of a vertex and its nodes
+    next_in: int  # EDGE records
+    edge_first: int
+    edge_marker: int
+    edge_turn: int
+    marker: int
+    turn: int
+    queue_cost: int
+    queue_vertex: int
+    queue_key: int
+    refill: int
+    waiting: int
+    M: int  # markers
+    stride: int  # bytes from one vertex to the next
+    K: int  # nodes that there is room for at each
+    C: int  # pairs that there is room for in each of these
+    queue_room: int
+    edge_room: int
+    pair_room: int
+
+
+class Places(Addresses):
+    """The same together with the graph that they point into."""
+
+    graph: Graph
+
+    @classmethod
+    def of(cls, graph: Graph) -> Places:
+        """The places of the arrays of a graph, valid until it is given more room."""
+        parts = [getattr(graph, name) for name in cls._fields if name in Graph._fields]
+        M, stride, (_, K, C) = graph.straight.shape[1], graph.nodes.strides[0], graph.marker.shape
+        room = len(graph.queue_cost), len(graph.tail), len(graph.edge_marker)
+        places = cls._make([*(part.ctypes.data for part in parts), M, stride, K, C, *room])
+        places.graph = graph
+        return places
+
+
+def _records(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Zeros that begin where a line does."""
+    raw = np.zeros(count * dtype.itemsize + LINE, np.uint8)
+    begin = -raw.ctypes.data % LINE
+    return raw[begin : begin + count * dtype.itemsize].view(dtype)
+
+
+def _edge_room(count: int) -> dict[str, NDArray[Any]]:
+    """The arrays that lie together in the records of so many edges."""
+    edge = _records(count, EDGE)
+    edge["next_in"] = edge["next_out"] = -1
+    return {name: edge[name] for name in EDGE.names or ()}
+
+
+def _vertex_room(count: int, nodes: int) -> dict[str, NDArray[Any]]:
+    """The arrays that lie together in the records of so many vertices."""
+    vertex = _records(count, np.dtype([*VERTEX.descr, ("node", NODE, (nodes,))]))
+    vertex["first_out"] = vertex["first_in"] = -1
+    vertex["node"]["parent"] = ROOT
+    room = {name: vertex[name] for name in ("nodes", "first_out", "first_in")}
+    return room | {name: vertex["node"][name] for name in NODE.names or ()}
+
+
+def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
+    """Room for so many vertices V, edges E, of as many pairs P, and nodes per vertex K, of C = min(M, 16) pairs."""
+    C = min(M, PAIRS)
+    return Graph(
+        size=np.zeros(5, np.int64),
+        pruned=np.zeros(1, np.int64),
+        straight=np.zeros((vertices, M)),
+        edge_first=np.zeros(edges + 1, np.int64),
+        edge_marker=np.zeros(edges, np.int32),
+        edge_turn=np.zeros(edges, np.int16),
+        marker=np.zeros((vertices, nodes, C), np.int32),
+        turn=np.zeros((vertices, nodes, C), np.int16),
+        queue_cost=np.zeros(1024),
+        queue_vertex=np.zeros(1024, np.int32),
+        queue_key=np.zeros(1024, np.int64),
+        refill=np.zeros(vertices, np.int32),
+        waiting=np.zeros(vertices, np.bool_),
+        **_edge_room(edges),
+        **_vertex_room(vertices, nodes),
+    )
+
+
+def doubled(graph: Graph, names: tuple[str, ...], axis: int = 0) -> Graph:
+    """The graph with twice the room along one axis of the named arrays, 1 being K and 2 C; what is in them stays."""
+    V, K = graph.cost.shape
+    bigger: dict[str, NDArray[Any]] = {}
+    if "tail" in names:
+        bigger |= _edge_room(2 * len(graph.tail))
+    if "cost" in names:
+        bigger |= _vertex_room(2 * V if axis == 0 else V, 2 * K if axis == 1 else K)
+    for name in set(names) - set(bigger):
+        shape = list(getattr(graph, name).shape)
+        shape[axis] *= 2
+        bigger[name] = np.zeros(shape, getattr(graph, name).dtype)
+    for name, new in bigger.items():
+        old = getattr(graph, name)
+        new[tuple(slice(0, length) for length in old.shape)] = old
+    return graph._replace(**bigger)
+
+
+@inlined
+def edge_at(at, e):  # type: ignore[no-untyped-def]
+    """Address of edge e, an EDGE record."""
+    return at.next_in + EDGE_BYTES * e
+
+
+@inlined
+def vertex_at(at, v):  # type: ignore[no-untyped-def]
+    """Address of vertex v, a VERTEX record with its nodes after it."""
+    return at.nodes + at.stride * v
+
+
+@inlined
+def node_at(vertex, slot):  # type: ignore[no-untyped-def]
+    """Address of a node, a NODE record, of the vertex at an address."""
+    return vertex + VERTEX_BYTES + NODE_BYTES * slot
+
+
+@inlined
+def slot_of(vertex, key):  # type: ignore[no-untyped-def]
+    """Slot of the class of a key at the vertex at an address, -1 if it has none."""
+    for slot in range(load_int32(vertex, COUNT)):
+        if load_int64(node_at(vertex, slot), KEY) == key:
+            return slot
+    return -1
+
+
+@inlined
+def is_root(vertex):  # type: ignore[no-untyped-def]
+    """Whether the vertex at an address lies in the goal's disc."""
+    return load_int32(vertex, COUNT) > 0 and load_int32(node_at(vertex, 0), PARENT) == ROOT
+
+
+@kernel
+def find(at, vertex, key):  # type: ignore[no-untyped-def]
+    """Slot of the class of a key at a vertex (an index), -1 if it has none."""
+    return slot_of(vertex_at(at, vertex), key)
+
+
+def edge_turns_around(graph: Graph, obstacle: int) -> NDArray[np.int64]:
+    """Whole turns (E,) [turns] that prepending each edge adds around one obstacle (an index); 0 in spare room."""
+    used = int(graph.size[4])
+    found = np.flatnonzero(graph.edge_marker[:used] == obstacle)
+    turns = np.zeros(len(graph.tail), dtype=np.int64)
+    turns[np.searchsorted(graph.edge_first[: graph.size[1] + 1], found, side="right") - 1] = graph.edge_turn[found]
+    return turns
+
+
+def node_turns_around(
+    graph: Graph, vertex: NDArray[np.int64], slot: NDArray[np.int64], obstacle: int
+) -> NDArray[np.int64]:
+    """The integers (k,) [turns] that the classes of nodes, vertex (k,) and slot (k,), have around one obstacle."""
+    known = np.arange(graph.marker.shape[2]) < graph.pairs[vertex, slot][:, None]
+    match = known & (graph.marker[vertex, slot] == obstacle)
+    turns: NDArray[np.int64] = np.sum(graph.turn[vertex, slot] * match, axis=1, dtype=np.int64)
+    return turns
+
+
+def class_at(graph: Graph, vertex: int, slot: int) -> NDArray[np.int64]:
+    """The integers (M,) [turns] of a node's class, against the straight line from its vertex."""
+    count = graph.pairs[vertex, slot]
+    return spread(graph.marker[vertex, slot, :count], graph.turn[vertex, slot, :count], graph.straight.shape[1])

@@ -1,0 +1,147 @@
+"""Compiled local optimisation of any system's trajectory, and the linear feedback that holds noisy paths near it.
+
+Differential dynamic programming (Mayne, Int. J. Control 1966) on the steps of rollouts. In noise units
+a = B_c^-1 G_c u (in input form s^-1 u) the control costs lambda a'a / 2 for any G, B and R; to q the clearance cost is
+added. The quadratic model of the cost-to-go yields a = a_ref + K (x - x_ref) and the covariance that it leaves to the
+noise of a step: lambda dt Q_aa^-1 of the passive one.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.geometry.listed import held_of
+from pirrht.jit.copies import copy_row, copy_rows
+from pirrht.jit.jit import kernel
+from pirrht.proposals.any_guide import COURSE
+from pirrht.proposals.backward_pass import backward_of
+from pirrht.proposals.clearance_cost import touches
+from pirrht.proposals.ddp import HALVINGS, class_of
+from pirrht.proposals.forward_pass import passes_of
+from pirrht.proposals.step_map import step_of
+from pirrht.rollouts.first_exit import COLLISION
+from pirrht.rollouts.general.kind import KernelSpec
+from pirrht.rollouts.sweep import sweep_exit, turn_of
+from pirrht.topology.marks import key_of_path
+
+
+class Optimiser(NamedTuple):
+    """Kernels of one kind of dynamics."""
+
+    forward: Any
+    backward: Any
+    optimise: Any
+    arrival: Any
+    expand: Any
+
+
+@cache
+def optimiser(kind: KernelSpec) -> Optimiser:
+    """Build the kernels that optimise trajectories of one kind of dynamics."""
+    velocity, _, expand = step_of(kind)
+    arrival, forward = passes_of(kind)
+    backward = backward_of(kind)
+    n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving
+
+    @kernel
+    def _is_free(setup, states, length, times, bows):  # type: ignore[no-untyped-def]
+        """Check that the first `length` steps of states (T+1, n), straight or bows, touch nothing."""
+        f, turn = np.zeros((2, n)), 0.0
+        if moving:
+            held, listed = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
+        for i in range(length):
+            x, y, to_x, to_y = states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1]
+            dt = times[i + 1] - times[i]
+            if bows:
+                velocity(setup, states[i], f[0])
+                velocity(setup, states[i + 1], f[1])
+                turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], to_x - x, to_y - y, dt)
+            outcome, _ = sweep_exit(setup.arena, x, y, to_x, to_y, turn)
+            if outcome == COLLISION:
+                return False
+            if moving and touches(setup.traffic, x, y, to_x, to_y, turn, times[i], dt, held, listed):
+                return False
+        return True
+
+    @kernel
+    def key_of(setup, states, length):  # type: ignore[no-untyped-def]
+        """Return the additive class key of the first `length` steps of states (T+1, n)."""
+        key = class_of(setup, states, length)
+        if moving:
+            key += key_of_path(setup.marks, setup.arena.goal, states, length)
+        return key
+
+    @kernel
+    def optimise(setup, task, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
+        """Improve a trajectory of class `key` in place; it never leaves its class, nor free space in its class, again.
+
+        Args:
+            times: (T+1,) ends of the steps [s]; where obstacles move, on their clock.
+            key: additive class key that the result must have, unless aims are held to.
+            rounds: at most so many backward passes.
+            course: the trajectory followed, its gains used until the first backward pass; overwritten.
+            length: steps that it prescribes.
+
+        Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced [cost],
+            backward passes, whether it is of its class and touches nothing.
+        """
+        states, control = course.states, course.control
+        other, tried = np.zeros(states.shape), np.zeros(control.shape)
+        trial = COURSE(
+            other, tried, course.gains, course.share, course.inverse, course.volume, course.change, course.aims
+        )
+        copy_row(states[0], other[0])
+        steps, _, _ = forward(setup, task, times, course, length, 0.0, 1, trial)
+        if steps < 0:
+            return -1, np.inf, np.inf, 0, False
+        fastest = 0.0
+        for i in range(steps):
+            way = math.sqrt((other[i + 1, 0] - other[i, 0]) ** 2 + (other[i + 1, 1] - other[i, 1]) ** 2)
+            fastest = max(fastest, way + (setup.traffic.speed * (times[i + 1] - times[i]) if moving else 0.0))
+        points = max(1, min(8, math.ceil(1.2 * fastest / task.spacing)))
+        steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
+        copy_rows(tried, control)
+        copy_rows(other, states)
+        held = task.hold > 0.0
+        bows = not noisy_position and control.shape[1] > m
+        right = held or key_of(setup, states, steps) == key
+        sound = right and (held or _is_free(setup, states, steps, times, bows))
+        damping, done, again = 0.0, 0, False
+        flat = bows  # a reference's control does not rise within a step, which costs little and tells the control now
+        for k in range(m, control.shape[1]):
+            flat = flat and control[0, k] == 0.0
+        for _ in range(rounds):
+            done += 1
+            expected = backward(setup, task, times, course, steps, points, damping)
+            if expected < task.tolerance and not flat:
+                break
+            flat = False
+            better, step = False, 1.0
+            for _ in range(HALVINGS):
+                k, c, p = forward(setup, task, times, course, steps, step, points, trial)
+                if k >= 0 and p < priced - 0.1 * step * expected:
+                    same = held or key_of(setup, other, k) == key
+                    clear = same and (held or _is_free(setup, other, k, times, bows))
+                    if clear or (not sound and (same or not right)):
+                        better, right, sound, steps, cost, priced = True, same, clear, k, c, p
+                        break
+                step *= 0.5
+            if better:
+                copy_rows(tried, control)
+                copy_rows(other, states)
+                damping = 0.0 if damping < 0.01 else damping / 8.0
+                again = damping > 0.0
+            else:
+                damping = max(0.1, 8.0 * damping)
+                if damping > 1e4:
+                    if not again:
+                        break
+                    damping, again = 0.0, False  # steps that were too long where the damping rose may not be so here
+        backward(setup, task, times, course, steps, points, 0.0)
+        return steps, cost, priced, done, sound
+
+    return Optimiser(forward, backward, optimise, arrival, expand)

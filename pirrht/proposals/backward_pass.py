@@ -1,0 +1,340 @@
+"""Backward pass of the optimisation: a quadratic model of the cost-to-go, the best response to it and its feedback.
+
+A step leads from x (n,) under a change of its noise (modes,) to J (n, n + modes) of both; v (n,) and W (n, n) are
+gradient and Hessian of the cost-to-go, g and Q those of it before the step, of state and noise.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.jit.copies import copy_row, copy_rows
+from pirrht.jit.jit import kernel, part
+from pirrht.proposals.clearance_cost import expand_among, expand_price
+from pirrht.proposals.ddp import LEAST_CURVATURE
+from pirrht.proposals.forward_pass import passes_of
+from pirrht.proposals.step_map import NUDGE, step_of
+from pirrht.rollouts.general.kind import KernelSpec, is_gated
+
+SWEEPS = 12  # of Jacobi's method at most; it converges quadratically
+
+
+@kernel
+def diagonalise(A, vectors):  # type: ignore[no-untyped-def]
+    """Write the eigenvalues of symmetric A (m, m) to its diagonal, by Jacobi's rotations; `vectors` (m, m) in columns.
+
+    The rest of A is scratch.
+    """
+    m = A.shape[0]
+    for i in range(m):
+        for j in range(m):
+            vectors[i, j] = 1.0 if i == j else 0.0
+    for _ in range(SWEEPS):
+        off, size = 0.0, 0.0
+        for i in range(m):
+            size += A[i, i] * A[i, i]
+            for j in range(i):
+                off += A[i, j] * A[i, j]
+        if off <= 1e-28 * size:
+            return
+        for i in range(m):
+            for j in range(i):
+                if A[i, j] == 0.0:
+                    continue
+                half = 0.5 * (A[j, j] - A[i, i]) / A[i, j]
+                t = (1.0 if half >= 0.0 else -1.0) / (abs(half) + math.sqrt(half * half + 1.0))
+                c = 1.0 / math.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(m):
+                    A[k, i], A[k, j] = c * A[k, i] - s * A[k, j], s * A[k, i] + c * A[k, j]
+                for k in range(m):
+                    A[i, k], A[j, k] = c * A[i, k] - s * A[j, k], s * A[i, k] + c * A[j, k]
+                for k in range(m):
+                    one, other = vectors[k, i], vectors[k, j]
+                    vectors[k, i], vectors[k, j] = c * one - s * other, s * one + c * other
+
+
+@kernel
+def recompose(A, vectors, out):  # type: ignore[no-untyped-def]
+    """Write V diag(A) V' to out (m, m), of the diagonal of A (m, m) and vectors V (m, m) in columns."""
+    m = A.shape[0]
+    for i in range(m):
+        for j in range(m):
+            total = 0.0
+            for k in range(m):
+                total += vectors[i, k] * A[k, k] * vectors[j, k]
+            out[i, j] = total
+
+
+class ClearanceCost(NamedTuple):
+    """Clearance cost of a step as a function of six numbers: both positions and the loss of velocity."""
+
+    slope: Array  # (6,)
+    bend: Array  # (6, 6)
+    chain: Array  # (6, 2 n) derivatives of these numbers in the states before and after
+    bent: Array  # (6, 2 n) bend times chain
+    cross: Array  # (n, n)
+
+
+@cache
+def composition(n: int) -> tuple[Any, Any, Any]:
+    """Build the kernels that compose g and Q: the price of the state after a step, the step, the price before it."""
+
+    @part
+    def add_after(price, costate, P):  # type: ignore[no-untyped-def]
+        slope, bend, chain, bent, _ = price
+        for j in range(2 * n):
+            for e in range(6):
+                total = 0.0
+                for k in range(6):
+                    total += bend[e, k] * chain[k, j]
+                bent[e, j] = total
+        for j in range(n):
+            for e in range(6):
+                costate[j] += slope[e] * chain[e, n + j]
+            for k in range(n):
+                for e in range(6):
+                    P[j, k] += chain[e, n + j] * bent[e, n + k]
+
+    @part
+    def through_step(costate, P, J, S, lead, g, Q):  # type: ignore[no-untyped-def]
+        """Write J' P J + S to Q, its lower half alone."""
+        N = J.shape[1]
+        for j in range(n):
+            for k in range(N):
+                total = 0.0
+                for e in range(n):
+                    total += P[j, e] * J[e, k]
+                lead[j, k] = total
+        for j in range(N):
+            g[j] = J[n, j]
+            for e in range(n):
+                g[j] += costate[e] * J[e, j]
+            for k in range(j + 1):
+                total = S[j, k]
+                for e in range(n):
+                    total += J[e, j] * lead[e, k]
+                Q[j, k] = total
+
+    @part
+    def add_before(price, J, g, Q):  # type: ignore[no-untyped-def]
+        """Add the price of the state before a step, and its coupling to the state after."""
+        (slope, _, chain, bent, cross), N = price, J.shape[1]
+        for j in range(n):
+            for k in range(n):
+                cross[j, k] = 0.0
+                for e in range(6):
+                    cross[j, k] += chain[e, j] * bent[e, n + k]
+        for j in range(n):
+            for e in range(6):
+                g[j] += slope[e] * chain[e, j]
+            for k in range(j + 1):
+                for e in range(6):
+                    Q[j, k] += chain[e, j] * bent[e, k]
+            for k in range(N):
+                total = 0.0
+                for e in range(n):
+                    total += cross[j, e] * J[e, k]
+                Q[max(j, k), min(j, k)] += total if k != j else 2.0 * total
+
+    return add_after, through_step, add_before
+
+
+@cache
+def response(n: int) -> tuple[Any, Any]:
+    """Build the kernels of the best response to g and Q of a step, and of the cost-to-go that it leaves."""
+
+    @part
+    def respond(course, i, passive, damping, g, Q, work, expected):  # type: ignore[no-untyped-def]
+        """Write change, gains, share, inverse and volume of step i; return the expected gain with it [cost]."""
+        (stiff, vectors, inverted, bows), modes = work, work[0].shape[0]
+        for j in range(modes):
+            for k in range(modes):
+                stiff[j, k] = Q[n + j, n + k]
+        diagonalise(stiff, vectors)
+        course.volume[i] = 0.0
+        for j in range(modes):
+            bow = max(stiff[j, j] + damping * passive, LEAST_CURVATURE * passive)
+            left = min(1.0, passive / bow)
+            course.volume[i] += 0.5 * math.log(left)
+            bows[j], stiff[j, j] = bow, math.sqrt(left)
+        recompose(stiff, vectors, course.share[i])
+        for j in range(modes):
+            stiff[j, j] = 1.0 / stiff[j, j]
+        recompose(stiff, vectors, course.inverse[i])
+        for j in range(modes):
+            stiff[j, j] = 1.0 / bows[j]
+        recompose(stiff, vectors, inverted)
+        change = course.change
+        for j in range(modes):
+            change[i, j] = 0.0
+            for e in range(modes):
+                change[i, j] -= inverted[j, e] * g[n + e]
+            for k in range(n):
+                total = 0.0
+                for e in range(modes):
+                    total -= inverted[j, e] * Q[n + e, k]
+                course.gains[i, j, k] = total
+            expected -= 0.5 * g[n + j] * change[i, j]
+        return expected
+
+    @part
+    def leave(course, i, g, Q, v, W):  # type: ignore[no-untyped-def]
+        """Write the Schur complement, the cost-to-go that the best response leaves, to v and W."""
+        modes = course.change.shape[1]
+        for j in range(n):
+            v[j] = g[j]
+            for e in range(modes):
+                v[j] += Q[n + e, j] * course.change[i, e]
+            for k in range(n):
+                total = Q[j, k]
+                for e in range(modes):
+                    total += Q[n + e, j] * course.gains[i, e, k]
+                W[j, k] = total
+        for j in range(n):
+            for k in range(j):
+                W[j, k] = 0.5 * (W[j, k] + W[k, j])
+                W[k, j] = W[j, k]
+
+    return respond, leave
+
+
+PRICE: Any = ClearanceCost
+
+
+@cache
+def backward_of(kind: KernelSpec) -> Any:
+    """Build the backward pass of one kind of dynamics."""
+    velocity, _, expand = step_of(kind)
+    arrival, n, m = passes_of(kind)[0], kind.n, kind.m
+    noisy_position, by_inputs = kind.noisy_position, kind.input_form
+    moving, point = kind.moving, is_gated(kind)
+    add_after, through_step, add_before = composition(n)
+    respond, leave = response(n)
+
+    @kernel
+    def _end(setup, task, x, v, W):  # type: ignore[no-untyped-def]
+        """Expand `arrival` at x (n,), to v (n,) and W (n, n), by central differences if it has no kink."""
+        if noisy_position and not by_inputs:
+            ax, ay = x[0] - setup.arena.goal[0], x[1] - setup.arena.goal[1]
+            away = math.sqrt(ax * ax + ay * ay)
+            v[:], W[:, :] = 0.0, 0.0
+            if away > setup.arena.radius:
+                v[0], v[1], bent = task.far * ax / away, task.far * ay / away, task.far / (away * away * away)
+                W[0, 0], W[1, 1], W[0, 1] = bent * ay * ay, bent * ax * ax, -bent * ax * ay
+                W[1, 0] = W[0, 1]
+            return
+        z, f, up, down = x.copy(), np.zeros(n), np.empty(n), np.empty(n)
+        here, h = arrival(setup, task, x, f), NUDGE
+        for i in range(n):
+            z[i] = x[i] + h
+            up[i] = arrival(setup, task, z, f)
+            z[i] = x[i] - h
+            down[i] = arrival(setup, task, z, f)
+            z[i] = x[i]
+            v[i], W[i, i] = 0.5 * (up[i] - down[i]) / h, (up[i] - 2.0 * here + down[i]) / (h * h)
+            for k in range(i):
+                z[i], z[k] = x[i] + h, x[k] + h
+                total = 2.0 * here - up[i] - up[k] - down[i] - down[k] + arrival(setup, task, z, f)
+                z[i], z[k] = x[i] - h, x[k] - h
+                total += arrival(setup, task, z, f)
+                z[i], z[k] = x[i], x[k]
+                W[i, k] = 0.5 * total / (h * h)
+                W[k, i] = W[i, k]
+
+    @kernel
+    def _follow(setup, x, z, bends, chain):  # type: ignore[no-untyped-def]
+        """Write derivatives of positions and loss of velocity in the states x, z (n,) of a step to `chain` (6, 2 n)."""
+        for k in range(2):
+            chain[k, k] = chain[2 + k, n + k] = 1.0
+        if not bends:
+            return
+        up, down = np.zeros(n), np.zeros(n)
+        for end in range(2):
+            at, sign = x.copy() if end == 0 else z.copy(), 1.0 - 2.0 * end
+            for i in range(n):
+                here = at[i]
+                at[i] = here + NUDGE
+                velocity(setup, at, up)
+                at[i] = here - NUDGE
+                velocity(setup, at, down)
+                at[i] = here
+                for k in range(2):
+                    chain[4 + k, end * n + i] = 0.5 * sign * (up[k] - down[k]) / NUDGE
+
+    @part
+    def priced(setup, task, states, i, times, points, price, bends, ends):  # type: ignore[no-untyped-def]
+        """Expand the clearance cost of a step in the states before and after it; return whether there is any."""
+        dt, x, y = times[i + 1] - times[i], states[i, 0], states[i, 1]
+        dx, dy = states[i + 1, 0] - x, states[i + 1, 1] - y
+        bx, by = 0.0, 0.0
+        if bends:
+            f, other = ends
+            velocity(setup, states[i], f)
+            velocity(setup, states[i + 1], other)
+            bx, by = f[0] - other[0], f[1] - other[1]
+        slope, bend = price.slope, price.bend
+        near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, point, slope, bend)
+        if moving:
+            near = expand_among(
+                setup.traffic, task, x, y, dx, dy, bx, by, times[i], dt, points, point, near, slope, bend
+            )
+        if near:
+            _follow(setup, states[i], states[i + 1], bends, price.chain)
+        return near
+
+    @part
+    def add_noise(control, i, passive, g, Q):  # type: ignore[no-untyped-def]
+        """Add the cost of control, and fill the upper half of Q."""
+        for j in range(control.shape[1]):
+            g[n + j] += passive * control[i, j]
+            Q[n + j, n + j] += passive
+        for j in range(g.shape[0]):
+            for k in range(j):
+                Q[k, j] = Q[j, k]
+
+    @kernel
+    def backward(setup, task, times, course, length, points, damping):  # type: ignore[no-untyped-def]
+        """Find the best change of each control and its feedback; return the expected gain [cost].
+
+        It writes the first `length` rows of change, gains, share, inverse and volume; `times` (T+1,) are ends of steps
+        [s], `damping` is added to the controls' curvature, as a share of lambda dt.
+        """
+        states, control, aims = course.states, course.control, course.aims
+        modes = control.shape[1]
+        N = n + modes
+        v, W, costate, P = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
+        J, S, Q, g = np.zeros((n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
+        lead, stiff, ends = np.zeros((n, N)), np.zeros((modes, modes)), (np.zeros(n), np.zeros(n))
+        work = stiff, stiff.copy(), stiff.copy(), np.zeros(modes)
+        price = PRICE(np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)), np.zeros((6, 2 * n)), np.zeros((n, n)))
+        bends, expected = not noisy_position and modes > m, 0.0
+        if task.hold == 0.0:
+            _end(setup, task, states[length], v, W)
+        for i in range(length - 1, -1, -1):
+            dt = times[i + 1] - times[i]
+            near = priced(setup, task, states, i, times, points, price, bends, ends)
+            copy_row(v, costate)
+            copy_rows(W, P)
+            if task.hold > 0.0:
+                for j in range(2):
+                    costate[j] += 2.0 * task.hold * dt * (states[i + 1, j] - aims[i + 1, j])
+                    P[j, j] += 2.0 * task.hold * dt
+            if near:
+                add_after(price, costate, P)
+            expand(setup, states[i], control[i], dt, costate, task.active, task.curved, J, S)
+            through_step(costate, P, J, S, lead, g, Q)
+            if near:
+                add_before(price, J, g, Q)
+            passive = task.temperature * dt
+            add_noise(control, i, passive, g, Q)
+            expected = respond(course, i, passive, damping, g, Q, work, expected)
+            leave(course, i, g, Q, v, W)
+        return expected
+
+    return backward

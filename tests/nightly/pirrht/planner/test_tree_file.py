@@ -1,0 +1,26 @@
+"""The long tests of unit/pirrht/planner/test_tree_file.py."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tree_files import again, assert_equal_references, assert_equal_trees, packed, repacked, unpacked, unsigned
+
+from pirrht.errors import OptionError
+from pirrht.planner import file as tree_file
+from sim.scenario import prepare
+
+
+def test_roots_at_any_velocity_survive_and_nothing_else_is_left_open():
+    scenario = prepare("slit", robot="hover", given={"vertices": 60})
+    tree = scenario.grown_tree()
+    copy = again(tree)
+    assert np.isnan(copy.states[0, 2:]).all()
+    assert_equal_trees(tree, copy)
+    assert_equal_references(tree, copy, scenario.start)
+    arrays = unsigned(unpacked(packed(tree)))
+    for vertex, component in ((0, 0), (len(arrays["in_goal"]) - 1, 2)):
+        states = arrays["states"].copy()
+        states[vertex, component] = np.nan
+        with pytest.raises(OptionError, match="states is not finite"):
+            tree_file.load(repacked({**arrays, "states": states}), tree.space, tree.steering)

@@ -1,0 +1,256 @@
+"""Guides of any system: their gains are Riccati's where all is linear, derivatives are exact, and weights are honest.
+
+A mass (`DoubleIntegrator`) is the linear case, a car that accelerates the other one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
+from pirrht.problem import Problem
+from pirrht.proposals.any_guide import Course, DDPGuide
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.backward_pass import diagonalise, recompose
+from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.steering.double_integrator import MassSteering
+from pirrht.steering.trajectory import Trajectory, running_cost
+from pirrht.systems.double_integrator import DoubleIntegrator
+from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.second_order_car import SecondOrderCar
+from sim.mjcf import load
+
+STEP = 0.1
+START, BELOW, ABOVE = (np.array(x) for x in ((1.0, 2.5, 0.0, 0.0), (0.5, 0.5, 0.0, 0.0), (1.0, 3.5, 0.5, 0.8)))
+
+
+def in_the_open(dynamics: Dynamics) -> PathIntegral:
+    """A sampler in a wide empty room."""
+    scene = Scene(
+        name="open", lower=np.array([-20.0, -20.0]), upper=np.array([20.0, 20.0]), obstacles=(),
+        goal=Goal(center=np.array([3.0, 1.0]), radius=0.4), start=np.zeros(3), robot_radius=0.15,
+    )  # fmt: skip
+    R = 0.02 * np.linalg.inv(dynamics.B_c(np.zeros(4)) @ dynamics.B_c(np.zeros(4)).T)
+    return PathIntegral(Problem(dynamics=dynamics, scene=scene, R=R), FreeSpace.of(scene), Sampling(dt=STEP))
+
+
+@cache
+def slit() -> tuple[Problem, FreeSpace, HomologyTree]:
+    """A mass in `slit`."""
+    problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=load("slit", robot="puck").scene, R=2 * np.eye(2))
+    space = FreeSpace.of(problem.scene)
+    tree = HomologyTree(space, MassSteering.of(problem), limit=0.6, rng=np.random.default_rng(0))
+    tree.grow(1000)
+    return problem, space, tree
+
+
+def guidance_of(integral: PathIntegral) -> DDPGuidance:
+    assert isinstance(integral.guidance, DDPGuidance)
+    return integral.guidance
+
+
+def around(x: Array) -> tuple[PathIntegral, Array, Reference, DDPGuide]:
+    """A sampler in `slit`, its grid, the cheapest reference from x (4,) and its guide."""
+    problem, space, tree = slit()
+    reference = tree.references(x)[0]
+    integral = PathIntegral(problem, space, Sampling(dt=STEP, draws="independent", threads=1))
+    times = integral.grid(running_cost(problem, x, reference.trajectory))
+    key = space.homology.key(reference.winding)
+    guide = guidance_of(integral).improve(x, times, key, reference.trajectory)
+    assert guide is not None
+    assert guide.valid
+    return integral, times, reference, guide
+
+
+def drawn(
+    integral: PathIntegral, x: Array, times: Array, leads: tuple[ProposalControl, ...], count: int, seed: int
+) -> Array:
+    """Log weights of samples around leads, `count` each."""
+    proposals = tuple(Proposal(lead=lead, count=count) for lead in leads)
+    return integral.rollout(Batch(state=x, times=times, proposals=proposals), seed).log_weight
+
+
+def mean_and_error(log_weight: Array) -> tuple[float, float, float]:
+    """log psi, its standard error and the share of effective samples."""
+    top = log_weight.max()
+    w = np.exp(log_weight - top)
+    return (
+        float(top + np.log(w.mean())),
+        float(w.std() / w.mean() / np.sqrt(len(w))),
+        float(w.mean() ** 2 / (w**2).mean()),
+    )
+
+
+def course_of(guide: DDPGuide) -> Course:
+    return Course(
+        guide.states.copy(), guide.modes.copy(), guide.gains.copy(), guide.share.copy(), guide.inverse.copy(),
+        guide.volume.copy(), np.zeros_like(guide.modes), np.zeros_like(guide.states[:, :2]),
+    )  # fmt: skip
+
+
+def test_in_the_open_a_masss_gains_are_those_of_riccatis_recursion():
+    """From the Hessian of the time to the goal's rim back, under the exact step of a mass that sways."""
+    integral = in_the_open(DoubleIntegrator(b=0.1))
+    lam, b, T = integral.problem.temperature, 0.1, 40
+    times = STEP * np.arange(T + 1)
+    u = np.tile([1.0, 0.3], (20, 1))
+    push = Trajectory(controls=u, durations=np.full(20, STEP), path=None, cost=2.0, length=3.0)
+    guide = guidance_of(integral).improve(np.zeros(4), times, 0, push)
+    assert guide is not None
+
+    def rim(x: Array) -> float:
+        gap, v = np.array([3.0, 1.0]) - x[:2], x[2:]
+        along = gap @ v / np.sqrt(v @ v)
+        return float((along - np.sqrt(0.16 - gap @ gap + along**2)) / np.sqrt(v @ v))
+
+    h, unit, end = 2e-4, np.eye(4), guide.states[guide.length]
+    corners = ((1, 1), (-1, -1), (1, -1), (-1, 1))
+    P = np.array([
+        [sum(s * t * rim(end + h * (s * unit[i] + t * unit[j])) for s, t in corners) / (4 * h * h) for j in range(4)]
+        for i in range(4)
+    ])  # fmt: skip
+    A = np.eye(4) + STEP * np.eye(4, k=2)
+    C = b * STEP * np.block([
+        [0.5 * STEP * np.eye(2), -STEP / np.sqrt(12.0) * np.eye(2)], [np.eye(2), np.zeros((2, 2))]
+    ])  # fmt: skip
+    for i in range(guide.length - 1, -1, -1):
+        stiff = lam * STEP * np.eye(4) + C.T @ P @ C
+        K = -np.linalg.solve(stiff, C.T @ P @ A)
+        np.testing.assert_allclose(guide.gains[i], K, atol=2e-4 * np.abs(K).max())
+        left = lam * STEP * np.linalg.inv(stiff)
+        if np.linalg.eigvalsh(left).max() <= 1.0:
+            np.testing.assert_allclose(guide.share[i] @ guide.share[i], left, atol=1e-4)
+        np.testing.assert_allclose(guide.share[i] @ guide.inverse[i], np.eye(4), atol=1e-12)
+        assert guide.volume[i] == pytest.approx(np.linalg.slogdet(guide.share[i])[1], abs=1e-10)
+        assert np.linalg.eigvalsh(guide.share[i]).max() <= 1.0 + 1e-12
+        P = A.T @ P @ A + A.T @ P @ C @ K
+        P = 0.5 * (P + P.T)
+
+
+def test_derivatives_of_a_step_are_those_of_complex_steps():
+    """First ones to 1e-7; second ones to 1e-4, against central differences of complex steps. A car that accelerates."""
+    integral = in_the_open(SecondOrderCar(b=0.1))
+    B, costate = integral.problem.dynamics.B_c(np.zeros(4)), np.array([0.7, -1.2, 0.4, 2.0])
+
+    def step(z: Array) -> Array:
+        x, a, mean, f = z[:4], B @ z[4:6], z[:4].copy(), np.zeros(4, complex)
+        mean[2:] += STEP * (0.5 * a - B @ z[6:] / np.sqrt(12.0))
+        f[:2] = mean[3] * np.cos(mean[2]), mean[3] * np.sin(mean[2])
+        moved = x + STEP * f
+        moved[2:] += STEP * a
+        return moved
+
+    def jacobian(z: Array) -> Array:
+        return np.array([step(z + 1e-30j * e).imag / 1e-30 for e in np.eye(8)]).T
+
+    z = np.array([0.3, -0.4, 0.8, 1.1, 2.0, -3.0, 1.0, 0.5])
+    J, S = np.zeros((5, 8)), np.zeros((8, 8))
+    guidance_of(integral).passes.expand(
+        integral.setup, z[:4], z[4:], STEP, costate, guidance_of(integral).active, True, J, S
+    )
+    np.testing.assert_allclose(J[:4], jacobian(z), atol=1e-7)
+    np.testing.assert_allclose(J[4], 0.0, atol=1e-9)
+    exact = np.array([costate @ (jacobian(z + 1e-5 * e) - jacobian(z - 1e-5 * e)) / 2e-5 for e in np.eye(8)])
+    np.testing.assert_allclose(S, exact, atol=1e-4)
+    assert guidance_of(integral).active == 0b1100
+    assert guidance_of(integral).tasks[1.0].curved
+
+
+@pytest.mark.parametrize("x", [START, BELOW, ABOVE], ids=["start", "below", "above"])
+def test_psi_of_a_mass_does_not_depend_on_the_guide(x):
+    """Tape, guide, guide put aside with weaker gains, first and second together; within 3 errors. Seeds 1 to 4."""
+    integral, times, reference, guide = around(x)
+    aside = replace(guide, states=guide.states + np.array([0.02, -0.02, 0.0, 0.03]), gains=0.7 * guide.gains)
+    tape = Tape(times, reference.trajectory.tape(times))
+    found = []
+    for seed, leads in enumerate(
+        [(tape,), (LinearFeedback(guide),), (LinearFeedback(aside),), (tape, LinearFeedback(guide))], start=1
+    ):
+        found.append(mean_and_error(drawn(integral, x, times, leads, 20_000, seed)))
+    assert all(error < 0.1 for _, error, _ in found)
+    assert found[1][1] < 0.01
+    for i, (one, its, _) in enumerate(found):
+        for other, error, _ in found[:i]:
+            assert abs(one - other) < 3.0 * np.hypot(its, error)
+
+
+@pytest.mark.parametrize(
+    ("x", "times_more"), [(START, 2.5), (BELOW, 4.0), (ABOVE, 10.0)], ids=["start", "below", "above"]
+)
+def test_a_masss_guide_makes_samples_count(x, times_more):
+    """More than half of the samples are effective, several times what a tape leaves of them. Seed 5."""
+    integral, times, reference, guide = around(x)
+    tape = Tape(times, reference.trajectory.tape(times))
+    led = mean_and_error(drawn(integral, x, times, (LinearFeedback(guide),), 20_000, 5))[2]
+    held = mean_and_error(drawn(integral, x, times, (tape,), 20_000, 5))[2]
+    assert led > 0.5
+    assert led > times_more * held
+
+
+def test_a_last_guide_is_where_the_next_one_starts():
+    integral, times, reference, guide = around(START)
+    elapsed = 0.25
+    x = np.array([np.interp(elapsed, times, column) for column in guide.states.T])
+    key = integral.space.homology.key(reference.winding)
+    later = guidance_of(integral).improve(x, times, key, reference.trajectory, guide, elapsed)
+    assert later is not None
+    assert later.valid
+    assert later.cost == pytest.approx(
+        guide.cost - elapsed * (1.0 + (guide.tape[:2] ** 2).sum(axis=1).mean()), abs=0.01
+    )
+    np.testing.assert_allclose(later.tape[:20], guide.tape[2:22], atol=0.1)
+    rest = guide.rest(elapsed, integral.space.scene.goal.center)
+    assert rest is not None
+    np.testing.assert_allclose(rest.points[-1], integral.space.scene.goal.center)
+    np.testing.assert_allclose(rest.tape(times)[:20], guide.tape[2:22])
+
+
+def test_between_plans_the_lead_is_the_guides_control_plus_its_gains():
+    _, times, _, guide = around(START)
+    lead, off = LinearFeedback(guide), np.array([0.01, -0.02, 0.03, 0.01])
+    np.testing.assert_allclose(lead.held(START + off), 0.1 * (guide.modes[0] + guide.gains[0] @ off)[:2], rtol=1e-12)
+    first, last = lead(guide.states[0], 0.0), lead(guide.states[1], float(times[1]) - 1e-12)
+    np.testing.assert_allclose(0.5 * (first + last), guide.tape[0], rtol=1e-6)
+    np.testing.assert_allclose(last - first, 2.0 * np.sqrt(3.0) * 0.1 * guide.modes[0, 2:], atol=1e-6)
+
+
+@pytest.mark.thorough
+def test_a_car_that_accelerates_is_led_whatever_turns_its_heading_has_made():
+    """psi from a tape and from a guide within 3 errors, seeds 1 and 2; a turn more changes no sample."""
+    integral, x = in_the_open(SecondOrderCar(b=0.2)), np.array([0.0, 0.0, 0.2, 0.8])
+    times, steps = STEP * np.arange(61), 25
+    push = Trajectory(
+        controls=np.tile([0.1, 0.5], (steps, 1)), durations=np.full(steps, STEP), path=None, cost=2.5, length=3.0
+    )
+    guide = guidance_of(integral).improve(x, times, 0, push)
+    assert guide is not None
+    one, its, _ = mean_and_error(drawn(integral, x, times, (Tape(times, guide.tape),), 20_000, 1))
+    led = drawn(integral, x, times, (LinearFeedback(guide),), 20_000, 2)
+    other, error, share = mean_and_error(led)
+    assert abs(one - other) < 3.0 * np.hypot(its, error)
+    assert share > 0.5
+    turned = x + np.array([0.0, 0.0, 2.0 * np.pi, 0.0])
+    np.testing.assert_allclose(drawn(integral, turned, times, (LinearFeedback(guide),), 20_000, 2), led, atol=1e-6)
+    np.testing.assert_allclose(LinearFeedback(guide)(turned, 0.03), LinearFeedback(guide)(x, 0.03), atol=1e-9)
+
+
+def test_jacobis_rotations_find_eigenvalues_and_vectors():
+    rng = np.random.default_rng(3)
+    for m in (1, 2, 4, 6):
+        A = rng.normal(size=(m, m))
+        A = A + A.T
+        work, vectors, again = A.copy(), np.empty((m, m)), np.empty((m, m))
+        diagonalise(work, vectors)
+        np.testing.assert_allclose(np.sort(np.diag(work)), np.linalg.eigvalsh(A), atol=1e-12)
+        recompose(work, vectors, again)
+        np.testing.assert_allclose(again, A, atol=1e-12)

@@ -1,0 +1,114 @@
+"""What the clearance along a step costs: its derivatives, and that backward passes know what small steps gain."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from discs import disc
+
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.problem import Problem
+from pirrht.proposals.any_guide import DDPGuide, empty_course
+from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.clearance_cost import expand_price, price_of
+from pirrht.proposals.leads import LinearFeedback
+from pirrht.rollouts.records import FINER
+from pirrht.steering.trajectory import Trajectory
+from pirrht.systems.double_integrator import DoubleIntegrator
+
+STEP = 0.1
+
+
+@cache
+def beside_a_pillar() -> tuple[PathIntegral, DDPGuidance]:
+    """A mass before a pillar of radius 0.3 that stands in its way to the goal."""
+    scene = Scene(
+        name="pillar", lower=np.zeros(2), upper=np.array([5.0, 4.0]), start=np.array([0.5, 2.0, 0.0]),
+        obstacles=(disc("pillar", 2.0, 1.9, 0.3),), robot_radius=0.1,
+        goal=Goal(center=np.array([4.0, 2.0]), radius=0.3),
+    )  # fmt: skip
+    problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
+    integral = PathIntegral(problem, FreeSpace.of(scene), Sampling(dt=STEP, threads=1))
+    assert isinstance(integral.guidance, DDPGuidance)
+    return integral, integral.guidance
+
+
+@cache
+def above_the_pillar() -> tuple[Array, DDPGuide]:
+    """The guide around it, on the side of its greater distance from the straight way."""
+    integral, guidance = beside_a_pillar()
+    up = np.array([[1.0, 0.5]] * 10 + [[0.6, -0.55]] * 22)
+    push = Trajectory(controls=up, durations=np.full(32, STEP), path=None, cost=3.2, length=3.6)
+    times = STEP * np.arange(90)
+    key = integral.space.homology.key((0,))
+    guide = guidance.improve(np.array([0.5, 2.0, 0.0, 0.0]), times, key, push)
+    assert guide is not None
+    assert guide.valid
+    return times, guide
+
+
+def test_the_derivatives_of_a_steps_price_are_those_of_differences():
+    """In both positions and the velocity lost, at 40 places by the pillar, seed 1; Hessians are never indefinite."""
+    integral, guidance = beside_a_pillar()
+    field, task, rng = integral.setup.arena.field, guidance.tasks[100.0], np.random.default_rng(1)
+    g, H, near = np.zeros(6), np.zeros((6, 6)), 0
+
+    def price(z):
+        (x, y), (nx, ny), (bx, by) = z.reshape(3, 2)
+        return price_of(field, task, x, y, nx - x, ny - y, bx, by, STEP, 3, False)
+
+    for _ in range(40):
+        angle, gap = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.02, 0.1)
+        tail = np.array([2.0, 1.9]) + (0.4 + gap) * np.array([np.cos(angle), np.sin(angle)])
+        z = np.concatenate([tail, tail + rng.normal(scale=0.02, size=2), rng.normal(scale=0.5, size=2)])
+        x, y, nx, ny, bx, by = z
+        if not expand_price(field, task, x, y, nx - x, ny - y, bx, by, STEP, 3, False, g, H):
+            continue
+        h = 1e-7
+        slope = np.array([(price(z + h * e) - price(z - h * e)) / (2.0 * h) for e in np.eye(6)])
+        np.testing.assert_allclose(g, slope, atol=2e-3 * np.abs(slope).max())
+        np.testing.assert_allclose(H, H.T, atol=1e-12)
+        assert np.linalg.eigvalsh(H).min() > -1e-9 * np.abs(H).max()
+        near += 1
+    assert near > 30
+
+
+def test_a_backward_pass_knows_what_a_small_step_gains():
+    """Put aside by 1 cm, a guide whose ways bow beside the pillar gains 2 e times what is expected, to 5 %."""
+    integral, guidance = beside_a_pillar()
+    times, guide = above_the_pillar()
+    course = empty_course(len(times) - 1, 4, guidance.width)
+    push = np.zeros_like(guide.modes)
+    push[3, 1], push[9, 1] = 1.0, -1.0
+    course.states[0], course.control[:] = guide.states[0], guide.modes + push
+    trial = empty_course(len(times) - 1, 4, guidance.width)
+    trial.states[0] = guide.states[0]
+    task = guidance.tasks[10.0]
+    forward, backward = guidance.passes.forward, guidance.passes.backward
+    steps, _, before = forward(integral.setup, task, times, course, guide.length, 0.0, 4, trial)
+    course.states[:], course.control[:] = trial.states, trial.control
+    expected = backward(integral.setup, task, times, course, steps, 4, 0.0)
+    share = 1e-3
+    _, _, after = forward(integral.setup, task, times, course, steps, share, 4, trial)
+    assert expected > 1e-3
+    assert before - after == pytest.approx(2.0 * share * expected, rel=0.05)
+
+
+def test_between_the_states_of_a_guide_its_law_is_for_places_on_the_way_and_not_beside_it():
+    """A mass moves along parabolas; chords are on average more than four times as far off them as rows of the law."""
+    _, guide = above_the_pillar()
+    lead, i = LinearFeedback(guide), np.arange(guide.length * FINER) // FINER
+    share = (np.arange(len(i)) % FINER / FINER)[:, None]
+    rows = lead._states(i, share)[:, :2]
+    tail, head = guide.states[i], guide.states[i + 1]
+    chords = (1.0 - share) * tail[:, :2] + share * head[:, :2]
+    on_the_way = chords + 0.5 * share * (1.0 - share) * STEP * (tail[:, 2:] - head[:, 2:])
+    off, beside = (np.abs(line - on_the_way)[FINER:-FINER].mean() for line in (rows, chords))
+    assert beside > 1e-4
+    assert off < 0.25 * beside

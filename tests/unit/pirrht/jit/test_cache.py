@@ -1,0 +1,283 @@
+"""Kernels on disk: named by what they compute, found by the next process, compiled anew where a file is not whole."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from repository import environment
+
+from pirrht.jit import cache
+from pirrht.jit.cache import identity
+from pirrht.jit.jit import DISABLED, as_jitable, kernel
+
+pytestmark = pytest.mark.skipif(DISABLED, reason="nothing is compiled")
+
+SYSTEM = '''
+import math
+import numpy as np
+from typing import NamedTuple
+class Pair(NamedTuple):
+    first: float
+    second: float
+SPEED = 1.5
+TABLE = np.array([1.0, 2.0])
+def helper(x):
+    """A helper."""
+    return SPEED * x
+def drift(x, p, out): out[0] = math.cos(x[0]) * helper(1.0) + np.abs(TABLE[0]) + Pair(1.0, 2.0).first
+'''
+
+
+def named(source: str) -> str | None:
+    """The name of `drift` in a module of some source."""
+    scope: dict[str, object] = {"__name__": "users"}
+    exec(source, scope)
+    return identity(scope["drift"])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("edit", [("SPEED =", "\n\n# a comment\nSPEED ="), ("A helper.", "What it does.")])
+def test_neither_place_nor_docstring_is_part_of_a_name(edit: tuple[str, str]):
+    assert named(SYSTEM) is not None
+    assert named(SYSTEM) == named(SYSTEM.replace(*edit))
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        ("1.5", "1.6"),
+        ("[1.0, 2.0]", "[1.0, 2.5]"),
+        ("SPEED * x", "SPEED + x"),
+        ("math.cos", "math.sin"),
+        ("out[0]", "out[1]"),
+        ("    first: float\n    second", "    second: float\n    first"),
+    ],
+)
+def test_whatever_a_function_reads_is_part_of_its_name(edit: tuple[str, str]):
+    source = SYSTEM.replace(*edit).replace("first: float\n    first", "second: float\n    first")
+    assert named(SYSTEM) != named(source)
+
+
+@pytest.mark.parametrize("value", ["object()", "[1.0]", "__import__('os')"])
+def test_what_could_change_unseen_leaves_a_function_without_a_name(value: str):
+    assert named(SYSTEM.replace("SPEED = 1.5", f"SPEED = {value}")) is None
+
+
+def test_a_kernel_around_a_nameless_function_has_no_name_either():
+    hidden = [1.0]
+
+    def nameless(x: float) -> float:
+        return x + len(hidden)
+
+    inner = as_jitable(nameless)
+
+    def outer(x: float) -> float:
+        return float(inner(x))
+
+    assert identity(nameless) is None
+    assert identity(outer) is None
+
+
+def test_a_function_that_calls_itself_has_no_name():
+    def around(x: float) -> float:
+        return around(x - 1.0) if x > 0.0 else x
+
+    assert identity(around) is None
+    np.testing.assert_equal(kernel(lambda x: 2.0 * x)(1.5), 3.0)
+
+
+# A package of three folders: a kernel calls an inlined function, which calls one two folders down.
+PACKAGE = {
+    "outer/__init__.py": "",
+    "outer/inner/__init__.py": "",
+    "outer/inner/deep.py": '''
+from pirrht.jit.jit import inlined
+@inlined
+def step(x):
+    """A step."""
+    return x + 1.0
+''',
+    "outer/middle.py": """
+from pirrht.jit.jit import inlined
+from outer.inner.deep import step
+@inlined
+def twice(x):
+    return step(step(x))
+""",
+    "kernels.py": """
+import sys
+from numba.core import event
+from pirrht.jit.jit import kernel
+from outer.inner.deep import step
+from outer.middle import twice
+@kernel
+def four(x):
+    return twice(twice(x))
+@kernel
+def other(x):
+    return 10.0 * x
+made = []
+class Heard(event.Listener):
+    def on_start(self, happening): made.append(happening.data["dispatcher"].py_func.__name__)
+    def on_end(self, happening): pass
+event.register("numba:compile", Heard())
+print(four(1.0), other(1.0), *sorted(set(made)))
+""",
+}
+
+
+WRITES = """
+def one(builder):
+    \"\"\"Write.\"\"\"
+    builder.ret(1)
+def other(builder):
+    builder.ret(2)
+"""
+
+
+@pytest.mark.parametrize(
+    ("edit", "same"), [(("Write.", "Write one."), True), (("ret(1)", "ret(3)"), False), (("ret(2)", "ret(3)"), False)]
+)
+def test_code_that_writes_code_counts_but_for_docstrings(
+    tmp_path: Path, monkeypatch, edit: tuple[str, str], same: bool
+):
+    digests = []
+    for name, source in (("before", WRITES), ("after", WRITES.replace(*edit))):
+        (tmp_path / f"{name}.py").write_text(source)
+        monkeypatch.setitem(sys.modules, name, SimpleNamespace(__file__=str(tmp_path / f"{name}.py")))
+        digests.append(cache._code_of_module(name))
+    cache._code_of_module.cache_clear()
+    assert (digests[0] == digests[1]) is same
+
+
+class Users:
+    """A folder with a package of somebody's kernels, and what a process that runs it prints."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.cache = folder, folder / "cache"
+        for name, source in PACKAGE.items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text(source)
+
+    def edit(self, name: str, before: str, after: str) -> None:
+        path = self.folder / name
+        path.write_text(path.read_text().replace(before, after))
+        shutil.rmtree(path.parent / "__pycache__", ignore_errors=True)
+
+    def begin(self, cache: Path | None = None) -> subprocess.Popen[str]:
+        known = environment() | {"NUMBA_CACHE_DIR": str(cache or self.cache)}
+        command = [sys.executable, str(self.folder / "kernels.py")]
+        return subprocess.Popen(command, env=known, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    def run(self, cache: Path | None = None) -> tuple[list[str], list[str]]:
+        process = self.begin(cache)
+        said, told = process.communicate()
+        assert process.returncode == 0, told
+        return said.split(), told.splitlines()
+
+
+ALL = ["5.0", "10.0", "four", "other", "step", "twice"]
+
+
+@pytest.fixture
+def users(tmp_path: Path) -> Users:
+    return Users(tmp_path)
+
+
+@pytest.mark.slow
+def test_an_edit_costs_the_kernels_that_it_touches_and_their_callers(users: Users):
+    assert users.run() == (ALL, [])
+    assert users.run() == (["5.0", "10.0"], [])
+    users.edit("outer/inner/deep.py", "A step.", "One step, in other words.")
+    users.edit("outer/middle.py", "@inlined", "# a comment\n@inlined")
+    assert users.run() == (["5.0", "10.0"], [])
+    users.edit("kernels.py", "10.0 * x", "11.0 * x")
+    assert users.run() == (["5.0", "11.0", "other"], [])
+    users.edit("outer/inner/deep.py", "x + 1.0", "x + 2.0")
+    assert users.run() == (["9.0", "11.0", "four", "step", "twice"], [])
+    users.edit("outer/inner/deep.py", "x + 2.0", "x + 1.0")
+    assert users.run() == (["5.0", "11.0"], [])
+
+
+@pytest.mark.slow
+def test_what_is_compiled_anew_after_its_file_was_lost_is_called_by_what_is_there(users: Users):
+    """What calls it lies on disk, and its code names what it calls."""
+    users.edit("outer/inner/deep.py", "@inlined", "@kernel")
+    users.edit("outer/inner/deep.py", "import inlined", "import kernel")
+    users.edit("outer/inner/deep.py", "return x + 1.0", "for _ in range(50):\n        x = x + x % 3.0\n    return x")
+    first, _ = users.run()
+    for path in (users.cache / "pirrht" / "kernels").iterdir():
+        if ".step" in path.name or ".four" in path.name:
+            path.unlink()
+    users.edit("kernels.py", "print(four", "step(2.0); print(four")
+    assert users.run()[0] == [*first[:2], "four", "step"]
+
+
+@pytest.mark.slow
+def test_a_large_array_is_read_where_it_lies_in_each_process(users: Users):
+    """Its address is part of the code, which is not kept."""
+    table = "import numpy as np\nTABLE = np.arange(300_000.0)\n"
+    users.edit("kernels.py", "@kernel\ndef other", f"{table}@kernel\ndef other")
+    users.edit("kernels.py", "10.0 * x", "10.0 * TABLE[int(x)]")
+    first, second = users.run()[0], users.run()[0]
+    assert first[:2] == second[:2] == ["5.0", "10.0"]
+    assert "other" in second
+    assert "four" not in second
+
+
+@pytest.mark.slow
+def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(users: Users):
+    both = [process.communicate()[0].split() for process in [users.begin(), users.begin()]]
+    assert [one[:2] for one in both] == [["5.0", "10.0"]] * 2
+    assert sorted(name for one in both for name in one[2:]) == ALL[2:]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: content[:-100] + bytes([content[-100] ^ 1]) + content[-99:],
+        lambda content: b"",
+        lambda content: content[: len(content) // 2],
+        lambda content: b"\x80\x05X\xff\xff\xff\x7f",  # a pickle that asks for 2 GB
+    ],
+    ids=["a bit", "empty", "half", "greedy"],
+)
+def test_a_damaged_file_is_compiled_anew_with_one_line(users: Users, damage):
+    users.run()
+    for path in (users.cache / "pirrht" / "kernels").iterdir():
+        path.write_bytes(damage(path.read_bytes()))
+    said, told = users.run()
+    assert said == ALL
+    assert len(told) == 1
+    assert "damaged" in told[0]
+    assert users.run() == (["5.0", "10.0"], [])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cache", ["kernels.py/cache", "/proc/nowhere"])
+def test_where_nothing_can_be_kept_kernels_work_and_one_line_says_so(users: Users, cache: str):
+    said, told = users.run(users.folder / cache)
+    assert said == ALL
+    assert len(told) == 1
+    assert "NUMBA_CACHE_DIR" in told[0]
+
+
+@pytest.mark.slow
+def test_what_was_not_loaded_for_a_month_is_removed(users: Users):
+    users.run()
+    kernels = users.cache / "pirrht" / "kernels"
+    old, used = (list(kernels.glob(f"{name}-*")) for name in ("__main__.other", "__main__.four"))
+    for path in (*old, *used):
+        os.utime(path, (0.0, time.time() - 40 * 86400.0))
+    users.edit("kernels.py", "10.0 * x", "12.0 * x")
+    assert users.run()[0] == ["5.0", "12.0", "other"]
+    assert not any(path.exists() for path in old)
+    assert sum(path.exists() for path in used) == 1  # what Python calls; what it was made of is not loaded any more

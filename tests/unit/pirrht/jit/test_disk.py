@@ -1,0 +1,100 @@
+"""Kernels of somebody else are not run, however they came to lie where kernels are looked for."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from pirrht.jit import cache, disk
+
+KEY = "kernels.four-0123"
+NOBODY = 65534
+ROOT = pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away")
+
+
+class Trap:
+    """Leaves a file where it is unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.mark),)
+
+
+@pytest.fixture
+def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of kernels in which there is one that runs code when it is loaded."""
+    monkeypatch.setattr(disk, "folder", lambda: tmp_path / "pirrht")
+    monkeypatch.setattr(cache, "_warned", set())
+    content = pickle.dumps(Trap(tmp_path / "ran"))
+    before = os.umask(0)  # a user who lets everybody write: not to what is run
+    try:
+        disk.write(KEY, hashlib.sha256(content).digest() + content)
+    finally:
+        os.umask(before)
+    return tmp_path / "pirrht" / "kernels"
+
+
+def given_away(path: Path) -> None:
+    os.chown(path, NOBODY, NOBODY)
+
+
+def opened(path: Path) -> None:
+    path.chmod(0o777)
+
+
+def shared(path: Path) -> None:
+    path.chmod(0o775)
+
+
+def linked(path: Path) -> None:
+    path.rename(path.with_name("elsewhere"))
+    path.symlink_to("elsewhere")
+    os.lchown(path, NOBODY, NOBODY)
+
+
+def test_a_kernel_of_ones_own_is_loaded_whatever_new_files_may_be_done_with(kernels: Path, tmp_path: Path, caplog):
+    cache.load(KEY, lambda found: found)
+    assert (tmp_path / "ran").exists()
+    assert not caplog.messages
+
+
+@pytest.mark.parametrize("which", ["folder", "kernels", "file"])
+@pytest.mark.parametrize(
+    "done", [opened, shared, pytest.param(given_away, marks=ROOT), pytest.param(linked, marks=ROOT)]
+)
+def test_what_others_may_have_written_is_not_run_and_one_line_says_so(
+    kernels: Path, tmp_path: Path, caplog, which: str, done: Callable[[Path], None]
+):
+    done({"folder": kernels.parent, "kernels": kernels, "file": kernels / KEY}[which])
+    assert cache.load(KEY, lambda found: found) is None
+    cache.save(KEY, lambda: 1.0)
+    assert not (tmp_path / "ran").exists()
+    assert len(caplog.messages) == (which != "file" or done is not linked)  # a link is replaced without a word
+    assert all("another user may" in line for line in caplog.messages)
+    if which == "file":
+        assert cache.load(KEY, lambda found: found) == 1.0  # replaced by what was compiled
+    else:
+        assert not cache.kept()
+
+
+def test_a_kernel_that_is_a_pipe_is_none(kernels: Path):
+    (kernels / KEY).unlink()
+    os.mkfifo(kernels / KEY)
+    assert cache.load(KEY, lambda found: found) is None
+
+
+def test_a_file_of_the_current_folder_does_not_say_where_kernels_are(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(cache.numba.config, "CACHE_DIR", str(tmp_path))  # as .numba_config.yaml does
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
+    disk.folder.cache_clear()
+    try:
+        assert disk.folder() == tmp_path / "mine" / "pirrht"
+    finally:
+        disk.folder.cache_clear()

@@ -1,0 +1,184 @@
+"""What Python calls and what kernels call; code of several processes in one; what is used of numba's own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from numba.core import codegen, compiler, typed_passes
+from numba.core.bytecode import FunctionIdentity
+from numba.core.registry import CPUDispatcher
+from numba.core.typing import templates
+from repository import environment
+
+from pirrht.jit import linking
+from pirrht.jit.jit import DISABLED, inlined, jitable, kernel
+
+pytestmark = pytest.mark.skipif(DISABLED, reason="nothing is compiled")
+
+TIMES = """
+import math
+import sys
+from pirrht.jit.jit import kernel
+
+def times(factor):
+    @kernel
+    def product(x):  # too long to be inlined
+LINES        return factor * x
+
+    @kernel
+    def twice(x):
+        return product(x) + product(2.0 * x)
+    return twice
+
+if __name__ == "__main__":
+    for factor in sys.argv[1:]:
+        print(round(times(float(factor))(1.0)))
+""".replace("LINES", "        x += math.sin(x) ** 2 + math.cos(x) ** 2 - 1.0\n" * 100)
+FORKED = """
+import os
+from pirrht.jit import jit
+from numba.core.bytecode import FunctionIdentity
+child = os.fork()
+if child:
+    os.waitpid(child, 0)
+print(next(FunctionIdentity._unique_ids), flush=True)
+"""
+
+
+def test_a_third_process_does_not_mistake_code_of_two_that_compiled_alike(tmp_path):
+    script = tmp_path / "times.py"
+    script.write_text(TIMES)
+
+    def said(*factors: str) -> list[str]:
+        known = environment() | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        command = [sys.executable, str(script), *factors]
+        return subprocess.run(command, env=known, capture_output=True, text=True, check=True).stdout.splitlines()
+
+    assert [said("2"), said("3")] == [["6"], ["9"]]
+    assert said("2", "3") == ["6", "9"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_child_counts_otherwise_than_its_parent():
+    done = subprocess.run([sys.executable, "-c", FORKED], env=environment(), capture_output=True, text=True, check=True)
+    childs, mine = map(int, done.stdout.split())
+    assert abs(mine - childs) > 1000  # both alike with a chance of one in 10^11
+
+
+@jitable
+def _squared(x):
+    return x * x
+
+
+@inlined
+def _sum(x, y):
+    return _squared(x) + y
+
+
+def test_a_function_is_called_alike_from_python_and_from_kernels():
+    @kernel
+    def whole(row):
+        out = np.empty(row.shape[0])
+        for i in range(row.shape[0]):
+            out[i] = _sum(row[i], 2)
+        return out
+
+    np.testing.assert_array_equal(whole(np.arange(3.0)), [2.0, 3.0, 6.0])
+    assert (_squared(3.0), _sum(3.0, 1.0)) == (9.0, 10.0)
+
+
+@pytest.fixture
+def nothing_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels are compiled, whatever lies on disk."""
+    monkeypatch.setattr(linking.cache, "key_of", lambda *_: None)
+
+
+@pytest.mark.usefixtures("nothing_kept")
+def test_a_kernel_is_compiled_once_for_every_short_whole_number_and_literal():
+    @kernel
+    def next_of(i):
+        return i + 1
+
+    @kernel
+    def asking(row):
+        return next_of(row[0]) + next_of(5) + next_of(row.shape[0])
+
+    assert asking(np.array([3], np.int32)) == 12
+    assert len(next_of.part.overloads) == 1
+
+
+def _nested():
+    """Make a kernel and one that calls it."""
+
+    @kernel
+    def below(x):
+        return x + 1.0
+
+    @kernel
+    def above(x):
+        return below(x)
+
+    return below, above
+
+
+@pytest.mark.usefixtures("nothing_kept")
+def test_only_what_python_calls_becomes_machine_code():
+    below, above = _nested()
+    assert above(1.0) == 2.0
+    assert not below.overloads
+    (part,) = below.part.overloads.values()
+    assert isinstance(part.library, linking.PartLibrary)
+    assert part.library._final_module.get_function(part.fndesc.llvm_func_name).linkage.name == "linkonce_odr"
+
+
+def test_functions_of_numba_become_parts_that_kernels_share(monkeypatch):
+    monkeypatch.setattr(linking.cache, "load", lambda *_: None)
+
+    @kernel
+    def rows(n):
+        return np.zeros((n, 2)).shape[0]
+
+    assert rows(3) == 3
+    (template,) = (one for one in rows.part.typingctx._functions[np.zeros] if hasattr(one, "_overload_func"))
+    made = [found[0] for found in template._impl_cache.values() if found[0] is not None]
+    assert made
+    assert all(isinstance(one, linking.Part) for one in made)
+
+
+@pytest.mark.usefixtures("nothing_kept")
+def test_code_that_links_a_part_without_a_name_is_not_kept():
+    _, above = _nested()
+    assert above(1.0) == 2.0
+    (part,) = above.part.overloads.values()
+    assert part.library.bound
+    assert not part.library.parts[0].bound
+
+
+def test_numba_has_what_linking_uses_of_its_own():
+    """Each line is one use: what is missing here is what a new version of numba has changed."""
+    for name in ("compile", "get_call_template", "get_overload", "add_overload"):
+        assert callable(getattr(CPUDispatcher, name))
+    lowering = typed_passes.NativeLowering
+    passes = compiler.DefaultPassBuilder.define_nopython_pipeline(_State()).passes
+    assert [one for one, _ in passes].count(lowering) == 1
+    for name in (
+        "finalize", "add_linking_library", "serialize_using_object_code", "enable_object_caching",
+        "_get_module_for_linking", "_ensure_finalized", "_raise_if_finalized", "_get_compiled_object",
+    ):  # fmt: skip
+        assert callable(getattr(codegen.JITCodeLibrary, name))
+    assert {"_reduce", "_rebuild"} <= set(dir(compiler.CompileResult))
+    assert isinstance(next(FunctionIdentity._unique_ids), int)
+    assert callable(templates._OverloadFunctionTemplate._get_jit_decorator)
+
+
+class _State:
+    """What a builder of passes asks of a compilation."""
+
+    func_ir = None
+
+    class flags:  # noqa: N801
+        no_rewrites, enable_ssa, auto_parallel = False, True, type("Off", (), {"enabled": False})

@@ -1,0 +1,162 @@
+"""The numbers that samples are made of: normal, independent, and the same for everyone who asks again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2, kstest, norm
+
+from pirrht.arrays import Array
+from pirrht.jit.jit import kernel
+from pirrht.jit.streams import fill_normals, logarithm, stream, uniform
+from pirrht.jit.streams import normals as two_normals
+
+
+@kernel
+def _normals(seed, first, out):  # type: ignore[no-untyped-def]
+    for s in range(out.shape[0]):
+        state = stream(seed, first + s)
+        for i in range(0, out.shape[1], 2):
+            state, out[s, i], other = two_normals(state)
+            if i + 1 < out.shape[1]:
+                out[s, i + 1] = other
+
+
+@kernel
+def _normals_abreast(seed, sample, pairs, out):  # type: ignore[no-untyped-def]
+    state = stream(seed, sample)
+    for i in range(0, out.shape[0], 2 * pairs):
+        state = fill_normals(state, pairs, out[i : i + 2 * pairs])
+
+
+@kernel
+def _logs(u, out):  # type: ignore[no-untyped-def]
+    for i in range(u.shape[0]):
+        out[i] = logarithm(u[i])
+
+
+@kernel
+def _uniforms(seed, out):  # type: ignore[no-untyped-def]
+    for s in range(out.shape[0]):
+        state = stream(seed, s)
+        for i in range(out.shape[1]):
+            state, out[s, i] = uniform(state)
+
+
+def normals(seed: int, samples: int, draws: int, first: int = 0) -> Array:
+    out = np.empty((samples, draws))
+    _normals(np.uint64(seed), first, out)
+    return out
+
+
+def _logarithms(u: Array) -> Array:
+    out = np.empty(len(u), np.float32)
+    _logs(u, out)
+    return out
+
+
+def uniforms(seed: int, samples: int, draws: int) -> Array:
+    out = np.empty((samples, draws))
+    _uniforms(np.uint64(seed), out)
+    return out
+
+
+def test_normals_drawn_abreast_are_those_drawn_one_after_the_other():
+    for pairs in (1, 5, 16):
+        abreast = np.empty(160)
+        _normals_abreast(np.uint64(13), 7, pairs, abreast)
+        assert np.array_equal(abreast, normals(13, 1, 160, first=7)[0])
+
+
+@pytest.mark.parametrize("shape", [(1, 200_000), (200_000, 1), (1000, 200)], ids=["one long", "many short", "both"])
+def test_normals_are_normal(shape):
+    """Kolmogorov-Smirnov on 200000 numbers of seed 11: an error of 0.5 % in the law would show."""
+    assert kstest(normals(11, *shape).ravel(), "norm").pvalue > 1e-3
+
+
+@pytest.mark.slow
+def test_the_first_eight_moments_are_those_of_a_normal():
+    """4 million numbers of seed 12; each moment within 4 standard errors."""
+    x = normals(12, 2000, 2000).ravel()
+    exact = {1: 0, 2: 1, 3: 0, 4: 3, 5: 0, 6: 15, 7: 0, 8: 105}
+    for k, moment in exact.items():
+        power = x**k
+        assert abs(power.mean() - moment) < 4 * power.std() / np.sqrt(len(x)), k
+
+
+@pytest.mark.parametrize("bound", [2.0, 3.0, 4.0, 4.5, 5.0])
+def test_both_tails_weigh_what_they_should(bound):
+    """4 million numbers of seed 13: counts beyond a bound are Poisson, within 4 deviations."""
+    x = normals(13, 2000, 2000).ravel()
+    expected = len(x) * norm.sf(bound)
+    for count in (np.sum(x > bound), np.sum(x < -bound)):
+        assert abs(count - expected) < 4 * np.sqrt(expected)
+
+
+def test_the_logarithm_is_within_the_rounding_of_its_numbers():
+    u = np.concatenate([2.0 ** -np.arange(33.0), np.random.default_rng(0).random(20_000)]).astype(np.float32)
+    exact = np.log(u.astype(float))
+    np.testing.assert_allclose(_logarithms(u), exact, rtol=3e-7, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_the_two_numbers_of_a_draw_have_a_uniform_direction_and_a_radius_that_does_not_depend_on_it():
+    """2 million pairs of seed 21; Kolmogorov-Smirnov, and the mean of cos(k angle) times the squared radius."""
+    pairs = normals(21, 2000, 2000).reshape(-1, 2)
+    angle, square = np.arctan2(pairs[:, 1], pairs[:, 0]), np.sum(pairs**2, axis=1)
+    assert kstest(angle, "uniform", args=(-np.pi, 2.0 * np.pi)).pvalue > 1e-3
+    assert kstest(0.5 * square, "expon").pvalue > 1e-3
+    for k in range(1, 9):
+        for wave in (np.cos(k * angle), np.sin(k * angle)):
+            # The variance of wave times a centred exponential of mean 2 is 1/2 times 4.
+            assert abs(np.mean(wave * (square - 2.0))) < 4.5 * np.sqrt(2.0 / len(square)), k
+
+
+def test_uniforms_are_uniform_and_below_one():
+    u = uniforms(14, 1000, 200).ravel()
+    assert u.min() >= 0.0
+    assert u.max() < 1.0
+    assert kstest(u, "uniform").pvalue > 1e-3
+
+
+def test_numbers_of_one_sample_do_not_depend_on_each_other():
+    """Correlations of a draw with the 50 after it, and of squares: 400000 pairs, within 4.5 deviations."""
+    x = normals(15, 2000, 250)
+    for values in (x, x**2 - 1.0):
+        scale = values.var()
+        for lag in range(1, 51):
+            pairs = values[:, lag:] * values[:, :-lag]
+            assert abs(pairs.mean()) / scale < 4.5 / np.sqrt(pairs.size), lag
+
+
+def test_samples_do_not_depend_on_their_neighbours():
+    x = normals(16, 2000, 250)
+    for values in (x, x**2 - 1.0):
+        for gap in (1, 2, 3, 64):
+            pairs = values[gap:] * values[:-gap]
+            assert abs(pairs.mean()) / values.var() < 4.5 / np.sqrt(pairs.size), gap
+
+
+def test_neighbouring_seeds_do_not_depend_on_each_other():
+    one, other = normals(17, 2000, 250), normals(18, 2000, 250)
+    assert abs(np.mean(one * other)) < 4.5 / np.sqrt(one.size)
+    assert not np.any(one == other)
+
+
+def test_the_sum_of_the_first_draws_of_all_samples_has_the_law_of_independent_ones():
+    """Columns are draws, rows samples: the sums over 500 samples, 400 of them, have variance 500 (chi-squared)."""
+    sums = normals(19, 500, 400).sum(axis=0) / np.sqrt(500)
+    assert 1e-3 < chi2.cdf(np.sum(sums**2), df=400) < 1 - 1e-3
+
+
+def test_a_number_depends_on_seed_sample_and_draw_alone():
+    whole = normals(20, 100, 50)
+    np.testing.assert_array_equal(whole, normals(20, 100, 50))
+    np.testing.assert_array_equal(whole[40:60], normals(20, 20, 50, first=40))
+    np.testing.assert_array_equal(whole[:, :10], normals(20, 100, 10))
+    assert len(np.unique(whole)) == whole.size
+
+
+def test_no_two_sequences_start_alike():
+    starts = np.array([stream(np.uint64(seed), s) for seed in (0, 1, 2**63 - 1) for s in range(20000)], dtype=np.uint64)
+    assert len(np.unique(starts)) == len(starts)

@@ -1,0 +1,89 @@
+"""Work shared among threads is over when the call returns, however that ends."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+
+import pytest
+
+from pirrht.jit import threads
+from pirrht.jit.threads import _pool, mapped
+
+
+def test_results_come_in_the_order_of_the_items_whatever_the_number_of_threads():
+    for n in (1, 2, 5):
+        assert mapped(lambda i: i * i, range(40), n) == [i * i for i in range(40)]
+
+
+def test_an_error_of_any_thread_is_raised():
+    def work(i: int) -> int:
+        if i == 7:
+            raise ZeroDivisionError("seven")
+        return i
+
+    with pytest.raises(ZeroDivisionError, match="seven"):
+        mapped(work, range(20), 3)
+
+
+def test_no_thread_still_works_when_interruptions_have_ended_the_call():
+    """Arrays of the caller would be gone under it: two interruptions, one of them while the others are waited for."""
+    working, main = threading.Semaphore(0), threading.main_thread()
+    over: list[int] = []
+
+    def work(i: int) -> int:
+        if threading.current_thread() is main:
+            working.acquire()  # until a helper is at it
+            signal.raise_signal(signal.SIGINT)
+        working.release()
+        timer = threading.Timer(0.05, signal.pthread_kill, [main.ident, signal.SIGINT])
+        timer.start()
+        time.sleep(0.2)
+        timer.join()
+        over.append(i)
+        return i
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            mapped(work, range(2), 2)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert len(over) == 1
+
+
+def test_an_interruption_while_threads_are_sent_waits_for_those_that_are_at_work(monkeypatch):
+    """The first is at its second item when the call that sends it is struck: of that future nobody is told."""
+    working, over = threading.Semaphore(0), []
+
+    def work(i: int) -> int:
+        working.release()
+        time.sleep(0.05)
+        over.append(i)
+        return i
+
+    class Struck:
+        def submit(self, pull):
+            threading.Thread(target=pull).start()
+            for _ in range(2):
+                working.acquire()
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(threads, "_pool", lambda count, process: Struck())
+    with pytest.raises(KeyboardInterrupt):
+        mapped(work, range(1000), 2)
+    then = len(over)
+    assert 2 <= then < 1000
+    time.sleep(0.2)
+    assert len(over) == then
+
+
+def test_all_threads_of_a_pool_are_there_before_it_is_used():
+    """None is begun later, by a thread that a signal may strike meanwhile."""
+    pool = _pool(3, -1)  # of no process
+    before = set(pool._threads)
+    assert len(before) == 3
+    assert list(pool.map(abs, range(-50, 0))) == list(range(50, 0, -1))
+    assert pool._threads == before
+    pool.shutdown()

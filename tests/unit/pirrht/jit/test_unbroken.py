@@ -1,0 +1,95 @@
+"""What interrupts LLVM comes a little later, but it comes."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from types import FrameType
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core import event
+
+from pirrht.jit import unbroken
+
+
+@pytest.fixture
+def heard() -> Iterator[list[str]]:
+    """Signals of Ctrl-C: what became of each."""
+    happened: list[str] = []
+
+    def handler(number: int, _: FrameType | None) -> None:
+        happened.append("waits" if unbroken.waits(number) else "heeded")
+
+    before = signal.signal(signal.SIGINT, handler)
+    yield happened
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_signal_waits_until_the_outermost_work_is_done_and_comes_once(heard: list[str]):
+    with unbroken.unbroken("one"):
+        with unbroken.unbroken("another"):
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+        assert heard == ["waits", "waits"]
+    assert heard == ["waits", "waits", "heeded"]
+
+
+def test_a_signal_that_another_thread_makes_wait_again_is_not_forgotten(monkeypatch):
+    """What is heeded as one work ends may meet the next one, which has begun by then; so it is heeded as that ends."""
+    heeded: list[str] = []
+
+    def main_thread(number: int) -> None:
+        if not heeded:
+            unbroken._begin("of another thread")
+        heeded.append("waits" if unbroken.waits(number) else "heeded")
+
+    monkeypatch.setattr(unbroken, "interrupt_main", main_thread)
+    with unbroken.unbroken("one"):
+        assert unbroken.waits(signal.SIGINT)
+    assert heeded == ["waits"]
+    unbroken._end()
+    assert heeded == ["waits", "heeded"]
+
+
+def test_a_signal_without_any_work_is_heeded_at_once(heard: list[str]):
+    signal.raise_signal(signal.SIGINT)
+    assert heard == ["heeded"]
+
+
+def test_work_that_fails_lets_signals_through_again(heard: list[str]):
+    def failing() -> float:
+        with unbroken.unbroken("one"):
+            signal.raise_signal(signal.SIGINT)
+            return 1.0 / 0.0
+
+    with pytest.raises(ZeroDivisionError):
+        failing()
+    assert heard == ["waits", "heeded"]
+
+
+class During(event.Listener):  # type: ignore[misc]
+    """Interrupts a pass of the compiler when it begins."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def on_start(self, happening: event.Event) -> None:
+        if happening.data["name"].startswith(self.name):
+            signal.raise_signal(signal.SIGINT)
+
+    def on_end(self, happening: event.Event) -> None:
+        pass
+
+
+@pytest.mark.parametrize(("name", "first"), [(unbroken.LOWERING, "waits"), ("nopython_type_inference", "heeded")])
+def test_compiling_is_interrupted_before_and_after_llvm_but_not_within(heard: list[str], name: str, first: str):
+    listener = During(name)
+    event.register("numba:run_pass", listener)
+    try:
+        assert njit(lambda x: x + 1)(np.int64(1)) == 2
+    finally:
+        event.unregister("numba:run_pass", listener)
+    assert heard[0] == first
+    assert heard[-1] == "heeded"

@@ -1,0 +1,283 @@
+"""What the tree finds in the slit is known exactly, and its limits mean what they say."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pirrht.arrays import Array
+from pirrht.errors import NoReference, OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.arcs import Curves
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.planner.graph import class_at
+from pirrht.planner.reference import Reference
+from pirrht.planner.tree import HomologyTree
+from pirrht.shortening.shorten import polish
+from pirrht.steering.dubins import Dubins
+from pirrht.steering.steering import Steering
+from pirrht.steering.straight_line import StraightLine
+from pirrht.topology.homology import class_id
+from sim.scenario import Scenario
+
+EXACT = {"0,0": 8.4, "-1,0": 8.67746, "0,1": 8.67746}  # cost of the taut paths, from their geometry
+
+
+def tree_in(space: FreeSpace, *, seed: int = 0, vertices: int = 300, **options) -> HomologyTree:
+    tree = HomologyTree(space, StraightLine(), rng=np.random.default_rng(seed), **options)
+    tree.grow(vertices)
+    return tree
+
+
+def by_class(references: list[Reference]) -> dict[str, Reference]:
+    return {reference.id: reference for reference in references}
+
+
+# -- the slit ----------------------------------------------------------------------------------------------------
+
+
+def test_the_slit_has_three_classes(slit: Scenario, slit_tree: HomologyTree):
+    references = slit_tree.references(slit.start)
+    assert by_class(references).keys() == EXACT.keys()
+    assert references[0].id == "0,0"
+    assert [r.cost for r in references] == sorted(r.cost for r in references)
+    for reference in references:
+        assert np.all(np.abs(1.0 - reference.signature) <= slit.settings.limit)
+        np.testing.assert_allclose(
+            reference.signature, slit.space.homology.signature(slit.start, reference.winding), atol=1e-12
+        )
+
+
+def test_taut_paths_cost_what_their_geometry_says(slit: Scenario, slit_tree: HomologyTree):
+    for name, reference in by_class(slit_tree.references(slit.start)).items():
+        assert reference.cost == pytest.approx(EXACT[name], rel=0.005)
+        assert reference.cost > EXACT[name] - 1e-6
+        assert reference.cost == pytest.approx(2.0 * reference.length)
+
+
+def test_the_exact_cost_of_the_ways_around_is_that_of_tangents_and_arcs():
+    """From (1, 2.5) around both corners of the upper wall at 0.1 m, and into the disc of 0.3 m at (5.5, 2.5)."""
+    start, goal, r = np.array([1.0, 2.5]), np.array([5.5, 2.5]), 0.1
+    corners = np.array([[2.6, 2.85], [4.2, 2.85]])
+
+    def leg(point: Array, corner: Array) -> tuple[float, float]:
+        """Tangent from a point to the circle above a corner: length, and slope angle."""
+        gap = corner - point
+        d = float(np.hypot(*gap))
+        return float(np.sqrt(d * d - r * r)), float(np.arctan2(gap[1], abs(gap[0])) + np.arcsin(r / d))
+
+    (up, rise), (down, fall) = leg(start, corners[0]), leg(goal, corners[1])
+    length = up + rise * r + 1.6 + fall * r + down - 0.3
+    assert 2.0 * length == pytest.approx(EXACT["-1,0"], abs=1e-5)
+    assert pytest.approx(EXACT["0,0"]) == 2.0 * (4.5 - 0.3)
+
+
+def test_asking_leaves_the_tree_unchanged(slit: Scenario):
+    tree = tree_in(slit.space, limit=0.6)
+    before = [np.array(part) for part in tree.graph]
+    states, draws, where = tree.states.copy(), tree.draws, tree.rng.bit_generator.state
+    for x in ([1.0, 2.5], [2.0, 4.0], [5.0, 1.0]):
+        tree.references(np.array(x))
+        tree.references(np.array(x), polished=False)
+    for old, new in zip(before, tree.graph, strict=True):
+        np.testing.assert_array_equal(old, new)
+    np.testing.assert_array_equal(tree.states, states)
+    assert (tree.draws, tree.rng.bit_generator.state) == (draws, where)
+
+
+def test_growing_more_never_raises_the_best_cost_of_a_class(slit: Scenario):
+    tree = tree_in(slit.space, limit=0.6, vertices=100)
+    best: dict[tuple[int, ...], float] = {}
+    for vertices in range(100, 601, 50):
+        tree.grow(vertices)
+        # The k nearest change with growth; what a vertex has keeps getting better.
+        gr = tree.graph
+        now = {(v, *class_at(gr, v, s)): float(gr.cost[v, s]) for v in range(100) for s in range(gr.nodes[v])}
+        for node, cost in best.items():
+            assert now[node] <= cost + 1e-9
+        best = now
+    assert best
+
+
+def test_references_get_better_with_more_vertices(slit: Scenario, slit_tree: HomologyTree):
+    small = by_class(tree_in(slit.space, limit=0.6, vertices=150).references(slit.start, polished=False))
+    large = by_class(slit_tree.references(slit.start, polished=False))
+    assert small.keys() <= large.keys()
+    assert sum(large[name].cost for name in small) < sum(one.cost for one in small.values())
+
+
+def test_equal_seeds_grow_equal_trees_and_other_seeds_others(slit: Scenario):
+    one, two, three = (tree_in(slit.space, limit=0.6, seed=seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.states[: one.size], two.states[: two.size])
+    np.testing.assert_array_equal(one.graph.cost, two.graph.cost)
+    assert one.draws == two.draws
+    assert not np.array_equal(one.states[1:20], three.states[1:20])
+
+
+@pytest.mark.parametrize("x", [[1.0, 2.5], [0.3, 4.5], [3.4, 2.5], [5.0, 4.7], [2.4, 2.5]])
+def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit, slit_tree, x):
+    x = np.array(x)
+    homology, checker, goal = slit.space.homology, slit_tree.around.checker, slit.problem.scene.goal
+    references = slit_tree.references(x)
+    assert len({reference.id for reference in references}) == len(references) > 0
+    for reference in references:
+        points = np.vstack(reference.path.points(0.02))
+        np.testing.assert_allclose(points[0], x)
+        assert np.hypot(*(points[-1] - goal.center)) == pytest.approx(goal.radius, abs=1e-9)
+        assert homology.winding(points) == reference.winding
+        assert class_id(reference.winding) == reference.id
+        assert np.all(slit.space.collision.clearance(dense(points)) > 0)
+        assert np.hypot(*np.diff(points, axis=0).T).sum() == pytest.approx(reference.length)
+        assert np.all(checker.inspect(reference.path, np.ones(len(reference.path.cost), dtype=np.bool_)).free)
+
+
+# -- limits ------------------------------------------------------------------------------------------------------
+
+
+def test_the_limit_holds_at_every_vertex_and_removes_the_fourth_winding(slit: Scenario):
+    """A path around both walls that turns back through the slit ends allowed, but is not allowed on its way."""
+    wide = by_class(tree_in(slit.space, limit=1.6, vertices=600, classes=0).references(slit.start))
+    narrow = by_class(tree_in(slit.space, limit=0.6, vertices=600, classes=0).references(slit.start))
+    assert narrow.keys() == EXACT.keys() < wide.keys()
+    assert "-1,1" in wide  # its signature at the start is 0.46, 1.54: within 0.6, were it not for the way there
+    assert np.all(np.abs(1.0 - wide["-1,1"].signature) <= 0.6)
+    for name in EXACT:
+        assert wide[name].cost == pytest.approx(narrow[name].cost, rel=0.01)
+
+
+def test_a_limit_of_half_a_turn_and_a_little_allows_the_straight_line_everywhere(slit: Scenario):
+    tree = tree_in(slit.space, limit=0.501, vertices=400)
+    gr = tree.graph
+    for v in range(tree.size):
+        for slot in range(gr.nodes[v]):
+            assert np.all(np.abs(gr.straight[v] + class_at(gr, v, slot)) <= 0.501)
+
+
+@pytest.mark.parametrize("classes", [1, 2, 16])
+def test_a_vertex_keeps_its_cheapest_classes(slit: Scenario, classes: int):
+    unlimited = tree_in(slit.space, limit=1.1, classes=0, vertices=250)
+    capped = tree_in(slit.space, limit=1.1, classes=classes, vertices=250)
+    np.testing.assert_array_equal(capped.states[:250], unlimited.states[:250])
+    all_costs, costs = unlimited.graph, capped.graph
+    for v in range(250):
+        everything = np.sort(all_costs.cost[v, : all_costs.nodes[v]])
+        kept = np.sort(costs.cost[v, : costs.nodes[v]])
+        np.testing.assert_allclose(kept, everything[:classes], atol=1e-9)
+    assert len(capped.references(slit.start)) == min(classes, len(unlimited.references(slit.start)))
+    assert unlimited.graph.pruned[0] == 0
+    assert (capped.graph.pruned[0] > 0) == (classes < all_costs.nodes[:250].max())
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"limit": 0.0}, {"limit": -1.0}, {"limit": np.nan}, {"classes": -1}], ids=["zero", "less", "nan", "K"]
+)
+def test_what_cannot_limit_is_refused(slit: Scenario, wrong: dict[str, float]):
+    with pytest.raises(OptionError, match=next(iter(wrong))):
+        HomologyTree(slit.space, StraightLine(), rng=np.random.default_rng(0), **wrong)
+
+
+# -- polishing ---------------------------------------------------------------------------------------------------
+
+
+@cache
+def posts() -> FreeSpace:
+    """Nine posts between start and goal."""
+    rng = np.random.default_rng(3)
+    spots = [(1.5 + 1.2 * i, 0.9 + 1.2 * j) for i in range(3) for j in range(3)]
+    return FreeSpace.of(
+        Scene(
+            name="posts", lower=np.zeros(2), upper=np.array([6.0, 4.2]), robot_radius=0.1,
+            goal=Goal(center=np.array([5.3, 2.1]), radius=0.3), start=np.array([0.5, 2.1, 0.0]),
+            obstacles=tuple(
+                Obstacle(
+                    name=f"post{i}", kind=Kind.CYLINDER, size=np.array([rng.uniform(0.1, 0.3), 0.2, 0.0]),
+                    position=np.array([*spot, 0.1]), rotation=np.eye(3),
+                )
+                for i, spot in enumerate(spots)
+            ),
+        )
+    )  # fmt: skip
+
+
+def dense(points: Array) -> Array:
+    """Points at most 5 mm apart along a polyline."""
+    pieces = [
+        a + np.linspace(0, 1, max(2, int(np.hypot(*(b - a)) / 0.005)))[:, None] * (b - a)
+        for a, b in zip(points[:-1], points[1:], strict=True)
+    ]
+    return np.vstack(pieces)
+
+
+def check_polished(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
+    """Check every reference of a state; how much the longest shortening saves."""
+    saved = 0.0
+    steering = tree.steering
+    for reference in tree.references(x, polished=False):
+        short = polish(reference.path, steering, tree.space)
+        assert short.length.sum() <= reference.path.length.sum() + 1e-9
+        points = np.vstack(short.points(0.02))
+        np.testing.assert_allclose(points[0], x[:2], atol=1e-9)
+        assert np.hypot(*(points[-1] - space.scene.goal.center)) <= space.scene.goal.radius + 1e-6
+        assert space.homology.winding(points) == reference.winding
+        assert np.all(space.collision.clearance(dense(points)) > 0)
+        saved = max(saved, 1.0 - short.length.sum() / reference.path.length.sum())
+        again = polish(short, steering, tree.space)
+        assert again.length.sum() <= short.length.sum() + 1e-9
+    return saved
+
+
+def test_polishing_a_cars_path_keeps_class_and_freedom_and_never_lengthens():
+    space = posts()
+    tree = HomologyTree(space, Dubins(rho=0.3), limit=0.9, rng=np.random.default_rng(1))
+    tree.grow(300)
+    assert check_polished(space, tree, np.array([0.5, 2.1, 0.3])) > 0.02
+
+
+def test_a_taut_path_is_left_alone(slit: Scenario, slit_tree: HomologyTree):
+    straight: Curves = slit_tree.steering.connect(np.array([[1.0, 2.5]]), np.array([[5.2, 2.5]]))
+    short = polish(straight, slit_tree.steering, slit_tree.space)
+    assert short.length.sum() == pytest.approx(4.2)
+
+
+# -- where there is nothing to do --------------------------------------------------------------------------------
+
+
+def test_without_obstacles_there_is_one_straight_class():
+    scene = Scene(
+        name="empty", lower=np.zeros(2), upper=np.full(2, 5.0), obstacles=(), robot_radius=0.1,
+        goal=Goal(center=np.array([4.0, 4.0]), radius=0.2), start=np.array([1.0, 0.0001, 0.0]),
+    )  # fmt: skip
+    tree = tree_in(FreeSpace.of(scene), vertices=50)
+    (reference,) = tree.references(np.array([1.0, 1.0]))
+    assert reference.id == "-"
+    assert reference.length == pytest.approx(np.hypot(3, 3) - 0.2)
+
+
+def test_a_tree_of_its_root_alone_sees_what_the_goal_sees(slit: Scenario):
+    tree = HomologyTree(slit.space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))
+    assert tree.size == 1
+    (reference,) = tree.references(slit.start)
+    assert reference.cost == pytest.approx(8.4)
+    with pytest.raises(NoReference):
+        tree.references(np.array([1.0, 3.4]))
+
+
+def test_states_that_collide_or_reach_nothing_do_not_become_vertices(slit: Scenario):
+    tree = HomologyTree(slit.space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))
+    for x in ([3.4, 2.8], [6.5, 2.5], [1.0, 3.4]):
+        assert not tree.extend(np.array(x))
+    assert tree.size == 1
+    assert tree.extend(np.array([5.0, 4.0]))
+    assert tree.extend(np.array([1.0, 3.4]))  # now it sees a vertex
+    assert (tree.size, tree.draws) == (3, 5)
+
+
+def test_straight_lines_know_their_nearest_states_without_sorting_all():
+    rng = np.random.default_rng(4)
+    states, steering = rng.uniform(0.0, 5.0, (300, 2)), StraightLine()
+    for count in (1, 7, 300, 400):
+        for x in rng.uniform(0.0, 5.0, (20, 2)):
+            found = steering.nearest(states, x, count, forward=True)
+            assert np.array_equal(found, Steering.nearest(steering, states, x, count, forward=True))

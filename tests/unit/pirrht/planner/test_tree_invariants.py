@@ -1,0 +1,143 @@
+"""The tree is what a search of its finished graph would give, whatever the order of discovery."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.planner.graph import ROOT, Graph, class_at
+from pirrht.planner.tree import HomologyTree
+from pirrht.steering.dubins import Dubins
+from pirrht.steering.steering import Steering
+from pirrht.steering.straight_line import StraightLine
+from pirrht.topology.turns import Turns
+
+Class = tuple[int, ...]
+
+CASES = [
+    (steering, classes)
+    for steering in (StraightLine(), Dubins(rho=0.4))
+    for classes in (1, 3, 8, 0)
+    if classes or isinstance(steering, StraightLine)
+]
+
+
+def posts() -> Scene:
+    """Five posts between start and goal, the goal in reach of many draws."""
+    spots = [(1.6, 2.0), (2.9, 3.2), (3.0, 1.1), (4.2, 2.3), (1.5, 3.7)]
+    return Scene(
+        name="posts", lower=np.zeros(2), upper=np.array([6.0, 4.6]), robot_radius=0.1,
+        goal=Goal(center=np.array([5.3, 2.5]), radius=0.35), start=np.array([0.5, 2.4, 0.0]),
+        obstacles=tuple(
+            Obstacle(
+                name=f"post{i}", kind=Kind.CYLINDER, size=np.array([0.2, 0.2, 0.0]),
+                position=np.array([*spot, 0.1]), rotation=np.eye(3),
+            )
+            for i, spot in enumerate(spots)
+        ),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def space() -> FreeSpace:
+    return FreeSpace.of(posts())
+
+
+def grown(space: FreeSpace, steering: Steering, classes: int, vertices: int = 150) -> HomologyTree:
+    tree = HomologyTree(space, steering, limit=0.8, classes=classes, rng=np.random.default_rng(4))
+    tree.grow(vertices)
+    return tree
+
+
+def nodes(tree: HomologyTree, vertex: int) -> dict[Class, float]:
+    """Classes and costs that the tree keeps at a vertex."""
+    gr = tree.graph
+    return {tuple(class_at(gr, vertex, s)): float(gr.cost[vertex, s]) for s in range(gr.nodes[vertex])}
+
+
+def added(gr: Graph, edge: int) -> NDArray[np.int64]:
+    """Whole turns (M,) that prepending an edge adds."""
+    return Turns(gr.edge_first, gr.edge_marker, gr.edge_turn).dense(edge, gr.straight.shape[1])
+
+
+def searched(tree: HomologyTree) -> list[dict[Class, float]]:
+    """Label-setting search of the finished graph: the K cheapest allowed classes settle at every vertex."""
+    gr, size = tree.graph, tree.size
+    entering: list[list[int]] = [[] for _ in range(size)]
+    for e in range(int(gr.size[1])):
+        entering[gr.head[e]].append(e)
+    settled: list[dict[Class, float]] = [{} for _ in range(size)]
+    none = (0,) * tree.space.homology.M
+    queue: list[tuple[float, int, Class]] = [(0.0, v, none) for v in range(size) if tree.in_goal[v]]
+    heapq.heapify(queue)
+    while queue:
+        cost, v, turns = heapq.heappop(queue)
+        full = tree.classes and len(settled[v]) >= tree.classes
+        if turns in settled[v] or full:
+            continue
+        settled[v][turns] = cost
+        for e in entering[v]:
+            u = int(gr.tail[e])
+            longer = tuple(int(k) for k in np.array(turns) + added(gr, e))
+            if not tree.in_goal[u] and np.all(np.abs(gr.straight[u] + longer) <= tree.limit):
+                heapq.heappush(queue, (cost + float(gr.edge_cost[e]), u, longer))
+    return settled
+
+
+@pytest.mark.parametrize(("steering", "classes"), CASES)
+def test_the_grown_tree_equals_a_search_of_its_graph(space: FreeSpace, steering: Steering, classes: int) -> None:
+    tree = grown(space, steering, classes)
+    expected = searched(tree)
+    for v in range(tree.size):
+        kept = nodes(tree, v)
+        assert kept.keys() == expected[v].keys()
+        for turns, cost in kept.items():
+            assert cost == pytest.approx(expected[v][turns], abs=1e-9)
+    if 0 < classes < 8:
+        assert tree.graph.pruned[0] > 0
+    assert tree.node_count > tree.size or classes == 1
+
+
+@pytest.mark.parametrize(("steering", "classes"), CASES)
+def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: Steering, classes: int) -> None:
+    tree = grown(space, steering, classes)
+    gr = tree.graph
+    for v in range(tree.size):
+        count = int(gr.nodes[v])
+        assert count == len(nodes(tree, v)) == len(set(gr.key[v, :count]))
+        assert count <= classes or not classes
+        for slot in range(count):
+            turns = class_at(gr, v, slot)
+            assert gr.key[v, slot] == tree.space.homology.key(turns)
+            e = gr.parent[v, slot]
+            if e == ROOT:
+                assert tree.in_goal[v]
+                assert gr.cost[v, slot] == 0.0
+                continue
+            assert np.all(np.abs(gr.straight[v] + turns) <= tree.limit)
+            assert gr.tail[e] == v
+            parent = nodes(tree, int(gr.head[e]))[tuple(turns - added(gr, e))]
+            assert gr.cost[v, slot] == pytest.approx(parent + gr.edge_cost[e], abs=1e-9)
+
+
+@pytest.mark.parametrize("steering", [StraightLine(), Dubins(rho=0.4)])
+def test_the_state_of_every_node_is_driven_to_the_goal_in_its_class(space: FreeSpace, steering: Steering) -> None:
+    tree = grown(space, steering, 3)
+    for v in np.flatnonzero(~tree.in_goal[: tree.size])[::7]:
+        for slot in range(int(tree.graph.nodes[v])):
+            states = tree.states[tree.path_of(int(v), slot)]
+            path = tree.around.checker.until_goal(steering.connect(states[:-1], states[1:]))
+            assert path.cost.sum() == pytest.approx(tree.graph.cost[v, slot], abs=1e-9)
+            assert space.homology.winding(np.vstack(path.points(0.01))) == tuple(class_at(tree.graph, int(v), slot))
+            assert np.all(tree.around.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
+
+
+def test_equal_seeds_grow_equal_trees(space: FreeSpace) -> None:
+    one, other = (grown(space, Dubins(rho=0.4), 4) for _ in range(2))
+    np.testing.assert_array_equal(one.states[: one.size], other.states[: other.size])
+    np.testing.assert_array_equal(one.graph.cost, other.graph.cost)

@@ -1,0 +1,147 @@
+"""What the mean of what paths apply tells of the control now: beside a flat wall, in closed form."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from discs import block
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.exact.desirability import Desirability
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.problem import Problem
+from pirrht.proposals.leads import Batch, Proposal
+from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans, shortfall, speed_of
+from pirrht.systems.single_integrator import SingleIntegrator
+
+B = 0.2
+SPEEDS = [0.0, 1e-6, 0.05, 0.4, 1.0]
+
+
+def mean_slope(c: float, s: float, t: float, away: float = 0.0) -> float:
+    """E of (log h)'(Z_t) under the law of h = sinh(g z), by quadrature over passive paths that have not met z = 0.
+
+    Seen from a wall that comes at `-away` [m/s], passive paths drift by `away`.
+    """
+    g, drift = s / B**2, away / B**2
+    rate = 0.5 * B**2 * (g * g - drift * drift)  # at which h decays, in equilibrium: so exp(-drift z) sinh(g z) solves
+
+    def h(z: float) -> float:
+        return math.exp(-drift * z) * (math.sinh(g * z) if g > 0.0 else z)
+
+    def slope(z: float) -> float:
+        return math.exp(-drift * z) * (
+            (g * math.cosh(g * z) if g > 0.0 else 1.0) - drift * (math.sinh(g * z) if g > 0.0 else z)
+        )
+
+    spread = B * math.sqrt(t)
+
+    def density(z: float) -> float:
+        straight = norm.pdf(z, c + away * t, spread)
+        return straight - math.exp(-2.0 * c * drift) * norm.pdf(z, -c + away * t, spread)
+
+    end = c + abs(away) * t + (s + abs(away)) * t + 12.0 * spread
+    return quad(lambda z: slope(z) * density(z), 0.0, end, limit=400)[0] * math.exp(-rate * t) / h(c)
+
+
+@pytest.mark.parametrize("s", SPEEDS)
+@pytest.mark.parametrize("c", [0.01, 0.05, 0.2])
+@pytest.mark.parametrize("away", [0.0, 0.3, -0.3])
+def test_the_mean_of_the_slope_falls_short_by_what_paths_that_would_meet_the_wall_had(s, c, away):
+    """At rest and at constant speed, along the wall and away from it, within 1e-5 of that along it."""
+    span, g, drift = 0.04, s / B**2, away / B**2
+    now = (g / math.tanh(g * c) if g > 0.0 else 1.0 / c) - drift
+    moments, weights = np.polynomial.legendre.leggauss(8)
+    mean = sum(0.5 * w * mean_slope(c, s, 0.5 * (m + 1.0) * span, away) for m, w in zip(moments, weights, strict=True))
+    assert shortfall(c, s, B**2, span) == pytest.approx(now - mean, abs=1e-5 / c)
+
+
+@pytest.mark.parametrize("s", SPEEDS)
+@pytest.mark.parametrize("c", [0.01, 0.05, 0.2])
+def test_the_speed_away_follows_from_the_mean(s, c):
+    """Beside the wall, where a mean tells little of small speeds, so does what is missing."""
+    g, span = s / B**2, 0.01
+    now = g / math.tanh(g * c) if g > 0.0 else 1.0 / c
+    missing = shortfall(c, s, B**2, span)
+    found = speed_of(now - missing, c, B**2, span)
+    assert shortfall(c, found, B**2, span) == pytest.approx(missing, rel=1e-4, abs=1e-12)
+    assert speed_of(now - missing - 30.0, c, B**2, span) <= found
+
+
+def test_far_from_walls_and_in_no_time_nothing_is_missing():
+    assert shortfall(1.0, 0.0, B**2, 0.1) < 1e-20
+    assert shortfall(0.05, 0.0, B**2, 1e-6) < 1e-20
+    assert shortfall(5.0, 100.0, B**2, 0.1) == 0.0
+    assert shortfall(0.01, -3.0, B**2, 0.02) == shortfall(0.01, 0.0, B**2, 0.02)
+
+
+def beside(
+    *walls: tuple[float, tuple[float, float], float], push: tuple[float, float] = (0, 0), counted: float = 0.0
+) -> NearWallsOfMeans:
+    seen = tuple((c, np.array(away), receding) for c, away, receding in walls)
+    eye = np.eye(2)
+    return NearWallsOfMeans(
+        push=np.array(push),
+        held_back=np.zeros(2),
+        walls=seen,
+        gain=B**2 * eye,
+        moved=eye,
+        noise=B**2 * eye,
+        span=0.02,
+        counted=counted,
+    )
+
+
+def test_controls_are_told_without_the_push_and_add_what_is_missing_along_each_wall():
+    mean, led = np.array([0.3, -0.2]), np.zeros(2)  # no faster than along the wall
+    free, unsure = beside((0.02, (0.0, 1.0), 0.0), push=(0.1, 0.4)).told(mean, led)
+    missing = B**2 * shortfall(0.02, 0.0, B**2, 0.02)
+    assert free + np.array([0.1, 0.4]) == pytest.approx(mean + np.array([0.0, missing]))
+    assert unsure == pytest.approx([0.0, 0.3 * missing])
+    both, _ = beside((0.02, (0.0, 1.0), 0.0), (0.02, (0.0, -1.0), 0.2)).told(np.zeros(2), led)
+    assert both[1] == pytest.approx(0.0)  # slower than along either, as if along both
+    nothing, sure = beside().told(mean, led)
+    assert np.array_equal(nothing, mean)
+    assert np.array_equal(sure, np.zeros(2))
+
+
+def test_beside_what_samples_follow_the_mean_stands_as_it_is():
+    mean = np.array([1.0, 0.0])
+    free, unsure = NearWalls(push=np.array([0.0, 3.0]), held_back=np.array([0.0, 0.7])).told(mean, np.array([0.6, 0.0]))
+    assert free is mean
+    assert unsure == pytest.approx([0.75 * 0.4, 0.7])
+
+
+def test_what_counts_of_the_lead_takes_the_place_of_what_is_missing():
+    mean, wall, push = np.array([0.3, -0.2]), (0.02, (0.0, 1.0), 0.0), (0.0, 0.4)
+    none, _ = beside(wall, push=push).told(mean, mean)
+    whole, _ = beside(wall, push=push, counted=1.0).told(mean, mean)
+    half, _ = beside(wall, push=push, counted=0.5).told(mean, mean)
+    assert np.array_equal(whole, mean)
+    assert half == pytest.approx(0.5 * (none + whole))
+
+
+def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():
+    """3 mm beside a flat wall, where psi vanishes like the distance: the control is off by what is told."""
+    obstacle = block("wall", 2.5, 0.4, (2.0, 0.3))
+    scene = Scene(
+        name="beside", lower=np.zeros(2), upper=np.array([5.0, 3.0]), obstacles=(obstacle,), robot_radius=0.2,
+        goal=Goal(center=np.array([4.3, 1.6]), radius=0.3), start=np.array([0.6, 1.5, 0.0]),
+    )  # fmt: skip
+    problem = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2))
+    space, x = FreeSpace.of(scene), np.array([2.5, 0.903])
+    integral = PathIntegral(problem, space, Sampling(threads=1, first=0.01))
+    leading = integral.leading
+    climb = leading.climbing(x, np.array([[4.3, 1.6]]))
+    times = integral.steps(6.0)
+    batch = Batch(state=x, times=times, proposals=(Proposal(lead=climb, count=4000),))
+    found = integral.estimate(integral.rollout(batch, 1))
+    assert found.walls.held_back[1] == pytest.approx(0.04 * (1.0 / 0.003 - 1.0 / 0.004), rel=0.05)
+    off = Desirability.of(problem, space).control(x) - found.control
+    assert 1.0 < off[1] < 1.2 * found.control_error[1]

@@ -1,0 +1,262 @@
+"""Guides of the car: cheap, free, of their class, stabilising; and the weights of samples drawn around them are exact.
+
+Statistical tests compare a mean over independent samples or seeds with the exact value in units of its standard error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from batches import batch_of
+
+from pirrht.arrays import Array
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.planner.tree import HomologyTree
+from pirrht.problem import Problem
+from pirrht.proposals.leads import Along
+from pirrht.proposals.tracking import FEW, Guide
+from pirrht.steering.dubins import Dubins
+from pirrht.steering.trajectory import Trajectory, running_cost
+from pirrht.systems.unicycle import Unicycle
+from sim.scenario import Scenario, prepare
+
+POST = np.array([2.2, 0.1])  # left of the straight way to the goal, so that passing it on the right is cheaper
+
+
+def scene(*, post: bool, goal: float = 4.5, radius: float = 0.4) -> Scene:
+    size = np.array([0.5, 0.2, 0.0])
+    position = np.append(POST, 0.1)
+    thing = Obstacle(name="post", kind=Kind.CYLINDER, size=size, position=position, rotation=np.eye(3))
+    return Scene(
+        name="post", lower=np.array([-1.0, -3.0]), upper=np.array([6.0, 3.0]), obstacles=(thing,) if post else (),
+        goal=Goal(center=np.array([goal, 0.0]), radius=radius), start=np.zeros(3), robot_radius=0.15,
+    )  # fmt: skip
+
+
+@cache
+def case(
+    post: bool, b: float, goal: float
+) -> tuple[Problem, FreeSpace, tuple[tuple[Trajectory, tuple[int, ...]], ...]]:
+    """Problem, free space and the polished references at the start."""
+    problem = Problem(dynamics=Unicycle(b=b), scene=scene(post=post, goal=goal), R=np.eye(1), phi=1000.0)
+    space = FreeSpace.of(problem.scene)
+    tree = HomologyTree(space, Dubins.of(problem), limit=0.8, rng=np.random.default_rng(0))
+    tree.grow(300)
+    references = tree.references(problem.scene.start)
+    return problem, space, tuple((r.trajectory, r.winding) for r in references)
+
+
+def setting(
+    post: bool = True, b: float = 0.03, goal: float = 4.5, **options
+) -> tuple[PathIntegral, Array, list[Guide]]:
+    """Sampler, grid, and the guide of each class."""
+    problem, space, references = case(post, b, goal)
+    integral = PathIntegral(problem, space, Sampling(**options))
+    x = problem.scene.start
+    times = integral.grid(max(running_cost(problem, x, t) for t, _ in references))
+    guidance = PathIntegral(problem, space, Sampling(steps=options.get("steps", "fitted"))).guidance
+    assert guidance is not None
+    guides = [guidance.improve(x, times, space.homology.key(w), t) for t, w in references]
+    assert all(guide is not None for guide in guides)
+    return integral, times, [guide for guide in guides if guide is not None]
+
+
+def tapes(times: Array, post: bool = True, b: float = 0.03, goal: float = 4.5) -> Array:
+    return np.array([trajectory.tape(times) for trajectory, _ in case(post, b, goal)[2]])
+
+
+def polyline(guide: Guide) -> Array:
+    return guide.states[: guide.length + 1, :2]
+
+
+@cache
+def narrow() -> tuple[Scenario, HomologyTree]:
+    """The car in `clutter` and a small tree, whose curves wind between the obstacles."""
+    scenario = prepare("clutter", robot="unicycle", given={"seed": 2, "vertices": 400})
+    return scenario, scenario.grown_tree()
+
+
+# Where, from these curves, descent at the actual noise level creeps along walls for hundreds of rounds.
+WINDING = ((3.678, 1.202, 3.111), (9.944, -1.841, -1.994), (4.758, -4.111, 3.028))
+
+
+def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_class():
+    integral, _, guides = setting()
+    assert len(guides) == 2
+    for guide, (trajectory, winding) in zip(guides, case(True, 0.03, 4.5)[2], strict=True):
+        assert guide.valid
+        assert guide.cost < running_cost(integral.problem, np.zeros(3), trajectory)
+        line = polyline(guide)
+        middle = 0.5 * (line[1:] + line[:-1])
+        assert integral.space.collision.clearance(np.vstack([line, middle])).min() > 0.0
+        assert integral.space.homology.winding(line) == winding
+
+
+def test_a_guide_is_a_minimum_of_what_it_minimises():
+    integral, _, guides = setting(steps="uniform")
+    guide = guides[0]
+    rng = np.random.default_rng(0)
+
+    def cost(control: Array) -> float:
+        x = np.zeros(3)
+        total = 0.0
+        for i in range(guide.length):
+            middle = x[2] + 0.05 * control[i]
+            total += 0.1 * (1.0 + 0.5 * control[i] ** 2)
+            for k in range(1, 5):
+                point = x[:2] + 0.025 * k * np.array([np.cos(middle), np.sin(middle)])
+                total += 0.025 * barrier(float(integral.space.collision.clearance(point[None])[0]))
+            x = x + 0.1 * np.array([np.cos(middle), np.sin(middle), control[i]])
+        gap = integral.problem.scene.goal.center - x[:2]
+        along = gap @ [np.cos(x[2]), np.sin(x[2])]
+        return total + along - np.sqrt(0.16 - gap @ gap + along**2)
+
+    def barrier(c: float) -> float:
+        assert integral.guidance is not None
+        car = integral.guidance.car
+        if c >= car.margin:
+            return 0.0
+        if c <= 0.0:
+            return np.inf
+        edge = car.margin ** (-2 / 3)
+        return car.price * (c ** (-2 / 3) - edge + 2 / 3 * edge / car.margin * (c - car.margin))
+
+    best = cost(guide.control)
+    assert best == pytest.approx(guide.priced, abs=2e-3)  # the field errs by up to a millimetre
+    t = np.linspace(0.0, 1.0, len(guide.control))
+    for _ in range(10):
+        bump = sum(rng.normal() * np.sin(k * np.pi * t) for k in range(1, 6))
+        assert cost(guide.control + 0.02 * bump) > best
+
+
+@pytest.mark.parametrize("steps", ["fitted", "uniform"])
+def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
+    """E_Q[dQ_g / dQ] = 1 for each law Q and passive paths, wherever the ratio has a variance that samples can see.
+
+    The noise of a guide is narrower than the passive one, so dP/dQ itself has tails; that of a weak law has not.
+    """
+    problem, space, references = case(False, 0.3, 2.0)
+    integral = PathIntegral(problem, space, Sampling(steps=steps))
+    times = np.arange(9) * 0.1  # the goal is out of reach: nothing ends a path early
+    guidance = integral.guidance
+    assert guidance is not None
+    far = np.arange(100) * 0.1
+    x = np.array([0.0, 0.0, 0.35])
+    steering = Dubins.of(problem)
+    curve = steering.trajectory(steering.connect(x[None], np.array([[2.0, 0.0, -0.4]])))
+    guide = guidance.improve(x, far, space.homology.key(references[0][1]), curve)
+    assert guide is not None
+    cut = replace(guide, times=times, states=guide.states[:9], control=guide.control[:8], gains=guide.gains[:8],
+                  spread=guide.spread[:8], sway=guide.sway[:8], sway_gains=guide.sway_gains[:8],
+                  sway_spread=guide.sway_spread[:8], length=8)  # fmt: skip
+    sways = steps == "fitted"
+    assert np.any(cut.sway != 0.0) == np.any(cut.sway_gains != 0.0) == np.any(cut.sway_spread < 1.0) == sways
+    wide = replace(cut, control=0.4 * cut.control, gains=0.3 * cut.gains, spread=np.full(8, 0.97),
+                   sway=3.0 * cut.sway, sway_spread=np.full(8, 0.97 if sways else 1.0))  # fmt: skip
+    other = replace(cut, control=cut.control + 0.2, spread=np.minimum(1.0, 1.1 * cut.spread),
+                    sway=cut.sway + 0.2 * sways, sway_gains=1.2 * cut.sway_gains)  # fmt: skip
+    laws = {"passive": None, "cut": cut, "wide": wide, "other": other}
+    names = list(laws)
+    assert np.any(cut.gains != 0.0)
+    assert cut.spread.min() < 0.95
+    for source, target in [("passive", "cut"), ("passive", "other"), ("wide", "passive"), ("cut", "other")]:
+        counts = [40000 * (name == source) for name in names]
+        batch = batch_of(integral, x, times, np.zeros((4, 8, 1)), counts=counts, guides=list(laws.values()))
+        rollouts = integral.rollout(batch, 3)
+        ratio = rollouts.paths.log_ratio
+        weight = np.exp(ratio[:, names.index(target)] - ratio[:, names.index(source)])
+        error = weight.std() / np.sqrt(len(weight))
+        assert 0.0 < error < 0.1
+        assert abs(weight.mean() - 1.0) < 3.0 * error, (source, target)
+
+
+def test_effective_samples_and_scatter_beside_an_obstacle():
+    found: dict[str, list[tuple[float, float]]] = {}
+    for guide_by in ("feedback", "open-loop"):
+        integral, times, guides = setting(samples=300, guide=guide_by)
+        leaders = guides if guide_by == "feedback" else None
+        batch = batch_of(integral, np.zeros(3), times, tapes(times), guides=leaders)
+        estimates = [integral.estimate(integral.rollout(batch, seed)) for seed in range(10)]
+        found[guide_by] = [(e.ess, e.value) for e in estimates]
+    ess = {name: np.mean([e for e, _ in rows]) for name, rows in found.items()}
+    scatter = {name: np.std([v for _, v in rows]) for name, rows in found.items()}
+    assert ess["feedback"] > 10.0 * ess["open-loop"]
+    assert scatter["feedback"] < 0.001
+    assert scatter["feedback"] < 0.1 * scatter["open-loop"]
+
+
+def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
+    problem, space, references = case(True, 0.03, 4.5)
+    integral, times, guides = setting()
+    assert integral.guidance is not None
+    last = guides[0]
+    x = last.states[1] + np.array([0.0, 0.002, 0.01])
+    key = space.homology.key(references[0][1])
+    warm = integral.guidance.improve(x, times, key, references[0][0], last, 0.1)
+    rest = last.rest(0.1, problem.scene.goal.center)
+    assert rest is not None
+    fresh = integral.guidance.improve(x, times, key, rest)
+    assert warm is not None
+    assert fresh is not None
+    assert warm.valid
+    assert warm.priced == pytest.approx(fresh.priced, abs=1e-4)
+    assert rest.length == pytest.approx(references[0][0].length, abs=0.5)
+    assert last.rest(100.0, problem.scene.goal.center) is None
+
+
+@pytest.mark.parametrize("state", WINDING)
+def test_repeated_plans_at_one_state_keep_their_favourite_and_their_value(state):
+    scenario, tree = narrow()
+    controller = scenario.controller(tree)
+    controller.begin(np.array(state))
+    plans = [controller.plan(np.array(state)) for _ in range(10)]
+    assert len({plan.favourite for plan in plans}) == 1
+    values = [plan.estimate.value for plan in plans if plan.estimate is not None]
+    assert len(values) == 10
+    assert np.ptp(values) < 20.0 * scenario.problem.temperature  # of N samples; guides that alternate differ by more
+
+
+def test_a_guide_that_is_free_stays_so_whatever_the_walls_cost():
+    """A barrier a thousand times too weak would have the path cut the post's edge; each round is refused that."""
+    problem, space, references = case(True, 0.03, 4.5)
+    integral, times, guides = setting()
+    guidance = integral.guidance
+    assert guidance is not None
+    guidance.cars[1.0] = guidance.car._replace(price=1e-3 * guidance.car.price)
+    for guide, (trajectory, winding) in zip(guides, references, strict=True):
+        last = guide
+        for _ in range(5):
+            following = guidance.improve(problem.scene.start, times, space.homology.key(winding), trajectory, last)
+            assert following is not None
+            assert following.valid
+            assert following.cost < guide.cost
+            last = following
+
+
+def test_the_law_of_a_guide_has_over_its_first_step_the_mean_that_samples_are_compared_with():
+    integral, _, guides = setting()
+    guide, x = guides[0], guides[0].states[0] + np.array([0.001, -0.002, 0.01])
+    lead = Along(guide, integral.problem.dynamics)
+    shares = np.linspace(0.005, 0.995, 100)
+    off = x - guide.states[0]
+    states = guide.states[0] + shares[:, None] * (guide.states[1] - guide.states[0]) + off
+    mean = np.mean([lead(state, 0.1 * share) for state, share in zip(states, shares, strict=True)], axis=0)
+    np.testing.assert_allclose(mean, lead.held(x), rtol=1e-9)
+    assert abs(lead(x, 0.0) - lead.held(x)) > 0.02  # it rises or falls within the step
+    assert Along(setting(steps="uniform")[2][0], integral.problem.dynamics)(x, 0.0) == pytest.approx(
+        Along(setting(steps="uniform")[2][0], integral.problem.dynamics).held(x)
+    )
+
+
+def test_hopeless_classes_get_few_samples():
+    integral, _, guides = setting()
+    assert integral.guidance is not None
+    cheap, dear = guides[0], replace(guides[0], priced=2.0 * guides[0].priced)
+    assert integral.guidance.counts([cheap, dear, None], 300) == [300, FEW, FEW]
+    assert integral.guidance.counts([None, None], 300) == [300, 300]
