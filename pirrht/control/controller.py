@@ -20,9 +20,9 @@ from pirrht.control.prediction import FavouritePath, Predictor
 from pirrht.control.proposals import PlanContext, ProposalBuilder
 from pirrht.control.references import ReferenceCache, blame_speed, check_drives, heirs, renewed, validate_tree
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
@@ -104,9 +104,9 @@ class Controller(Policy):
         """Replace problem, space and tree; nothing is known of earlier plans."""
         if homology is None:
             homology = homology_of(problem, space) if tree is None else tree.homology
-        self.path_integral = PathIntegral(problem, space, sampling, homology=homology)
+        self.path_integral = path_integral(problem, space, sampling, homology=homology)
         if tree is not None:
-            check_drives(problem, tree, guided=self.path_integral.leads_itself)
+            check_drives(problem, tree, guided=self.path_integral.proposals.closed_loop)
         self.problem, self.space, self.tree, self.homology = problem, space, tree, homology
         self.around = ProposalBuilder(problem, self.path_integral, homology, mixes=self.method.mixes)
         self.pool = ClassPool(problem) if self.between == "classes" else None
@@ -186,7 +186,7 @@ class Controller(Policy):
         foreseen = self._look(x, self._way.left(x, self.drive.time), enough_of(left))
         if foreseen is not None:
             self.tree = self.tree and foreseen.tree
-            self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
+            self.path_integral.set_prediction(foreseen.space.traffic, foreseen.homology)
         self._pressed, whole = pressed_of(left), 0.0 if left is None else left()
         try:
             references = self._references(x, self._pace.most(left))
@@ -236,7 +236,7 @@ class Controller(Policy):
     def _plan(self, batch: Batch, references: list[Reference], estimate: Estimate) -> Plan:
         """Return the plan that samples around references make."""
         x = batch.state
-        push = self.path_integral.leading.push(estimate.rollouts.leads, x, self.now)
+        push = self.path_integral.proposals.push(estimate.rollouts.leads, x, self.now)
         law = None if self.pool is None else self._law(self.pool, estimate, batch, push)
         return Plan(
             state=x, times=batch.times, references=tuple(references), ids=tuple(batch.classes.values()),

@@ -24,8 +24,8 @@ from pirrht.control.plan import Plan, shifted
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import Predictor
 from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.batches import sample
-from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
@@ -67,7 +67,7 @@ class Mppi(Policy):
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
         self.problem, self.space, self.rng = problem, space, rng
         self.homology, self.predict = homology or homology_of(problem, space), predict
-        self.path_integral = PathIntegral(
+        self.path_integral = path_integral(
             problem, space, sampling, beyond=beyond or straight_home(problem), homology=self.homology
         )
         self.times = self.path_integral.steps(horizon)
@@ -93,7 +93,7 @@ class Mppi(Policy):
         self.drive.ask(x)
         foreseen = self._look(x, None)
         if foreseen is not None:
-            self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
+            self.path_integral.set_prediction(foreseen.space.traffic, foreseen.homology)
         tape = shifted(self.times, self._tape, self.times + self.drive.since_plan)
         proposal = Proposal(lead=Tape(self.times, tape), count=self.path_integral.sampling.samples)
         batch = Batch(state=x, times=self.times, proposals=(proposal,), time=self.now)

@@ -142,7 +142,7 @@ class ProposalBuilder:
     ) -> None:
         self.problem, self.integral, self.homology, self.mixes = problem, integral, homology, mixes
         sampling = integral.sampling
-        shared = mixes and sampling.allocation == "contribution" and integral.shares
+        shared = mixes and sampling.allocation == "contribution" and integral.proposals.allocates
         self.allocation = Allocation(sampling.samples) if shared else None
         self.begin()
 
@@ -189,7 +189,7 @@ class ProposalBuilder:
             """Return an alternative optimum of the k-th class, or the way that a point climbs."""
             if (rival := self.guides.rivals.get(classes[k])) is not None:
                 return lead_of(rival, self.problem.dynamics)
-            return integral.leading.beside(x, trajectories[k], moment.now)
+            return integral.proposals.beside(x, trajectories[k], moment.now)
 
         if self.mixes:
             proposals = self.aside.split(proposals, beside)
@@ -216,7 +216,7 @@ class ProposalBuilder:
         integral, shared = self.integral, self.allocation
         trajectories = [one.reference.trajectory for one in wanted]
         known = None if shared is None or integral.guidance is not None else shared.shortfalls(names)
-        leads = integral.leading.leads(x, times, trajectories, known)
+        leads = integral.proposals.leads(x, times, trajectories, known)
         if integral.guidance is not None:
             clock = {"time": moment.now} if isinstance(self.homology, TimedHomology) else {}
             guides, counts = self.guides.improve(
@@ -232,5 +232,5 @@ class ProposalBuilder:
             return list(leads), [integral.sampling.samples] * len(leads)
         promised = [lead.promise for lead in leads]
         rows = zip(trajectories, promised, strict=True)
-        shared.note(names, [integral.leading.bound(x, trajectory) - promise for trajectory, promise in rows])
+        shared.note(names, [integral.proposals.bound(x, trajectory) - promise for trajectory, promise in rows])
         return list(leads), shared.counts(names, promised, [lead.follows for lead in leads])

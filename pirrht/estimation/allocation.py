@@ -17,20 +17,16 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.tuning import TUNING, EstimationTuning
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
 from pirrht.proposals.tracking import FEW
-
-PLANS = 5.0  # contributions are averaged over about so many plans
-LEAST = 0.15  # of N goes to every reference that is worth it, and of a class around and beside its guide
-RENEWED = 10  # plans for which a shortfall is taken as known
-FEWEST = 8  # samples that every reference gets, if N allows
 
 
 class Allocation:
     """Remembers, by class from the start of the drive, what samples around its reference contributed."""
 
-    def __init__(self, samples: int) -> None:
-        self.samples = samples  # N, on average over references
+    def __init__(self, samples: int, tuning: EstimationTuning = TUNING) -> None:
+        self.samples, self.tuning = samples, tuning  # N, on average over references
         self._contribution: dict[str, float] = {}
         self._shortfall: dict[str, tuple[float, int]] = {}  # and plans since it was found
 
@@ -51,9 +47,10 @@ class Allocation:
             promised: predicted log psi of each, (H,) [nats].
             worth: whether each is worth more than the fewest samples, (H,).
         """
-        N, least = self.samples, min(self.samples, max(FEWEST, math.ceil(LEAST * self.samples)))
+        N, fewest = self.samples, self.tuning.fewest
+        least = min(N, max(fewest, math.ceil(self.tuning.least_share * N)))
         chosen = np.asarray(worth) if any(worth) else np.ones(len(names), dtype=np.bool_)
-        number = np.full(len(names), min(N, FEWEST))
+        number = np.full(len(names), min(N, fewest))
         some = [name for name, one in zip(names, chosen, strict=True) if one]
         number[chosen] = self._shared(some, np.asarray(promised)[chosen], N * len(some), least)
         return [int(n) for n in number]
@@ -69,7 +66,7 @@ class Allocation:
                 self._shortfall[name] = (found, 0)
             elif name in self._shortfall:
                 before, age = self._shortfall.pop(name)
-                if age + 1 < RENEWED:
+                if age + 1 < self.tuning.renewed:
                     self._shortfall[name] = (before, age + 1)
 
     def _shared(self, names: Sequence[str], promised: Array, total: int, least: int) -> Array:
@@ -91,7 +88,7 @@ class Allocation:
         for name, start, stop in zip(names, first[:-1], first[1:], strict=False):
             found = math.sqrt(float(np.mean(estimate.weight[start:stop] ** 2)))
             before = self._contribution.get(name, found)
-            self._contribution[name] = before + (found - before) / PLANS
+            self._contribution[name] = before + (found - before) / self.tuning.plans
 
 
 @dataclass(slots=True)
@@ -119,4 +116,4 @@ class DefensiveComponent:
             weights.setdefault(one.name, []).append(weight)
         for name, found in weights.items():
             if len(found) == 2 and sum(found) > 0.0:
-                self.shares[name] = float(np.clip(found[1] / sum(found), LEAST, 1.0 - LEAST))
+                self.shares[name] = float(np.clip(found[1] / sum(found), TUNING.least_share, 1.0 - TUNING.least_share))

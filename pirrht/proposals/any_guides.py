@@ -25,13 +25,12 @@ from pirrht.proposals.probed import Noise, active_states, noise_of
 from pirrht.proposals.starts import Initialisation
 from pirrht.proposals.tracking import MARGIN, NONE, PARABOLA, SAG, TOLERANCE, WILD, Stage, in_time, wall_radius, worth
 from pirrht.proposals.walls import Scales
-from pirrht.rollouts.backend import kind_of
+from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_gated, takes_law
 from pirrht.rollouts.general.law import GATE, GATES
-from pirrht.rollouts.records import FINER, Setup, law_width
+from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import no_homing
-from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.marks import NO_MARKS, RayTable
 
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
@@ -53,14 +52,14 @@ class DDPGuidance:
     """Makes guides for the references of one problem.
 
     Args:
+        world: the predicted world, shared with the sampler.
         sways: whether controls may rise or fall within a step, as the noise of rollouts does.
-        homology: of paths in space and time, where obstacles move.
     """
 
-    def __init__(self, problem: Problem, setup: Setup, *, sways: bool, homology: TimedHomology | None = None) -> None:
+    def __init__(self, problem: Problem, world: PredictedWorld, *, sways: bool) -> None:
         assert self.suits(problem)
         d = problem.dynamics
-        self.problem, self.setup, self.homology = problem, setup, homology
+        self.problem, self.world, setup = problem, world, world.setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         kind = kind_of(problem)
         self.gated = is_gated(kind)
@@ -78,6 +77,11 @@ class DDPGuidance:
             dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.passes.optimise,
             tracking=tracking, window=window, asked=self.tasks[1.0].steep / STEEP,
         )  # fmt: skip
+
+    @property
+    def setup(self) -> Setup:
+        """Scene and problem under the current prediction."""
+        return self.world.setup
 
     @property
     def law_width(self) -> int:
@@ -211,7 +215,7 @@ class DDPGuidance:
         if self.setup.traffic.J == 0:
             return self.setup, times
         then = np.ascontiguousarray(times + time)
-        marks = NO_MARKS if self.homology is None else RayTable.of(self.homology, x, then)
+        marks = NO_MARKS if self.world.homology is None else RayTable.of(self.world.homology, x, then)
         return self.setup._replace(marks=marks), then
 
     def _clearance(self, x: Array, time: float) -> float:

@@ -17,7 +17,7 @@ from pirrht.proposals.proposal import ProposalControl
 from pirrht.proposals.tracking import Guide
 from pirrht.proposals.walls import WallDrift
 from pirrht.proposals.ways import DesirabilityTube
-from pirrht.rollouts.records import FINER, ProposalTables
+from pirrht.rollouts.tables import FINER, ProposalTables
 from pirrht.rollouts.ways import DesirabilityTubes, slope_along
 from pirrht.systems.dynamics import Dynamics
 

@@ -10,7 +10,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.problem import Problem
-from pirrht.rollouts.records import Setup
+from pirrht.rollouts.tables import Setup
 
 SPREADING = 0.5  # time in which noise spreads the position to measure its strength [s]
 PIECES = 5  # steps of that time

@@ -24,7 +24,7 @@ from pirrht.geometry.field import clearance
 from pirrht.problem import Problem
 from pirrht.proposals.any_guide import remaining
 from pirrht.proposals.ddp import Car, Course, empty_course, optimise
-from pirrht.rollouts.records import Setup
+from pirrht.rollouts.tables import Setup
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.unicycle import Unicycle
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import FEW, Estimate
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.tuning import TUNING
 from pirrht.planner.reference import Reference
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
@@ -103,7 +104,7 @@ def doubts(
     poor = sum(e.doubtful for e in known)
     if poor:
         lines.append(
-            f"effective sample size (ESS) below {FEW:g} in {poor} {of}; standard errors say nothing there, try more "
+            f"effective sample size (ESS) below {TUNING.few:g} in {poor} {of}; standard errors say nothing there, try more "
             "--samples"
         )
     heavy = sum(e.heavy_tailed and not e.doubtful for e in known)
@@ -209,7 +210,7 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
         say("noise moves the robot between two controls: --margin M makes plans leave so much more room [m]")
     if drive.doubtful_plans:
         say(
-            f"{drive.doubtful_plans} of {counted(drive.steps, 'plan')} on fewer than {FEW:g} effective samples, the "
+            f"{drive.doubtful_plans} of {counted(drive.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, the "
             f"weakest on {drive.least_ess:.1f} at {drive.least_ess_time:.2f} s: a guess; try more --samples"
         )
     if drive.real_time is not None:

@@ -6,7 +6,7 @@ y stay. One control per step would make v too high, so fitted steps draw the hea
 step together: the mean is off the middle by -B sway / sqrt(12), `sway` being led noise of the same variance. Any other
 system whose noise does not act on its position does so as well; for a mass that is exact.
 
-Systems other than cars and points follow a law (`records.law_width`): the noise of a step, m numbers or with sways 2 m,
+Systems other than cars and points follow a law (`tables.law_width`): the noise of a step, m numbers or with sways 2 m,
 has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps end at
 crossings, up to which only passive noise has a likelihood ratio: there L is not used. Without moving obstacles the
 nearest state's step counts, since noise moves a mass early or late; with them (`moving`) the step that is due.

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.arena import Arena
-from pirrht.geometry.traffic import Traffic
-from pirrht.rollouts.nearby import NO_NEARBY, Nearby
-from pirrht.rollouts.ways import DesirabilityTubes
-from pirrht.topology.cuts import Cuts
-from pirrht.topology.marks import NO_MARKS, RayTable
+
+if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
+    from pirrht.geometry.arena import Arena
+    from pirrht.geometry.traffic import Traffic
+    from pirrht.rollouts.nearby import Nearby
+    from pirrht.rollouts.ways import DesirabilityTubes
+    from pirrht.topology.cuts import Cuts
+    from pirrht.topology.in_time import TimedHomology
+    from pirrht.topology.marks import RayTable
 
 LAW = 15  # numbers of a car's law
 FINER = 4  # rows of the law of any other system per step of the grid
@@ -43,7 +47,36 @@ class Setup(NamedTuple):
     bridge: bool  # exit rule: along the step, or at its end
     pace: float  # least q / lambda [1/s]
     traffic: Traffic  # J moving obstacles, predicted on the clock of plans; kernels for J = 0 never read it
-    marks: RayTable = NO_MARKS  # of the steps of a guide among moving obstacles
+    marks: RayTable  # of the steps of a guide among moving obstacles
+
+
+class Snapshot(NamedTuple):
+    """The world as a plan takes it: one value, shared by all that plan with it."""
+
+    setup: Setup
+    homology: TimedHomology | None  # classes in space and time; None where nothing moves
+
+
+@dataclass(slots=True)
+class PredictedWorld:
+    """Holder of the snapshot that sampler, proposals and guides share; one assignment replaces it for all of them."""
+
+    snapshot: Snapshot
+
+    @property
+    def setup(self) -> Setup:
+        """Scene and problem as rollouts need them."""
+        return self.snapshot.setup
+
+    @property
+    def homology(self) -> TimedHomology | None:
+        """Classes in space and time; None where nothing moves."""
+        return self.snapshot.homology
+
+    @property
+    def moving(self) -> bool:
+        """Check for moving obstacles, J > 0."""
+        return self.setup.traffic.J > 0
 
 
 class ProposalTables(NamedTuple):
@@ -64,8 +97,8 @@ class ProposalTables(NamedTuple):
     law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
     # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
-    marks: RayTable = NO_MARKS  # about which paths are told apart where bodies move
-    nearby: Nearby = NO_NEARBY  # which of these may be near
+    marks: RayTable  # moving markers by which classes of paths differ
+    nearby: Nearby  # moving obstacles that may be near
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
     counted: float = 1.0  # share of it that counts as it is at the start in the control now
 
