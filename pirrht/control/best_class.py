@@ -19,7 +19,8 @@ from pirrht.control.run_state import ClassMemory
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
 from pirrht.estimation.weights import log_weights
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch
+from pirrht.proposals.proposal import Batch
+
 
 def follow_best(
     problem: Problem, estimate: Estimate, batch: Batch, memory: ClassMemory, consistency: float

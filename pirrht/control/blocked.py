@@ -14,7 +14,8 @@ from pirrht.control.run_state import Halt, Law, RunState
 from pirrht.freespace import FreeSpace
 from pirrht.planner.reference import Reference
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Along, Batch, LinearFeedback
+from pirrht.proposals.leads import Along, LinearFeedback
+from pirrht.proposals.proposal import Batch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +47,7 @@ class Brake:
         start = self.problem.dynamics.state_of(self.problem.scene.start)
         return self.problem.dynamics.brake(start, start[:2], self.settings.within) is not None
 
-    def halt(
-        self, x: Array, space: FreeSpace, now: float, known: Law | None = None, last: Halt | None = None
-    ) -> Halt:
+    def halt(self, x: Array, space: FreeSpace, now: float, known: Law | None = None, last: Halt | None = None) -> Halt:
         """Choose a law at x (n,) among the obstacles of a space, at a time of its clock [s].
 
         The first with sufficient clearance is taken: to go on waiting, to brake on the spot, to give way ever farther.

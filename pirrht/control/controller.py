@@ -24,7 +24,7 @@ from pirrht.geometry.scene import Scene
 from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch
+from pirrht.proposals.proposal import Batch
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
@@ -107,7 +107,9 @@ class Controller(Policy):
         budget = TimeBudget(left, self.settings.tuning)
         try:
             # Line 3: U_in <- ExtractReference(x_cur, (V, E))
-            references = of_tree.extract_references(self.tree, x, run, budget, self.settings, self.path_integral.threads)
+            references = of_tree.extract_references(
+                self.tree, x, run, budget, self.settings, self.path_integral.threads
+            )
         except NoReference:
             if run.planned or self.space.scene.movers:
                 return blocked_plan(self.brake, x, run, self.space, "no reference")

@@ -57,7 +57,9 @@ class ControlTuning(NamedTuple):
     first_share: float = 0.5  # share counted on after one plan: nothing ran next to it, so later ones are slower
     recent: int = 5  # plans that the number of classes is predicted from; more react slower, fewer are noisier
     # Mixture of classes between plans
-    memory: float = 0.03  # time constant of earlier samples, 0 for none; longer averages noise, but u_c changes near walls
+    memory: float = (
+        0.03  # time constant of earlier samples, 0 for none; longer averages noise, but u_c changes near walls
+    )
     stale: float = 0.05  # time after which the gradient of a class without samples is no longer trusted
     bound: float = 2.0  # earlier plans count at most exp(bound) times as much as the last; bounds wrong gradients
     negligible: float = 25.0  # classes so far behind add nothing to a control in double precision

@@ -27,7 +27,7 @@ from pirrht.control.methods import TUNING, ControlTuning
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.weights import normalised
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, ProposalControl
+from pirrht.proposals.proposal import Batch, ProposalControl
 
 EVERY = slice(None)
 WallDrift = Callable[[Array, float], Array]  # wall drift (m,) at a state (n,), s [s] after the plan

@@ -23,6 +23,7 @@ from pirrht.steering.along_legs import Legs
 from pirrht.steering.in_time import InTime
 from pirrht.topology.in_time import TimedHomology
 
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prediction:
     """Predict moving obstacles on a clock of its own: one snapshot for sampler, proposals, tree and feedback."""

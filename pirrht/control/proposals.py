@@ -25,7 +25,8 @@ from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, Proposal, ProposalControl, Tape, lead_of
+from pirrht.proposals.leads import lead_of
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tracking import FEW
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.topology.in_time import TimedHomology
@@ -147,7 +148,6 @@ class ProposalBuilder:
         memory.guides = {whole: guide for whole, guide, _ in pairs if guide and guide.valid}
         memory.alternatives = {whole: other for whole, _, other in pairs if other is not None}
         return [guide for _, guide, _ in pairs]
-
 
     def _reversed(self, tree: HomologyTree | None, x: Array) -> dict[tuple[int, ...], Trajectory]:
         """Return paths from x (n,) driven backwards, by winding; none of a system that does not reverse."""

@@ -173,7 +173,9 @@ class RunState:
         before, offset = self.prediction, None
         if before is not None:
             here = np.array([[*x[:2], self.time]])
-            path = here if self.favourite is None else np.vstack([here, self.favourite[self.favourite[:, 2] > self.time]])
+            path = (
+                here if self.favourite is None else np.vstack([here, self.favourite[self.favourite[:, 2] > self.time]])
+            )
             turns = [one.homology.winding(path - [0.0, 0.0, one.since]) for one in (before, after)]
             offset = np.array(self.path.winding()) + turns[0] - turns[1]
         self.prediction, self.homology = after, after.homology

@@ -18,7 +18,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
-from pirrht.proposals.leads import Batch, Proposal, ProposalControl
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
 from pirrht.proposals.tracking import FEW
 
 
@@ -46,7 +46,9 @@ class Allocation:
     shares: dict[str, float] = field(default_factory=dict)
     tuning: AllocationTuning = TUNING
 
-    def counts(self, names: Sequence[str], predicted: Sequence[float], worth: Sequence[bool], samples: int) -> list[int]:
+    def counts(
+        self, names: Sequence[str], predicted: Sequence[float], worth: Sequence[bool], samples: int
+    ) -> list[int]:
         """Return the samples around each reference, (H,), so many on average over those that are worth it.
 
         Args:

@@ -131,6 +131,10 @@ class Live(Policy):
         """Theirs."""
         return self.built.driver.homology
 
+    def begin(self, x: Array, time: float = 0.0) -> None:
+        """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
+        self.built.driver.begin(x, time)
+
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,), in a new world if one is ready."""
         ready = self.builder.ready(self.run.time)
