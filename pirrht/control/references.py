@@ -102,7 +102,7 @@ def extract_references(
 def _remaining_guides(
     tree: HomologyTree, x: Array, run: RunState, known: Sequence[ClassFromStart] = ()
 ) -> list[Reference]:
-    """Return what is left of guides from x (n,), of classes that are not `known`: a tree has no curve close to walls."""
+    """Return what is left of guides from x (n,), of classes that are not `known`; close to walls trees lack curves."""
     references: list[Reference] = []
     driven = run.path.winding()
     for whole, guide in run.memory.guides.items():

@@ -91,7 +91,8 @@ class Allocation:
 
     def learn(self, batch: Batch, estimate: Estimate) -> None:
         """Learn from the weights of a plan's samples."""
-        first, weights = estimate.rollouts.leads.first, {}  # type: Array, dict[str, list[float]]
+        weights: dict[str, list[float]] = {}
+        first = estimate.rollouts.leads.first
         rows = zip(batch.proposals, first[:-1], first[1:], estimate.proposal_weights, strict=True)
         for one, start, stop, weight in rows:
             found = math.sqrt(float(np.mean(estimate.weight[start:stop] ** 2)))

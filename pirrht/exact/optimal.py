@@ -49,7 +49,7 @@ class Optimal(Policy):
         return self.desirability.space
 
     @cached_property
-    def path_integral(self) -> PathIntegral:
+    def path_integral(self) -> PathIntegral:  # type: ignore[override]
         """Sampler that a recording reads problem and temperature from."""
         return PathIntegral(self.problem, self.space, self._sampling)
 

@@ -122,7 +122,7 @@ class Live(Policy):
         return self.built.driver.run
 
     @property
-    def path_integral(self) -> Any:
+    def path_integral(self) -> Any:  # type: ignore[override]
         """Theirs."""
         return self.built.driver.path_integral
 
