@@ -251,6 +251,10 @@ class HomologyTree:
         except NoReference:
             return {}
 
+    def at(self, x: Array, time: float) -> Array:
+        """State to query it at, for a system's state x (n,) at a time [s]."""
+        return self.steering.at(x, time)
+
     def too_fast(self, x: Array) -> bool:
         """Whether a state (n,) of the system that has no reference would have one at rest."""
         x = self.steering.vertex_of(x)

@@ -13,8 +13,8 @@ from pirrht.geometry.arena import Arena
 from pirrht.geometry.traffic import Traffic
 from pirrht.rollouts.nearby import NO_NEARBY, Nearby
 from pirrht.rollouts.ways import DesirabilityTubes
-from pirrht.topology.cuts import Cuts
-from pirrht.topology.marks import NO_MARKS, RayTable
+from pirrht.topology.crossings import Cuts
+from pirrht.topology.moving_crossings import NO_RAYS, RayTable
 
 LAW = 15  # numbers of a car's law
 FINER = 4  # rows of the law of any other system per step of the grid
@@ -62,7 +62,7 @@ class MovingSetup(NamedTuple):
     @classmethod
     def of(cls, setup: Setup, traffic: Traffic) -> MovingSetup:
         """Add moving obstacles to a setup."""
-        return cls(*setup, traffic, NO_MARKS)
+        return cls(*setup, traffic, NO_RAYS)
 
 
 class ProposalTables(NamedTuple):
@@ -83,7 +83,7 @@ class ProposalTables(NamedTuple):
     law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
     # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
-    marks: RayTable = NO_MARKS  # about which paths are told apart where bodies move
+    marks: RayTable = NO_RAYS  # about which paths are told apart where bodies move
     nearby: Nearby = NO_NEARBY  # which of these may be near
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
     counted: float = 1.0  # share of it that counts as it is at the start in the control now
