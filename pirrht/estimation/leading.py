@@ -14,8 +14,9 @@ from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.traffic import Traffic, traffic_clearance
 from pirrht.problem import Problem
-from pirrht.proposals.leads import DesirabilityAscent, ProposalControl, Tape
+from pirrht.proposals.leads import DesirabilityAscent
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
+from pirrht.proposals.proposal import ProposalControl, Tape
 from pirrht.proposals.walls import NEAREST, Scales, WallDrift
 from pirrht.proposals.ways import way_of
 from pirrht.rollouts.backend import kind_of

@@ -21,7 +21,8 @@ from pirrht.problem import Problem
 from pirrht.proposals.any_guide import DDPGuide
 from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal
+from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.rollouts.among import NEVER, met_on_way
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
