@@ -56,7 +56,7 @@ def entered(scene: str, robot: str) -> list[str]:
 
 
 def closure_of(module: str) -> dict[str, int]:
-    """Return lines of all modules of the method that importing one brings along, but for names of the package itself."""
+    """Return lines of each module of the method that importing one brings along; `pirrht/__init__` is left out."""
     found: dict[str, int] = {}
     waiting = [module]
     while waiting:
