@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pirrht.exact.domain import Frame
+from pirrht.exact.grid import Frame
 from pirrht.geometry.walls import stands_apart
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.bodies import Bodies, clearance_and_slope, clearance_from

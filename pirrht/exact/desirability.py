@@ -22,7 +22,7 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Progress, untold
+from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -46,7 +46,7 @@ class Solver(Protocol):
         """Return the requested spacing [m], or a default; refuses a grid that is too fine or too coarse."""
 
     def grid_of(
-        self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
+        self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
     ) -> Any:
         """Solve for a spacing [m] and a step dt [s] or none: a record whose `frame` is a `domain.Frame`.
 
@@ -56,8 +56,8 @@ class Solver(Protocol):
 
 # By dynamics: the modules of this package that solve in continuous time, and with a step. They are imported when asked.
 Modules = Mapping[type[Dynamics], tuple[str, str]]
-SOLVERS: Modules = {SingleIntegrator: ("planar", "discrete_time"), Unicycle: ("heading_grid", "heading_grid")}
-AMONG_MOVERS: Modules = {SingleIntegrator: ("moving", "moving")}  # where bodies move
+SOLVERS: Modules = {SingleIntegrator: ("point", "discrete_point"), Unicycle: ("car", "car")}
+AMONG_MOVERS: Modules = {SingleIntegrator: ("moving_point", "moving_point")}  # where bodies move
 
 
 def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
@@ -92,7 +92,7 @@ class Desirability:
         *,
         spacing: float | None = None,
         dt: float | None = None,
-        progress: Progress = untold,
+        progress: Progress = ignore_progress,
     ) -> Desirability:
         """Solve for psi (paper, section III-A, or III-B with a step).
 

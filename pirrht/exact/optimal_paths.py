@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.exact.domain import in_goal
+from pirrht.exact.grid import in_goal
 from pirrht.exact.moving_look import March, look, poses_of
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.field import Field, clearance

@@ -12,13 +12,13 @@ import argparse
 from typing import Any
 
 import numpy as np
+from benchmarks.mass_on_line import MassOnLine, mass_on_line
 from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.exact.mass_on_line import MassOnLine, mass_on_line
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem

@@ -17,7 +17,7 @@ from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
 from pirrht.exact.bridges import Room, Step
 from pirrht.exact.desirability import Desirability
-from pirrht.exact.domain import frame_at
+from pirrht.exact.grid import frame_at
 from pirrht.exact.march import march, taps_along
 from pirrht.geometry.motion import Mover
 from pirrht.moving.bodies import bodies_of, frames_of, poses_at

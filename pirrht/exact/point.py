@@ -24,7 +24,7 @@ from scipy.sparse.linalg import splu
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Domain, Frame, Progress, affordable, frame_at, in_cells, in_goal, untold
+from pirrht.exact.grid import Domain, Frame, Progress, affordable, frame_at, ignore_progress, in_cells, in_goal
 from pirrht.freespace import FreeSpace
 from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
@@ -136,7 +136,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 
 
 def grid_of(
-    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
+    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
 ) -> Expansion:
     """Solve in continuous time on a grid of this spacing [m], (K, 8) coefficients; dt is unused."""
     wall = problem.phi / problem.temperature

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact import moving_look, planar
+from pirrht.exact import moving_look, point
 from pirrht.exact.bridges import Room, Step, at_goal
-from pirrht.exact.domain import Domain, Progress, affordable, frame_at, in_goal, untold
+from pirrht.exact.grid import Domain, Progress, affordable, frame_at, ignore_progress, in_goal
 from pirrht.exact.march import march, taps_along
 from pirrht.exact.moving_look import BEYOND, March, in_wall
 from pirrht.freespace import FreeSpace
@@ -130,7 +130,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     if dt is not None:
         raise OptionError("no grid solves a problem in steps among moving bodies; leave out dt (--exit bridge)")
     scene = space.scene
-    radius, length = scene.robot_radius, 1.0 / planar.wavenumber_of(problem)
+    radius, length = scene.robot_radius, 1.0 / point.wavenumber_of(problem)
     deviation = min(WIDEST * radius, FASTEST * length, BETWEEN * math.sqrt(radius * length))
     most = deviation / PER_STEP
     if spacing is not None and spacing > most:
@@ -140,7 +140,9 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return chosen
 
 
-def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold) -> March:
+def grid_of(
+    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
+) -> March:
     """Solve in continuous time on a grid of this spacing [m], (G, nx, ny) [nats]; dt is none.
 
     Calls `progress` with the share of the march that is done, anew for every period. OptionError as of `spacing_for`,
@@ -179,7 +181,7 @@ class _Solver:
     """The march for one problem."""
 
     def __init__(
-        self, problem: Problem, scene: Scene, spacing: float, table: Timetable, progress: Progress = untold
+        self, problem: Problem, scene: Scene, spacing: float, table: Timetable, progress: Progress = ignore_progress
     ) -> None:
         assert not callable(problem.q)
         self.problem, self.scene, self.table, self.spacing, self.progress = problem, scene, table, spacing, progress
@@ -228,7 +230,7 @@ class _Solver:
         if at < len(kept) and kept[at] == k:
             frames[at] = now
 
-    def _rest(self) -> planar.Expansion:
+    def _rest(self) -> point.Expansion:
         """Solve with all bodies as they stand at the end of the table."""
         end = float(self.table.times[-1])
         still = tuple(solid for mover in self.scene.movers for solid in mover.at(end))
@@ -244,9 +246,9 @@ class _Solver:
         domain = Domain(
             lower=scene.lower.astype(float), upper=scene.upper.astype(float), goal=scene.goal, clearance=clearance
         )
-        k = planar.wavenumber_of(self.problem)
-        spacing = min(planar.FINEST / k, planar.COARSEST * scene.robot_radius)
-        return planar.solve(domain, wavenumber=k, wall=self.wall, spacing=spacing)
+        k = point.wavenumber_of(self.problem)
+        spacing = min(point.FINEST / k, point.COARSEST * scene.robot_radius)
+        return point.solve(domain, wavenumber=k, wall=self.wall, spacing=spacing)
 
     def _settled(self, now: Array) -> Array:
         """Find log psi at the table's end that is equal a period before; OptionError if it does not settle."""
@@ -306,4 +308,4 @@ def _sample(rest, room, pose, out):  # type: ignore[no-untyped-def]
         for j in range(out.shape[1]):
             x[0], x[1] = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
             blocked = in_goal(frame, x) or in_wall(room, pose, x[0], x[1])
-            out[i, j] = -math.inf if blocked else planar.look(rest, x, slope)
+            out[i, j] = -math.inf if blocked else point.look(rest, x, slope)

@@ -18,7 +18,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.domain import derivative, polynomial
+from pirrht.exact.grid import derivative, polynomial
 from pirrht.jit.jit import inlined, kernel
 
 SPACING = 0.005  # of the finer grid: v is within 0.1 % [m]

@@ -16,17 +16,17 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.domain import (
+from pirrht.exact.grid import (
     Domain,
     Frame,
     Progress,
     affordable,
     derivative,
     frame_at,
+    ignore_progress,
     in_cells,
     in_goal,
     polynomial,
-    untold,
 )
 from pirrht.freespace import FreeSpace
 from pirrht.jit.jit import inlined, kernel
@@ -61,7 +61,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 
 
 def grid_of(
-    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
+    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
 ) -> Lattice:
     """Solve a problem with steps of dt [s] on a grid of this spacing [m], (nx, ny) [nats]."""
     assert not callable(problem.q)

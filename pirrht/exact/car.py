@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt
 
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Frame, Progress, derivative, frame_at, in_cells, in_goal, polynomial, untold
+from pirrht.exact.grid import Frame, Progress, derivative, frame_at, ignore_progress, in_cells, in_goal, polynomial
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
@@ -82,7 +82,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 
 
 def grid_of(
-    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
+    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
 ) -> Headings:
     """Solve for v (nx, ny, nt) [cost] of a car at a spacing [m], dt unused; OptionError if sweeps do not settle."""
     d = problem.dynamics

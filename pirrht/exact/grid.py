@@ -89,7 +89,7 @@ def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> f
 Progress = Callable[[float], None]  # is told the share that is done, from 0 to 1
 
 
-def untold(share: float) -> None:
+def ignore_progress(share: float) -> None:
     """Ignore progress."""
 
 
