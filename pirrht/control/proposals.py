@@ -17,7 +17,8 @@ from pirrht.planner.reference import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.any_guide import DDPGuide
 from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, Proposal, ProposalControl, Tape, lead_of
+from pirrht.proposals.leads import lead_of
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tracking import FEW
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.topology.homology import Homology

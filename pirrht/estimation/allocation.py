@@ -17,7 +17,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
-from pirrht.proposals.leads import Batch, Proposal, ProposalControl
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
 from pirrht.proposals.tracking import FEW
 
 PLANS = 5.0  # contributions are averaged over about so many plans

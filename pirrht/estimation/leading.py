@@ -15,8 +15,9 @@ from pirrht.geometry.world import World
 from pirrht.moving.distances import traffic_clearance
 from pirrht.moving.obstacles import Traffic
 from pirrht.problem import Problem
-from pirrht.proposals.leads import DesirabilityAscent, ProposalControl, Tape
+from pirrht.proposals.leads import DesirabilityAscent
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
+from pirrht.proposals.proposal import ProposalControl, Tape
 from pirrht.proposals.walls import NEAREST, Scales, WallDrift
 from pirrht.proposals.ways import way_of
 from pirrht.rollouts.backend import kind_of

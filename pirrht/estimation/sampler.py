@@ -29,10 +29,10 @@ from pirrht.moving.obstacles import Traffic
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.proposals.tracking import Guidance
 from pirrht.rollouts.backend import kernels_for, setup_of
-from pirrht.rollouts.records import Kernels, MovingSetup, Origin, Setup, empty_paths
+from pirrht.rollouts.records import Kernels, Origin, empty_paths
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
@@ -62,19 +62,17 @@ class PathIntegral:
         self.setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
         self.guidance: Guidance | DDPGuidance | None = None
         if sampling.guide == "feedback" and not self.moving and Guidance.suits(problem):
-            assert isinstance(self.setup, Setup)
             self.guidance = Guidance(problem, self.setup, sways=sampling.fitted)
         elif sampling.guide == "feedback" and (self.moving or DDPGuidance.suits(problem)):
             self.guidance = DDPGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
-        self.replay = Replay(self.kernels, self.setup)
-        traffic = self.setup.traffic if isinstance(self.setup, MovingSetup) else None
+        self.replay = Replay(self.kernels)
+        traffic = self.setup.traffic if self.moving else None
         self.leading = ProposalFactory(problem, space, sampling, self.setup.arena, traffic)
         self.tables = Tables(self.leading, self.guidance)
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
     def foresee(self, traffic: Traffic, homology: TimedHomology) -> None:
         """Replace the prediction of moving obstacles and its homology, on the clock of batches and guides."""
-        assert isinstance(self.setup, MovingSetup)
         self.setup, self.homology = self.setup._replace(traffic=traffic), homology
         self.leading.traffic = traffic
         if isinstance(self.guidance, DDPGuidance):

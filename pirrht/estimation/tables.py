@@ -9,11 +9,12 @@ from pirrht.estimation.leading import ProposalFactory
 from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
 from pirrht.proposals.any_guide import DDPGuide
 from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, LinearFeedback
+from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.proposal import Batch
 from pirrht.proposals.tracking import Guidance
 from pirrht.proposals.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
 from pirrht.proposals.ways import NODES
-from pirrht.rollouts.records import FINER, LAW, MovingSetup, ProposalTables, Setup
+from pirrht.rollouts.records import FINER, LAW, ProposalTables, Setup
 from pirrht.rollouts.ways import no_ways
 from pirrht.topology.in_time import TimedHomology
 from pirrht.topology.marks import NO_MARKS, RayTable
@@ -35,7 +36,7 @@ class Tables:
         self._pushes = leading.climbs or (general is not None and general.gated)
         self._last: tuple[Batch | None, ProposalTables | None] = None, None
 
-    def of(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> ProposalTables:
+    def of(self, batch: Batch, setup: Setup, homology: TimedHomology | None) -> ProposalTables:
         """Return the tables of a batch; `homology` is that of paths in space and time, where obstacles move."""
         known, leads = self._last
         first = np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64)
@@ -44,7 +45,7 @@ class Tables:
         self._last = batch, leads
         return leads._replace(first=first)
 
-    def _made(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> ProposalTables:
+    def _made(self, batch: Batch, setup: Setup, homology: TimedHomology | None) -> ProposalTables:
         x, times, m = batch.state, batch.times, self.problem.dynamics.m
         H, T = len(batch.proposals), len(times) - 1
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
@@ -105,9 +106,9 @@ class Tables:
         room = [self.leading.room(x, batch.time + t) for x, t in zip(_places(guide, times), times, strict=True)]
         return leads.trust * squeezed(scales.noise, np.array(room), times)
 
-    def _nearby(self, batch: Batch, leads: ProposalTables, setup: Setup | MovingSetup) -> Nearby:
+    def _nearby(self, batch: Batch, leads: ProposalTables, setup: Setup) -> Nearby:
         """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
-        if not isinstance(setup, MovingSetup):
+        if setup.traffic.J == 0:
             return NO_NEARBY
         traffic, field, d, spread = setup.traffic, setup.arena.field, self.problem.dynamics, 0.0
         if d.noisy_position:

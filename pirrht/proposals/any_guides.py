@@ -28,7 +28,7 @@ from pirrht.proposals.walls import Scales
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.kind import is_gated, takes_law
 from pirrht.rollouts.general.law import GATE, GATES
-from pirrht.rollouts.records import FINER, MovingSetup, Setup, law_width
+from pirrht.rollouts.records import FINER, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import no_homing
 from pirrht.topology.in_time import TimedHomology
@@ -57,9 +57,7 @@ class DDPGuidance:
         homology: of paths in space and time, where obstacles move.
     """
 
-    def __init__(
-        self, problem: Problem, setup: Setup | MovingSetup, *, sways: bool, homology: TimedHomology | None = None
-    ) -> None:
+    def __init__(self, problem: Problem, setup: Setup, *, sways: bool, homology: TimedHomology | None = None) -> None:
         assert self.suits(problem)
         d = problem.dynamics
         self.problem, self.setup, self.homology = problem, setup, homology
@@ -73,7 +71,7 @@ class DDPGuidance:
         self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in COLD}
         hold = HOLD * problem.least_rate / wall_radius(problem) ** 2
         tracking, window = self.tasks[COLD[0][0]]._replace(hold=hold), ALL
-        if isinstance(setup, MovingSetup):
+        if setup.traffic.J > 0:
             # A reference passes obstacles in time; tracking it late and avoiding them ends on another side of some.
             tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), WINDOW
         self.starts = Initialisation(
@@ -134,7 +132,7 @@ class DDPGuidance:
         return self._anew(self._clock(x, times, time), x, times, key, trajectory, pressed)[0]
 
     def _anew(
-        self, clock: tuple[Setup | MovingSetup, Array], x: Array, times: Array, key: int, trajectory: Trajectory,
+        self, clock: tuple[Setup, Array], x: Array, times: Array, key: int, trajectory: Trajectory,
         pressed: Callable[[], bool] | None,
     ) -> tuple[DDPGuide | None, list[DDPGuide | None]]:  # fmt: skip
         """Make a guide from a reference; return those of faster starts as well."""
@@ -205,12 +203,12 @@ class DDPGuidance:
         Without noise it is best to pass a closing gap at the last moment. Under much noise no local improvement leads
         from there to passing in good time.
         """
-        if isinstance(self.setup, MovingSetup):
+        if self.setup.traffic.J > 0:
             yield from (self._begun(x, trajectory.faster(times_as_fast), times) for times_as_fast in HURRIES[made:])
 
-    def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup | MovingSetup, Array]:
+    def _clock(self, x: Array, times: Array, time: float) -> tuple[Setup, Array]:
         """Return the setup of paths from x (n,), and ends of their steps (T+1,) [s] on its clock."""
-        if not isinstance(self.setup, MovingSetup):
+        if self.setup.traffic.J == 0:
             return self.setup, times
         then = np.ascontiguousarray(times + time)
         marks = NO_MARKS if self.homology is None else RayTable.of(self.homology, x, then)
@@ -219,7 +217,7 @@ class DDPGuidance:
     def _clearance(self, x: Array, time: float) -> float:
         """Return the clearance of the robot's centre at x (n,) and a time [s], [m]."""
         free = float(clearance(self.setup.arena.field, x[0], x[1]))
-        if isinstance(self.setup, MovingSetup):
+        if self.setup.traffic.J > 0:
             free = min(free, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
         return free
 
@@ -228,7 +226,7 @@ class DDPGuidance:
         return worth([None if guide is None else guide.priced for guide in guides], samples, self.problem.temperature)
 
     def _from(
-        self, clock: tuple[Setup | MovingSetup, Array], x: Array, times: Array, key: int, start: tuple[Course, int],
+        self, clock: tuple[Setup, Array], x: Array, times: Array, key: int, start: tuple[Course, int],
         stages: Iterable[Stage],
     ) -> DDPGuide | None:  # fmt: skip
         (setup, then), (course, length) = clock, start
@@ -254,7 +252,7 @@ class DDPGuidance:
             **(self._beside_walls(setup, then, course.states, length) if self.gated else {}),
         )  # fmt: skip
 
-    def _beside_walls(self, setup: Setup | MovingSetup, times: Array, states: Array, length: int) -> dict[str, Any]:
+    def _beside_walls(self, setup: Setup, times: Array, states: Array, length: int) -> dict[str, Any]:
         """Return gates and pushes of a guide (T+1, 2) at times (T+1,) [s]; none past its length."""
         count, rows = length * FINER, length * FINER + 1
         i, share = np.divmod(np.arange(rows) / FINER, 1.0)

@@ -10,7 +10,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.problem import Problem
-from pirrht.rollouts.records import MovingSetup, Setup
+from pirrht.rollouts.records import Setup
 
 SPREADING = 0.5  # time in which noise spreads the position to measure its strength [s]
 PIECES = 5  # steps of that time
@@ -48,7 +48,7 @@ class Noise(NamedTuple):
         return float(np.linalg.eigvalsh(self.spread[:2, :2])[-1])
 
 
-def noise_of(problem: Problem, setup: Setup | MovingSetup, expand: Any, active: int, width: int) -> Noise:
+def noise_of(problem: Problem, setup: Setup, expand: Any, active: int, width: int) -> Noise:
     """Measure the noise of a problem by the derivatives of its steps (`step_map`), with `width` modes.
 
     Where inputs carry the noise, each in turn is at the strength that costs as much as time. An OptionError is raised

@@ -12,7 +12,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.proposals.any_guide import Course, DDPGuide, Task, empty_course, remaining
-from pirrht.rollouts.records import MovingSetup, Setup
+from pirrht.rollouts.records import Setup
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
@@ -28,7 +28,7 @@ class Initialisation:
     """Initial courses of one system, each with its number of prescribed steps."""
 
     dynamics: Dynamics
-    setup: Setup | MovingSetup
+    setup: Setup
     width: int  # modes of a step
     halts: bool  # whether the system has no homing
     optimise: Any  # kernel (`any_ddp`)

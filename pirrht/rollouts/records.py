@@ -33,7 +33,7 @@ def law_width(n: int, modes: int) -> int:
 class Setup(NamedTuple):
     """Scene and problem as rollouts need them."""
 
-    arena: World
+    arena: World  # static obstacles
     cuts: Cuts
     parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1
@@ -41,28 +41,9 @@ class Setup(NamedTuple):
     diffusion: Array  # (rows, m) B_c, if constant
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
-    pace: float = 1.0  # least q / lambda [1/s]
-
-
-class MovingSetup(NamedTuple):
-    """Scene and problem as rollouts need them among moving obstacles."""
-
-    arena: World  # of static obstacles
-    cuts: Cuts
-    parameters: Array
-    gain: Array
-    inverse: Array
-    diffusion: Array
-    rate: float
-    bridge: bool
-    pace: float
-    traffic: Traffic
-    marks: RayTable  # of no path; guides are told those of their steps
-
-    @classmethod
-    def of(cls, setup: Setup, traffic: Traffic) -> MovingSetup:
-        """Add moving obstacles to a setup."""
-        return cls(*setup, traffic, NO_MARKS)
+    pace: float  # least q / lambda [1/s]
+    traffic: Traffic  # J moving obstacles, predicted on the clock of plans; kernels for J = 0 never read it
+    marks: RayTable = NO_MARKS  # of the steps of a guide among moving obstacles
 
 
 class ProposalTables(NamedTuple):

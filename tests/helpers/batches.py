@@ -8,7 +8,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.leads import Along, Batch, Proposal, ProposalControl, Tape
+from pirrht.proposals.leads import Along
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tracking import Guide
 
 

@@ -14,7 +14,8 @@ from pirrht.moving.broad_phase_cache import held_of
 from pirrht.proposals.any_guide import DDPGuide, Track
 from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, Tape
+from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.sweep import sweep_exit
 from pirrht.steering.trajectory import Trajectory

@@ -22,7 +22,8 @@ from pirrht.problem import Problem
 from pirrht.proposals.any_guide import Course, DDPGuide
 from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.backward_pass import diagonalise, recompose
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator

@@ -10,7 +10,8 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.planner.reference import Reference
-from pirrht.proposals.leads import Along, Batch, Proposal
+from pirrht.proposals.leads import Along
+from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.trajectory import running_cost
 
 OPEN = np.array([0.0, 0.0, 2.6])

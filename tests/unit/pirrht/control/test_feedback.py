@@ -7,7 +7,7 @@ import pytest
 
 from pirrht.control.feedback import STALE, ClassPool
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Tape
+from pirrht.proposals.proposal import Tape
 from pirrht.proposals.walls import AMONG, trust, window
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load

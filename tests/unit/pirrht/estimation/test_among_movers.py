@@ -25,7 +25,8 @@ from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.rollouts.records import FINER
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
