@@ -22,13 +22,8 @@ from pirrht.problem import Problem
 from pirrht.proposals.any_guide import DDPGuide
 from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.clearance_cost import touches
-<<<<<<< HEAD:tests/nightly/pirrht/moving/test_exits.py
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal
-=======
 from pirrht.proposals.leads import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal
-from pirrht.moving.exits import NEVER, met_on_way
->>>>>>> next:tests/nightly/pirrht/rollouts/test_among.py
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
