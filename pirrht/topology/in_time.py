@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.spans import BOX, span_at
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.spans import BOX, span_at
 from pirrht.topology.cuts import straight_turns
 from pirrht.topology.homology import Homology, class_id, hash_weights
 from pirrht.topology.moving import MovingHomology

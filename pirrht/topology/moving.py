@@ -19,7 +19,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
-from pirrht.geometry.scene import Footprint, World
+from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.topology.homology import integers
 from pirrht.topology.obstacles import components
 from pirrht.topology.tracks import MarkerTrajectories, add_turns
@@ -97,7 +97,7 @@ def markers_of(mover: Mover, footprint: Footprint) -> Array:
 def _inside(solids: tuple[Obstacle, ...], footprint: Footprint) -> Array:
     """A point inside each of the topological obstacles that solids make, (m, 2) [m]."""
     plane = np.full(2, PLANE)
-    parts = components(Collision(World(-plane, plane, solids), footprint))
+    parts = components(Collision(Workspace(-plane, plane, solids), footprint))
     return np.array([part.marker for part in parts if part.marker is not None], dtype=float).reshape(-1, 2)
 
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.spans import BOX, boxes_of
 
 LONG = 2.0  # span of time of the boxes that markers are in [s]
 
