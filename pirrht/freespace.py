@@ -11,15 +11,15 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.arena import Arena
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.survey import build_field
-from pirrht.geometry.traffic import Traffic
+from pirrht.geometry.world import World
+from pirrht.moving.collision import MovingObstacles
+from pirrht.moving.obstacles import Traffic
 from pirrht.topology.homology import Homology
 from pirrht.topology.obstacles import Component, components, continued
 
@@ -125,9 +125,9 @@ class FreeSpace:
         )
 
     @property
-    def arena(self) -> Arena:
-        """What a path asks about this world and its goal's disc, lengths in [m]."""
-        return Arena.of(self.field, self.scene.goal)
+    def world(self) -> World:
+        """Take the snapshot of what is free at (x, t), lengths in [m]."""
+        return World.of(self.field, self.scene.goal, self.traffic)
 
     def clearance(self, position: Array) -> float:
         """FCL's clearance of the robot's centre at one position (2,) [m]."""

@@ -24,8 +24,8 @@ from pirrht.estimation.tables import Tables
 from pirrht.estimation.weights import log_weights
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
-from pirrht.geometry.traffic import Traffic
 from pirrht.jit.threads import mapped
+from pirrht.moving.obstacles import Traffic
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.proposals.any_guides import DDPGuidance

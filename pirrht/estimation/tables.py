@@ -6,6 +6,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.leading import ProposalFactory
+from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
 from pirrht.proposals.any_guide import DDPGuide
 from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.leads import LinearFeedback
@@ -13,7 +14,6 @@ from pirrht.proposals.proposal import Batch
 from pirrht.proposals.tracking import Guidance
 from pirrht.proposals.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
 from pirrht.proposals.ways import NODES
-from pirrht.rollouts.nearby import NO_NEARBY, REACHES, Nearby
 from pirrht.rollouts.records import FINER, LAW, ProposalTables, Setup
 from pirrht.rollouts.ways import no_ways
 from pirrht.topology.homology import Homology

@@ -18,10 +18,10 @@ from pirrht.arrays import Array, IntArray
 from pirrht.exact.grid import in_goal
 from pirrht.exact.moving_look import March, look, poses_of
 from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.bodies import clearance_from
 from pirrht.geometry.field import Field, clearance
 from pirrht.jit.jit import as_jitable, inlined, kernel
 from pirrht.jit.streams import normals, stream, uniform
+from pirrht.moving.bodies import clearance_from
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
 from pirrht.topology.crossings import straight_turns
 from pirrht.topology.homology import Homology

@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
-from pirrht.geometry.traffic import traffic_clearance
+from pirrht.moving.distances import traffic_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.any_ddp import optimiser
 from pirrht.proposals.any_guide import Course, DDPGuide, Task

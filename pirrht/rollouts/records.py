@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.arena import Arena
-from pirrht.geometry.traffic import Traffic
-from pirrht.rollouts.nearby import NO_NEARBY, Nearby
+from pirrht.geometry.world import World
+from pirrht.moving.broad_phase import NO_NEARBY, Nearby
+from pirrht.moving.obstacles import Traffic
 from pirrht.rollouts.ways import DesirabilityTubes
 from pirrht.topology.crossings import Cuts
 from pirrht.topology.moving_crossings import NO_RAYS, RayTable
@@ -33,7 +33,7 @@ def law_width(n: int, modes: int) -> int:
 class Setup(NamedTuple):
     """Scene and problem as rollouts need them."""
 
-    arena: Arena  # static obstacles
+    arena: World  # static obstacles
     cuts: Cuts
     parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.geometry.certify import BLOCKED, FREE, UNSURE
+from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_segment
 from pirrht.geometry.field import Field
-from pirrht.geometry.sweeps import certify_leg, certify_some, certify_way, list_passed, note_unsure
-from pirrht.geometry.traffic import Traffic
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.certify import certify_leg, certify_some, list_passed, note_unsure
+from pirrht.moving.obstacles import Traffic
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.crossings import Cuts, crossed
@@ -116,7 +116,7 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @kernel
 def free_leg(around, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """Judge the leg from (ax, ay) [m] at s [s] to (bx, by) at t: FREE, BLOCKED or UNSURE."""
-    standing = certify_way(around.field, ax, ay, bx, by)
+    standing = certify_segment(around.field, ax, ay, bx, by)
     return standing if standing == BLOCKED else min(standing, certify_leg(around.traffic, ax, ay, s, bx, by, t))
 
 
@@ -152,7 +152,7 @@ def _judge(record, into_goal, around, status, enters):  # type: ignore[no-untype
             bx, by, t = ax + share * (bx - ax), ay + share * (by - ay), s + share * (t - s)
             path[i, 3], path[i, 4], path[i, 5] = bx, by, t
             record.cost[i] *= share
-        status[i] = certify_way(around.field, ax, ay, bx, by)
+        status[i] = certify_segment(around.field, ax, ay, bx, by)
         if status[i] != BLOCKED:
             status[i] = min(status[i], certify_some(around.traffic, listed, count, ax, ay, s, bx, by, t))
         unsure += status[i] == UNSURE
@@ -196,7 +196,7 @@ def _ask(record: LegRecord, i: int, space: FreeSpace) -> bool:
     """Sweep capsules where that is not certain: one among static obstacles, others in the frame of each moving one."""
     ax, ay, s, bx, by, t = (float(v) for v in record.path[i])
     a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.traffic.J, dtype=np.bool_)
-    if certify_way(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
+    if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
         return False
     note_unsure(space.traffic, ax, ay, s, bx, by, t, unsure)
     return not (unsure.any() and space.crowd.meets(a, s, b, t, unsure))

@@ -18,10 +18,10 @@ from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
-from pirrht.geometry.scene import Footprint, World
-from pirrht.geometry.spans import BOX, boxes_of
+from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.spans import BOX, boxes_of
 from pirrht.topology.obstacles import components
 from pirrht.topology.tuning import TUNING
 
@@ -263,7 +263,7 @@ def markers_of(mover: Mover, footprint: Footprint) -> Array:
 def _inside(solids: tuple[Obstacle, ...], footprint: Footprint) -> Array:
     """A point inside each of the topological obstacles that solids make, (m, 2) [m]."""
     plane = np.full(2, TUNING.lone_plane)
-    parts = components(Collision(World(-plane, plane, solids), footprint))
+    parts = components(Collision(Workspace(-plane, plane, solids), footprint))
     return np.array([part.marker for part in parts if part.marker is not None], dtype=float).reshape(-1, 2)
 
 

@@ -24,7 +24,7 @@ from benchmarks.timing import interleaved, row, ticks
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.tables import Tables
-from pirrht.geometry.traffic import Traffic
+from pirrht.moving.obstacles import Traffic
 from pirrht.proposals.proposal import Batch
 from sim.drive.episode import Tally
 from sim.recording.recorder import Recorder, Sinks

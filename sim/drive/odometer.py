@@ -20,7 +20,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import MovingObstacles
+from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of

@@ -16,9 +16,9 @@ from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import FEW, Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import NOWHERE, reach_of
 from pirrht.geometry.motion import Mover
-from pirrht.geometry.scene import Footprint, World
+from pirrht.geometry.scene import Footprint, Workspace
+from pirrht.moving.collision import NOWHERE, reach_of
 from pirrht.outcome import Outcome
 from sim.drawing.colors import title
 from sim.drawing.sides import sides, worded
@@ -37,7 +37,7 @@ class Bystanders:
     """The shapes of bodies that move; how they move is told when they are asked about."""
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint) -> None:
-        self._shapes = [Collision(World(-NOWHERE, NOWHERE, mover.solids), footprint) for mover in movers]
+        self._shapes = [Collision(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint) for mover in movers]
         self._reach = np.array([reach_of(mover) for mover in movers])
         self._radius = footprint.radius
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.geometry.listed import held_of
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
+from pirrht.moving.broad_phase_cache import held_of
 from pirrht.proposals.any_guide import DDPGuide, Track
 from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.clearance_cost import touches

@@ -13,7 +13,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import NoReference
 from pirrht.estimation.estimate import Rollouts
-from pirrht.geometry.crowd import MovingObstacles
+from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.driven import Driven

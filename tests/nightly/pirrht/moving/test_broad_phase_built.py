@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pirrht.estimation.tables import Tables
-from pirrht.rollouts.nearby import Nearby
+from pirrht.moving.broad_phase import Nearby
 from sim.scenario import prepare
 
 
