@@ -131,12 +131,9 @@ class HomologyTree:
         return int(self.graph.nodes[: self.size].sum())
 
     def grow(
-        self,
-        vertices: int,
-        *,
-        progress: Callable[[int], None] | None = None,
-        enough: Callable[[int], bool] | None = None,
-    ) -> None:
+        self, vertices: int, *,
+        progress: Callable[[int], None] | None = None, enough: Callable[[int], bool] | None = None,
+    ) -> None:  # fmt: skip
         """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1).
 
         Passages are drawn first, and again until they are vertices; at least every second draw is uniform.
@@ -262,7 +259,7 @@ class HomologyTree:
         return not np.array_equal(rest, x) and bool(self.lengths(rest))
 
     def path_of(self, vertex: int, slot: int) -> list[int]:
-        """Vertices from a node to its root, first to last (Algorithm 5, ReconstructPath)."""
+        """Vertices from a node to its root, first to last (ReconstructPath)."""
         return self._asked.path_of(vertex, slot)
 
     def __repr__(self) -> str:
