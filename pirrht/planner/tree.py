@@ -313,9 +313,8 @@ class HomologyTree:
 
     @property
     def _asked(self) -> ReferenceQuery:
-        return ReferenceQuery(
-            around=self.around, rules=self.rules, places=self._places, vertices=self._first(self.size)
-        )
+        vertices = self._first(self.size)
+        return ReferenceQuery(around=self.around, rules=self.rules, places=self._places, vertices=vertices)
 
     def _first(self, count: int) -> Vertices:
         """So many of the vertices, written but not yet inserted ones included."""
