@@ -27,7 +27,6 @@ from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 
 
 class Controller(Policy):
@@ -68,7 +67,7 @@ class Controller(Policy):
     def __init__(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
         method: str = "pi-rrht", polished: bool = True, consistency: float = 0.8, between: str = "classes",
-        homology: Homology | TimedHomology | None = None, predict: Predictor | None = None, rng: np.random.Generator,
+        homology: Homology | None = None, predict: Predictor | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self.settings = ControlSettings(method=method, polished=polished, consistency=consistency, between=between)
         self.predict, self.rng = predict, rng
@@ -77,7 +76,7 @@ class Controller(Policy):
 
     def _enter(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling,
-        homology: Homology | TimedHomology | None = None,
+        homology: Homology | None = None,
     ) -> None:  # fmt: skip
         """Replace problem, space and tree."""
         own = homology_of(problem, space) if tree is None else tree.homology
@@ -89,7 +88,7 @@ class Controller(Policy):
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
         super().begin(x, time)
-        of_tree.regrow(self.tree, self.homology.asked(x, time), self.settings.tuning)
+        of_tree.regrow(self.tree, x, time, self.settings.tuning)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,): lines 3 and 4 of Algorithm 4; the caller applies the control (line 5).

@@ -18,14 +18,13 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 
 
 class Policy(ABC):
     """A feedback law that replans during a run: `Controller`, `Mppi` or `Optimal`."""
 
     path_integral: PathIntegral  # sampler of the problem
-    homology: Homology | TimedHomology  # classes of references and runs
+    homology: Homology  # classes of references and runs
     tree: HomologyTree | None = None  # None: it needs none
     predict: Predictor | None = None  # None: motions are known
     run: RunState  # of the run under way

@@ -21,7 +21,7 @@ from pirrht.geometry.passages import Passages
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.along_legs import Legs
 from pirrht.steering.in_time import InTime
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.homology import Homology
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,7 +29,7 @@ class Prediction:
     """Predict moving obstacles on a clock of its own: one snapshot for sampler, proposals, tree and feedback."""
 
     space: FreeSpace
-    homology: TimedHomology
+    homology: Homology
     tree: HomologyTree | None  # None: none is required
     since: float  # when its clock starts, on that of the run [s]
 

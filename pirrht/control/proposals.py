@@ -29,7 +29,6 @@ from pirrht.proposals.leads import lead_of
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tracking import FEW
 from pirrht.steering.trajectory import Trajectory, running_cost
-from pirrht.topology.in_time import TimedHomology
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,10 +122,10 @@ class ProposalBuilder:
         except the cheapest, which is improved as long as there is time.
         """
         memory, short, elapsed = run.memory, budget.short, run.since_plan
-        clock = {"time": run.now} if isinstance(run.homology, TimedHomology) else {}
+        clock = {"time": run.now} if self.integral.moving else {}
         anew = isinstance(guidance, DDPGuidance) and not memory.guides and not short()
         thorough = {one.whole for one in requests[: self.settings.tuning.thorough]} if anew else set()
-        turned = self._reversed(tree, run.homology.asked(x, run.now)) if anew else {}
+        turned = self._reversed(tree, x, run.now) if anew else {}
 
         def improved(one: GuideRequest) -> Any:
             last, other, reference = memory.guides.get(one.whole), memory.alternatives.get(one.whole), one.reference
@@ -149,9 +148,9 @@ class ProposalBuilder:
         memory.alternatives = {whole: other for whole, _, other in pairs if other is not None}
         return [guide for _, guide, _ in pairs]
 
-    def _reversed(self, tree: HomologyTree | None, x: Array) -> dict[tuple[int, ...], Trajectory]:
-        """Return paths from x (n,) driven backwards, by winding; none of a system that does not reverse."""
-        turned = None if tree is None else tree.steering.backwards(x)
+    def _reversed(self, tree: HomologyTree | None, x: Array, now: float) -> dict[tuple[int, ...], Trajectory]:
+        """Return paths from x (n,) at a time [s] driven backwards, by winding; none if nothing reverses."""
+        turned = None if tree is None else tree.steering.backwards(tree.at(x, now))
         if tree is None or turned is None:
             return {}
         try:

@@ -21,8 +21,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.trajectory import SPACING
 from pirrht.topology.driven import Driven
-from pirrht.topology.homology import integers
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.signature import integers
 
 
 def validate(tree: HomologyTree | None, integral: PathIntegral, settings: ControlSettings) -> None:
@@ -37,12 +36,12 @@ def validate(tree: HomologyTree | None, integral: PathIntegral, settings: Contro
         return
     problem = integral.problem
     steering, dynamics = type(tree.steering).__name__, type(problem.dynamics).__name__
-    if problem.scene.movers and not isinstance(tree.homology, TimedHomology):
+    if problem.scene.movers and not tree.steering.timed:
         raise OptionError(
             f"{steering} knows no times, and obstacles move in the scene; grow the tree with InTime.of(problem)"
         )
     zero = np.zeros(problem.dynamics.n)
-    if len(tree.steering.vertex_of(tree.homology.asked(zero, 0.0))) != tree.steering.n:
+    if len(tree.steering.vertex_of(tree.at(zero, 0.0))) != tree.steering.n:
         raise OptionError(
             f"{steering} connects states of {tree.steering.n} numbers and {dynamics} has {problem.dynamics.n}; grow "
             f"the tree with a Steering for {dynamics}"
@@ -54,11 +53,11 @@ def validate(tree: HomologyTree | None, integral: PathIntegral, settings: Contro
         )
 
 
-def regrow(tree: HomologyTree | None, here: Array, tuning: ControlTuning) -> None:
-    """Grow a tree in space and time for a run that begins `here`, (3,) [m, m, s], elsewhere than it was grown for."""
-    if tree is None or not isinstance(tree.homology, TimedHomology):
+def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuning) -> None:
+    """Grow a tree in space and time for a run from x (n,) at a time [s], unless it was grown for that."""
+    if tree is None or not tree.steering.timed:
         return
-    scene = tree.space.scene
+    scene, here = tree.space.scene, tree.at(x, time)
     origin = np.array([*scene.start[:2], 0.0]) if tree.origin is None else tree.origin
     if np.hypot(*(here[:2] - origin[:2])) > scene.robot_radius or abs(here[2] - origin[2]) > tuning.elsewhen:
         tree.aim(here)
@@ -81,7 +80,7 @@ def extract_references(
     memory.others = {}
     try:
         found = tree.references(
-            run.homology.asked(x, run.now), polished=settings.polished, before=before, pressed=budget.short,
+            tree.at(x, run.now), polished=settings.polished, before=before, pressed=budget.short,
             threads=threads, most=most,
         )  # fmt: skip
     except NoReference:
@@ -112,7 +111,7 @@ def _remaining_guides(
         if rest is None:
             continue
         winding = integers(np.subtract(whole, driven))
-        signature = run.homology.signature(run.homology.asked(x, run.now), winding)
+        signature = run.homology.signature(run.homology.at(x, run.now), winding)
         if np.all(np.abs(signature - 1.0) <= tree.limit):
             named = run.homology.named
             references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=named))
@@ -155,7 +154,6 @@ def renewed(
 def continue_among(space: FreeSpace, run: RunState) -> None:
     """Continue a run among other static obstacles; classes keep their names, and memory while their paths are free."""
     path, memory, before, goal = run.path, run.memory, run.homology, space.scene.goal.center
-    assert isinstance(path, Driven)
     path.enter(space.homology)
     rests = {whole: guide.rest(run.since_plan, goal) for whole, guide in memory.guides.items()}
     guides = _heirs(space, path, {whole: rest.points for whole, rest in rests.items() if rest is not None})

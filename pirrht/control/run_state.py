@@ -18,9 +18,9 @@ from pirrht.geometry.motion import Mover
 from pirrht.planner.reference import Reference
 from pirrht.proposals.any_guide import DDPGuide
 from pirrht.steering.motion import Motions
-from pirrht.topology.driven import DrivenInTime, driven
-from pirrht.topology.homology import Homology, integers
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.driven import Driven
+from pirrht.topology.homology import Homology
+from pirrht.topology.signature import integers
 
 ClassFromStart = tuple[int, ...]  # class of the driven path and the path ahead together
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
@@ -120,10 +120,8 @@ class RunState:
         memory: of plans, by class.
     """
 
-    def __init__(
-        self, homology: Homology | TimedHomology, x: Array, time: float = 0.0, movers: tuple[Mover, ...] = ()
-    ) -> None:
-        self.homology, self.path = homology, driven(homology, x, time)
+    def __init__(self, homology: Homology, x: Array, time: float = 0.0, movers: tuple[Mover, ...] = ()) -> None:
+        self.homology, self.path = homology, Driven(homology, x, time)
         self.time = self.begun = self.known = time
         self.since_plan = self.since_estimate = 0.0
         self.queried: Array | None = None
@@ -170,7 +168,7 @@ class RunState:
 
     def set_prediction(self, after: Prediction, x: Array) -> None:
         """Continue from x (n,) under another prediction; the class of the path ahead keeps its name."""
-        before, offset = self.prediction, None
+        before, offset = self.prediction, np.zeros(0)
         if before is not None:
             here = np.array([[*x[:2], self.time]])
             path = (
@@ -180,7 +178,7 @@ class RunState:
             offset = np.array(self.path.winding()) + turns[0] - turns[1]
         self.prediction, self.homology = after, after.homology
         self.movers = tuple(replace(m, motion=m.motion.after(-after.since)) for m in after.space.scene.movers)
-        self.path = DrivenInTime(after.homology, x, self.now, offset)
+        self.path = Driven(after.homology, x, self.now, offset)
 
 
 def from_start(run: RunState, references: Sequence[Reference]) -> list[ClassFromStart]:
