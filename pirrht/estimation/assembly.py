@@ -19,12 +19,11 @@ from pirrht.rollouts.cpu import Cpu, setup_of
 from pirrht.rollouts.tables import PredictedWorld, Snapshot
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 
 
 def path_integral(
     problem: Problem, space: FreeSpace, sampling: Sampling, *, beyond: Callable[[Array], Array] | None = None,
-    homology: Homology | TimedHomology | None = None, backend: Backend | None = None,
+    homology: Homology | None = None, backend: Backend | None = None,
 ) -> PathIntegral:  # fmt: skip
     """Assemble the estimator of a problem.
 
@@ -36,7 +35,7 @@ def path_integral(
     """
     classes = homology_of(problem, space) if homology is None else homology
     setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
-    world = PredictedWorld(Snapshot(setup, classes if isinstance(classes, TimedHomology) else None))
+    world = PredictedWorld(Snapshot(setup, classes))
     threads = sampling.threads or len(os.sched_getaffinity(0))
     proposals = ProposalFactory(problem, space, sampling, world, _guidance(problem, sampling, world))
     return PathIntegral(

@@ -11,9 +11,9 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampling import Sampling
 from pirrht.estimation.tuning import TUNING, EstimationTuning
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance, set_back
-from pirrht.geometry.traffic import traffic_clearance
+from pirrht.geometry.world import World
+from pirrht.moving.distances import traffic_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.leads import DesirabilityAscent
@@ -51,7 +51,7 @@ class ProposalFactory:
         self.steady = is_steady(kind_of(problem))
 
     @property
-    def arena(self) -> Arena:
+    def arena(self) -> World:
         """Static obstacles and the goal's disc."""
         return self.world.setup.arena
 
@@ -91,33 +91,28 @@ class ProposalFactory:
         clearance(self.space.field, x[0], x[1])
 
     def leads(
-        self, x: Array, times: Array, trajectories: Sequence[Trajectory], shortfalls: Sequence[float] | None = None
-    ) -> Sequence[ProposalControl]:
+        self, x: Array, times: Array, trajectories: Sequence[Trajectory], *, drops: bool
+    ) -> list[ProposalControl]:  # fmt: skip
         """Return proposal controls from x (n,): ascents of desirability if it `climbs`, else control sequences.
 
         Args:
             times: ends of the steps (T+1,) [s].
             trajectories: the references, (H,), cheapest first.
-            shortfalls: expected losses of log psi to walls, (H,) [nats]; if given, classes that promise less than
-                exp(-hopeless) of another's psi get control sequences.
+            drops: whether classes of less than exp(-hopeless) of another's predicted psi get control sequences.
         """
         found: list[ProposalControl] = []
         goal, most = self.space.scene.goal, -math.inf
-        for h, trajectory in enumerate(trajectories):
-            promise, lead, expected = -math.inf, None, math.inf
-            if shortfalls is not None:
-                expected = self.bound(x, trajectory) - max(0.0, shortfalls[h] - self.tuning.unsure)
-            if self.climbs and expected >= most - self.tuning.hopeless:
+        for trajectory in trajectories:
+            lead: ProposalControl | None = None
+            bound = -self.scales(x).decay * trajectory.length  # log psi without walls
+            if self.climbs and not (drops and bound < most - self.tuning.hopeless):
                 lead = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
-                promise = lead.promise
-            hopeless = lead is None or (shortfalls is not None and promise < most - self.tuning.hopeless)
-            found.append(Tape(times, trajectory.tape(times), promise) if lead is None or hopeless else lead)
-            most = max(most, promise)
+            predicted = -math.inf if lead is None else lead.promise
+            if lead is None or (drops and predicted < most - self.tuning.hopeless):
+                lead = Tape(times, trajectory.tape(times), predicted)
+            found.append(lead)
+            most = max(most, predicted)
         return found
-
-    def bound(self, x: Array, trajectory: Trajectory) -> float:
-        """Return log psi of a reference's class from x (n,) without walls [nats], about an upper bound."""
-        return -self.scales(x).decay * trajectory.length
 
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
         """Return the climb from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
@@ -184,7 +179,7 @@ class ProposalFactory:
         gx, gy = self.arena.goal
         return np.asarray(np.hypot(x[..., 0] - gx, x[..., 1] - gy) - self.arena.radius)
 
-    def _set_back(self, x: Array) -> tuple[float, Arena]:
+    def _set_back(self, x: Array) -> tuple[float, World]:
         """Return how far behind walls psi vanishes where exits are judged at the ends of steps [m], and that arena.
 
         A path judged every dt meets a wall like one judged always meets a wall -zeta(1/2) / sqrt(2 pi) = 0.5826
@@ -196,7 +191,7 @@ class ProposalFactory:
             return 0.0, arena
         distance = 0.5826 * math.sqrt(self.scales(x).noise * self.sampling.dt)
         radius = max(arena.radius - distance, self.tuning.rim * arena.radius)
-        return distance, Arena(set_back(arena.field, distance), arena.goal, radius)
+        return distance, arena._replace(field=set_back(arena.field, distance), radius=radius)
 
 
 def _bends(line: Array, most: float) -> Array:

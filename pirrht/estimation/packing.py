@@ -6,16 +6,15 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.factory import ProposalFactory
+from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
 from pirrht.proposals.any_guide import DDPGuide
 from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.leads import LinearFeedback
 from pirrht.proposals.proposal import Batch
 from pirrht.proposals.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
 from pirrht.proposals.ways import NODES
-from pirrht.rollouts.nearby import NO_NEARBY, REACHES, Nearby
 from pirrht.rollouts.tables import FINER, LAW, ProposalTables, Snapshot
 from pirrht.rollouts.ways import no_ways
-from pirrht.topology.marks import NO_MARKS, RayTable
 
 
 class Packer:
@@ -56,7 +55,7 @@ class Packer:
             window=self._window(batch, scales, near) if pointlike else 1,
             mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * self._finer, self._width)),
             led=np.zeros(H, np.int64),
-            marks=NO_MARKS if homology is None else RayTable.of(homology, x, times + batch.time), nearby=NO_NEARBY,
+            marks=homology.rays(x, times + batch.time), nearby=NO_NEARBY,
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
         )  # fmt: skip
         leads = leads._replace(counted=self._counted(batch, leads, scales), nearby=self._nearby(batch, leads))

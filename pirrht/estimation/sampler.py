@@ -31,8 +31,8 @@ from pirrht.rollouts.tables import Origin, Paths, ProposalTables, Setup, Snapsho
 if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their interface only
     from pirrht.estimation.factory import ProposalFactory
     from pirrht.freespace import FreeSpace
-    from pirrht.geometry.traffic import Traffic
-    from pirrht.topology.in_time import TimedHomology
+    from pirrht.moving.obstacles import Traffic
+    from pirrht.topology.homology import Homology
 
 
 class PathIntegral:
@@ -75,8 +75,8 @@ class PathIntegral:
         return self.proposals.world.setup
 
     @property
-    def homology(self) -> TimedHomology | None:
-        """Classes in space and time under the current prediction; None where nothing moves."""
+    def homology(self) -> Homology:
+        """Classes of paths under the current prediction."""
         return self.proposals.world.homology
 
     @property
@@ -89,7 +89,7 @@ class PathIntegral:
         """Replay of samples."""
         return Replay(self.backend)
 
-    def set_prediction(self, traffic: Traffic, homology: TimedHomology) -> None:
+    def set_prediction(self, traffic: Traffic, homology: Homology) -> None:
         """Replace the prediction of moving obstacles and its classes, on the clock of batches and guides."""
         self.proposals.world.snapshot = Snapshot(self.setup._replace(traffic=traffic), homology)
 

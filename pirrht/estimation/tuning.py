@@ -24,16 +24,6 @@ class EstimationTuning(NamedTuple):
     # Samples of a plan at any time limit: weighing more takes longer than it is worth.
     most: int = 150_000
 
-    # Plans over which contributions of references are averaged: more are steadier, fewer follow changes.
-    plans: float = 5.0
-    # Share of N that every reference of some weight gets, and the defensive component or its complement at least.
-    least_share: float = 0.15
-    # Samples that every reference gets, if N allows, so that its weight can be found to have risen.
-    fewest: int = 8
-    # Plans for which a measured shortfall of log psi is taken as known.
-    renewed: int = 10
-    # A shortfall may change by so many nats before it is measured again.
-    unsure: float = 3.0
     # Classes that promise so many nats less than another get few samples: exp(-16) is below a sample's weight.
     hopeless: float = 16.0
 

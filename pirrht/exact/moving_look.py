@@ -16,8 +16,8 @@ from pirrht.arrays import Array, IntArray
 from pirrht.exact import point
 from pirrht.exact.bridges import WALLS, Room, Step, log_paid, log_sum, missed, outside, walls_around
 from pirrht.exact.grid import Frame, in_goal
-from pirrht.geometry.bodies import clearance_from
 from pirrht.jit.jit import kernel
+from pirrht.moving.bodies import clearance_from
 
 BEYOND = 6.0  # a step is cut off so many deviations beyond the one that the law asks for
 

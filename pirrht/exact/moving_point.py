@@ -23,10 +23,10 @@ from pirrht.exact.grid import Domain, Progress, affordable, frame_at, ignore_pro
 from pirrht.exact.march import march, taps_along
 from pirrht.exact.moving_look import BEYOND, March, in_wall
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import kernel
+from pirrht.moving.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.problem import Problem
 
 SHORT = 0.5  # no step is shorter than this share of the longest

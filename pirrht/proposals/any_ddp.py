@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.geometry.listed import held_of
 from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import kernel
+from pirrht.moving.broad_phase_cache import held_of
 from pirrht.proposals.any_guide import COURSE
 from pirrht.proposals.backward_pass import backward_of
 from pirrht.proposals.clearance_cost import touches
@@ -26,7 +26,7 @@ from pirrht.proposals.step_map import step_of
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.sweep import sweep_exit, turn_of
-from pirrht.topology.marks import key_of_path
+from pirrht.topology.moving_crossings import key_of_path
 
 
 class Optimiser(NamedTuple):

@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
-from pirrht.geometry.traffic import traffic_clearance
+from pirrht.moving.distances import traffic_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.any_ddp import optimiser
 from pirrht.proposals.any_guide import Course, DDPGuide, Task
@@ -31,7 +31,6 @@ from pirrht.rollouts.general.law import GATE, GATES
 from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import no_homing
-from pirrht.topology.marks import NO_MARKS, RayTable
 
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
@@ -215,7 +214,7 @@ class DDPGuidance:
         if self.setup.traffic.J == 0:
             return self.setup, times
         then = np.ascontiguousarray(times + time)
-        marks = NO_MARKS if self.world.homology is None else RayTable.of(self.world.homology, x, then)
+        marks = self.world.homology.rays(x, then)
         return self.setup._replace(marks=marks), then
 
     def _clearance(self, x: Array, time: float) -> float:

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.field import Field
-from pirrht.geometry.traffic import Traffic
+from pirrht.geometry.field import Field, two_walls
 from pirrht.jit.jit import kernel
+from pirrht.moving.exits import walls_among
+from pirrht.moving.obstacles import Traffic
 from pirrht.problem import Problem
-from pirrht.rollouts.among import walls_among
-from pirrht.rollouts.first_exit import two_walls, wall_slope
+from pirrht.rollouts.first_exit import wall_slope
 
 FAR = 10.0  # reaches beyond which moving obstacles add no drift
 REACH = 2.0  # reach of walls without a way, in decay lengths 1/k

@@ -26,7 +26,7 @@ from pirrht.rollouts.point.block import control, is_point, sample, trace
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.systems.dynamics import no_homing
 from pirrht.systems.unicycle import unicycle_drift
-from pirrht.topology.marks import NO_MARKS
+from pirrht.topology.moving_crossings import NO_RAYS
 
 KEPT: Any = Kept
 NO_STATES = np.empty((0, 0, 0)), np.empty(0, np.int64)
@@ -202,10 +202,10 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
     x = np.zeros(d.n)
     constant, told = d.constant, d.constant or d.input_form
     return Setup(
-        arena=space.arena, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
+        arena=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
         inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
         gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        pace=problem.least_rate / problem.temperature, traffic=space.traffic, marks=NO_MARKS,
+        pace=problem.least_rate / problem.temperature, traffic=space.traffic, marks=NO_RAYS,
     )  # fmt: skip

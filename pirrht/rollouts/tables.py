@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 
 if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
-    from pirrht.geometry.arena import Arena
-    from pirrht.geometry.traffic import Traffic
-    from pirrht.rollouts.nearby import Nearby
+    from pirrht.geometry.world import World
+    from pirrht.moving.broad_phase import Nearby
+    from pirrht.moving.obstacles import Traffic
     from pirrht.rollouts.ways import DesirabilityTubes
-    from pirrht.topology.cuts import Cuts
-    from pirrht.topology.in_time import TimedHomology
-    from pirrht.topology.marks import RayTable
+    from pirrht.topology.crossings import Cuts
+    from pirrht.topology.homology import Homology
+    from pirrht.topology.moving_crossings import RayTable
 
 LAW = 15  # numbers of a car's law
 FINER = 4  # rows of the law of any other system per step of the grid
@@ -37,7 +37,7 @@ def law_width(n: int, modes: int) -> int:
 class Setup(NamedTuple):
     """Scene and problem as rollouts need them."""
 
-    arena: Arena  # static obstacles
+    arena: World  # static obstacles
     cuts: Cuts
     parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1
@@ -54,7 +54,7 @@ class Snapshot(NamedTuple):
     """The world as a plan takes it: one value, shared by all that plan with it."""
 
     setup: Setup
-    homology: TimedHomology | None  # classes in space and time; None where nothing moves
+    homology: Homology  # classes of paths, in space and time where obstacles move
 
 
 @dataclass(slots=True)
@@ -69,8 +69,8 @@ class PredictedWorld:
         return self.snapshot.setup
 
     @property
-    def homology(self) -> TimedHomology | None:
-        """Classes in space and time; None where nothing moves."""
+    def homology(self) -> Homology:
+        """Classes of paths, in space and time where obstacles move."""
         return self.snapshot.homology
 
     @property

@@ -24,7 +24,7 @@ from benchmarks.timing import interleaved, row, ticks
 from pirrht.control.controller import Controller
 from pirrht.estimation.packing import Packer
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.geometry.traffic import Traffic
+from pirrht.moving.obstacles import Traffic
 from pirrht.proposals.proposal import Batch
 from pirrht.rollouts.tables import PredictedWorld, Snapshot
 from sim.drive.episode import Tally
@@ -94,7 +94,7 @@ def plan_batch(scenario: Scenario) -> tuple[Batch, PathIntegral]:
     controller = scenario.controller(scenario.grown_tree())
     assert isinstance(controller, Controller)
     assert controller.tree is not None
-    references = controller.tree.references(controller.homology.asked(scenario.start, 0.0))
+    references = controller.tree.references(controller.tree.at(scenario.start, 0.0))
     return controller.batch(scenario.start, references), controller.path_integral
 
 

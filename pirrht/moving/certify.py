@@ -9,44 +9,14 @@ from __future__ import annotations
 
 import math
 
-from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
-from pirrht.geometry.field import clearance
-from pirrht.geometry.spans import BOX, MOMENT, comes_by, keeps_off
-from pirrht.geometry.traffic import (
-    LEAD,
-    PARTS,
-    PERIOD,
-    clearance_of_body,
-    disc_of,
-    inexact,
-    of_body,
-    piece_of,
-)
+from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE
 from pirrht.jit.addresses import load_int64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.distances import LEAD, PARTS, PERIOD, clearance_of_body, disc_of, inexact, of_body, piece_of
+from pirrht.moving.spans import BOX, MOMENT, comes_by, keeps_off
 
 STRIDE = 5e-3  # of a march on where nothing is certain [m]
 CLOSE = 1e-5  # where distances are closed forms a march may come so close before it is uncertain [m]
-
-
-@kernel
-def certify_way(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m] by what stands.
-
-    Where that is not certain the walk goes on in small steps: most such segments soon enter an obstacle beyond doubt.
-    """
-    length, s, verdict = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2), 0.0, FREE
-    per = 1.0 / length if length > 0.0 else 0.0
-    while True:
-        x, y = ax + s * per * (bx - ax), ay + s * per * (by - ay)
-        c = clearance(field, x, y)
-        if c < LEAST_STEP:
-            if refused(field, x, y) == BLOCKED:
-                return BLOCKED
-            verdict, c = UNSURE, 0.5 * field.spacing
-        if s >= length:
-            return verdict
-        s = min(s + c, length)
 
 
 @kernel

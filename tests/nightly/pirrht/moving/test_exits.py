@@ -15,16 +15,16 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.crowd import MovingObstacles
-from pirrht.geometry.listed import held_of, listing
-from pirrht.geometry.traffic import Traffic
+from pirrht.moving.broad_phase_cache import held_of, listing
+from pirrht.moving.collision import MovingObstacles
+from pirrht.moving.exits import NEVER, met_on_way
+from pirrht.moving.obstacles import Traffic
 from pirrht.problem import Problem
 from pirrht.proposals.any_guide import DDPGuide
 from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.clearance_cost import touches
 from pirrht.proposals.leads import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal
-from pirrht.rollouts.among import NEVER, met_on_way
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics

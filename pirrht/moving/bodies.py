@@ -16,7 +16,7 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Mover
-from pirrht.geometry.scene import Footprint, Obstacle, Scene, World
+from pirrht.geometry.scene import Footprint, Obstacle, Scene, Workspace
 from pirrht.geometry.shapes import Solids, distance_from, offset_from
 from pirrht.jit.jit import inlined, kernel
 
@@ -59,7 +59,7 @@ def gathered(groups: Sequence[Sequence[Obstacle]], footprint: Footprint, reach: 
         corner[k] = solids.low[k] - reach - footprint.radius - pitch
         shape[k] = np.ceil((solids.high[k] + reach + footprint.radius - corner[k]) / pitch).astype(int) + 2
         first[k] = sum(map(len, parts))
-        alone = Collision(World(-plane, plane, (every[k],)), footprint)
+        alone = Collision(Workspace(-plane, plane, (every[k],)), footprint)
         index = np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
         distance = alone.distance(corner[k] + pitch * index)
         parts.append(distance if pitch == fine else np.maximum(distance - _excess(distance, pitch), 0.0))

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.traffic import PERIOD, Traffic, disc_of, of_body, piece_of, restart_of
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.distances import PERIOD, disc_of, of_body, piece_of, restart_of
+from pirrht.moving.obstacles import Traffic
 
 REACHES = 3.0  # of walls that push (`ProposalTables.reach`), within which bodies are asked for
 STRETCH = 0.2  # stretches last at least so long [s]

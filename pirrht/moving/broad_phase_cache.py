@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from pirrht.geometry.traffic import FASTEST, of_body, outside_of, piece_of, restart_of
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.distances import FASTEST, of_body, outside_of, piece_of, restart_of
 
 ROUNDING = 1e-9  # of clearances that are known from before [m]
 HELD = 5  # numbers of a list: distance within which all are on it, where and when that was known, until when it serves

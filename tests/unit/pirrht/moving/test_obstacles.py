@@ -11,12 +11,12 @@ from moving import SCENES, as_mesh, hall, moved
 from thoroughly import first
 
 from pirrht.arrays import Array
-from pirrht.geometry import bodies
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import MovingObstacles
-from pirrht.geometry.moving_walls import WALL, moving_walls
-from pirrht.geometry.scene import Kind, Scene, World
-from pirrht.geometry.traffic import Traffic, pose_of, traffic_clearance
+from pirrht.geometry.scene import Kind, Scene, Workspace
+from pirrht.moving import bodies
+from pirrht.moving.collision import MovingObstacles
+from pirrht.moving.distances import WALL, moving_walls, pose_of, traffic_clearance
+from pirrht.moving.obstacles import Traffic
 
 EVERYWHERE = np.full(2, np.inf)
 
@@ -36,7 +36,7 @@ def busy() -> Scene:
 
 def truth(scene: Scene, place: Array, time: float) -> float:
     solids = tuple(one for mover in scene.movers for one in mover.at(time))
-    return float(Collision(World(-EVERYWHERE, EVERYWHERE, solids), scene.footprint).clearance(place[None])[0])
+    return float(Collision(Workspace(-EVERYWHERE, EVERYWHERE, solids), scene.footprint).clearance(place[None])[0])
 
 
 @pytest.mark.parametrize("scene", [busy, *SCENES.values()])

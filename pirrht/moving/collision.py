@@ -21,7 +21,7 @@ from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import SHORTEST, Collision
 from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
-from pirrht.geometry.scene import Footprint, World
+from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.geometry.shapes import Solids
 
 NOWHERE = np.full(2, np.inf)
@@ -40,7 +40,7 @@ class Body:
     """
 
     def __init__(self, mover: Mover, footprint: Footprint, shape: Collision | None = None) -> None:
-        self.shape = shape or Collision(World(-NOWHERE, NOWHERE, mover.solids), footprint)
+        self.shape = shape or Collision(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint)
         self._radius = footprint.radius
         motion = mover.motion
         plain = not motion.repeat and motion.lead == 0.0

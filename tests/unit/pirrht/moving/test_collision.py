@@ -13,9 +13,9 @@ from tilted import RADIUS, solid
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import MovingObstacles, jumps, reach_of, speed_bound
 from pirrht.geometry.motion import Motion, Mover
-from pirrht.geometry.scene import Footprint, Kind, Obstacle, World
+from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
+from pirrht.moving.collision import MovingObstacles, jumps, reach_of, speed_bound
 
 FOOTPRINT = Footprint(RADIUS, 0.1)
 EVERYWHERE = np.full(2, np.inf)
@@ -52,7 +52,7 @@ def questions(crowd: MovingObstacles) -> int:
 
 def truth(bodies: list[Mover], place: Array, time: float) -> float:
     solids = tuple(one for body in bodies for one in body.at(time))
-    return float(Collision(World(-EVERYWHERE, EVERYWHERE, solids), FOOTPRINT).clearance(place[None])[0])
+    return float(Collision(Workspace(-EVERYWHERE, EVERYWHERE, solids), FOOTPRINT).clearance(place[None])[0])
 
 
 @pytest.mark.parametrize("seed", range(3))

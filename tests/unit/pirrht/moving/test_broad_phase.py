@@ -8,10 +8,10 @@ from discs import disc
 from moving import busy, hall, moved
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.crowd import MovingObstacles
-from pirrht.geometry.traffic import Traffic
 from pirrht.jit.jit import kernel
-from pirrht.rollouts.nearby import HELD, Nearby, begin_list, list_around, next_jump
+from pirrht.moving.broad_phase import HELD, Nearby, begin_list, list_around, next_jump
+from pirrht.moving.collision import MovingObstacles
+from pirrht.moving.obstacles import Traffic
 
 FRAME = 0.0, 0.0, 6.0, 5.0
 

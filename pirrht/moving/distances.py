@@ -1,128 +1,25 @@
-"""Bodies that move, as compiled kernels ask about them: where each is at a time, and how far the robot is from it.
+"""Pose moving obstacles at a time and measure how far the robot is from them, in kernels.
 
-All is asked on one clock, on which 0 is now. Between two rows of its motion a body keeps its velocity: such a piece of
-a motion is known by the pose at a time, the rates at which it changes, and until when it does so.
+All times are on one clock, on which 0 is now. Between two rows of its motion an obstacle keeps its velocity: such a
+piece of a motion is given by the pose at a time, the rates at which it changes, and until when it does so.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
 
-import numpy as np
-
-from pirrht.arrays import Array, IntArray
-from pirrht.geometry.bodies import gathered
-from pirrht.geometry.crowd import jumps, reach_of, speed_bound
-from pirrht.geometry.motion import Mover
-from pirrht.geometry.scene import Scene
 from pirrht.geometry.shapes import offset_of, outside
-from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.jit.addresses import load_float64, load_int64
-from pirrht.jit.jit import inlined
+from pirrht.jit.jit import inlined, kernel
 
-REACH = 8.0  # no clearance above so many robot radii is told ...
-LEAST = 1.0  # ... and one of so many meters, if that is more [m]
 BODY = 5  # numbers of a body: how much later than now its rows' clock is [s], when it starts over [s] (0: never),
 # whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
 LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
-MOTIONS = 4  # of the arrays change with the motions: of bodies, parts, rows and boxes, the first
 PARTS = 6  # of a body: where its rows begin and end, its solids, and its boxes
 ROW = 7  # numbers of a row: t [s], x, y [m], yaw [rad], and the rates of these until the next [1/s]
 SOLID = 15  # numbers of a solid: MuJoCo's sizes, place in the body's frame, and axes there as columns, row by row
 TABLE = 4  # of a solid: form or -1, where its lattice begins in the table, and how many points that has along x and y
-
-
-class MovingObstacleArrays(NamedTuple):
-    """J bodies that move, as numbers and addresses that kernels can take cheaply."""
-
-    J: int  # number of bodies
-    body: int  # address of float64 (J, BODY)
-    parts: int  # address of int64 (J, PARTS)
-    rows: int  # address of float64 (k, ROW), of all bodies
-    boxes: int  # address of float64 (l, BOX), of all bodies: where each is within spans of time (`spans`)
-    solid: int  # address of float64 (K, SOLID)
-    form: int  # address of int64 (K, TABLE)
-    corner: int  # address of float64 (K, 2): where the lattice of a solid without a closed form begins [m]
-    table: int  # address of float64: distances on these lattices, one after the other [m]
-    pitch: float  # spacing of all lattices [m]
-    height: float  # of the robot's centre [m]
-    robot: float  # radius [m]
-    speed: float  # the greatest of any point of any body, jumps aside [m/s]
-    reach: float  # clearances are told up to this [m]
-
-
-class Traffic(MovingObstacleArrays):
-    """The same together with the arrays that the addresses point to."""
-
-    arrays: Sequence[Array | IntArray]
-    radius: Array  # (J,) of the disc around a body's origin outside of which the robot's centre is free [m]
-    fastest: Array  # (J,) speed of any point of a body at most, jumps aside [m/s]
-
-    @classmethod
-    def of(cls, scene: Scene) -> Traffic:
-        """What moves in a scene; J may be 0."""
-        movers, footprint = scene.movers, scene.footprint
-        reach = max(REACH * footprint.radius, LEAST)
-        bodies = gathered([(), *(mover.solids for mover in movers)], footprint, reach)
-        solids = bodies.solids
-        shapes = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])
-        form = np.column_stack([solids.form, bodies.first, bodies.shape])
-        motions = _motions(movers, footprint.radius)
-        arrays = *motions, shapes, form, bodies.corner, bodies.table
-        return cls._holding(arrays, (bodies.pitch, bodies.height, bodies.radius, _fastest(motions[0]), reach))
-
-    def moving(self, movers: Sequence[Mover]) -> Traffic:
-        """The same bodies on other motions."""
-        motions, shapes = _motions(movers, self.robot), self.arrays[MOTIONS:]
-        numbers = self.pitch, self.height, self.robot, _fastest(motions[0]), self.reach
-        return self._holding((*motions, *shapes), numbers)
-
-    @classmethod
-    def _holding(cls, arrays: Sequence[Array | IntArray], numbers: Sequence[float]) -> Traffic:
-        arrays = tuple(map(np.ascontiguousarray, arrays))
-        body = np.asarray(arrays[0], dtype=float)
-        traffic = cls(len(body), *(array.ctypes.data for array in arrays), *numbers)
-        traffic.arrays, traffic.radius, traffic.fastest = arrays, body[:, RADIUS], body[:, FASTEST]
-        return traffic
-
-    def after(self, time: float) -> Traffic:
-        """The same on a clock that starts at a time [s] of this one's."""
-        later = self.arrays[0].copy()
-        later[:, LEAD] += time
-        return self._holding((later, *self.arrays[1:]), (self.pitch, self.height, self.robot, self.speed, self.reach))
-
-
-def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array, Array]:
-    """The first MOTIONS of the arrays, of bodies about a robot of a radius [m]."""
-    body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
-    boxes = [boxes_of(mover.motion.rows, repeat=mover.motion.repeat) for mover in movers]
-    row = solid = box = 0
-    for j, mover in enumerate(movers):
-        motion, far = mover.motion, reach_of(mover)
-        body[j] = (
-            motion.lead, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + radius,
-            speed_bound(motion, far),
-        )  # fmt: skip
-        many = len(motion.rows), len(mover.solids), len(boxes[j])
-        parts[j] = row, row + many[0], solid, solid + many[1], box, box + many[2]
-        row, solid, box = row + many[0], solid + many[1], box + many[2]
-        rows.append(_with_rates(motion.rows))
-    return body, parts, np.vstack([np.zeros((0, ROW)), *rows]), np.vstack([np.zeros((0, BOX)), *boxes])
-
-
-def _fastest(body: Array) -> float:
-    """The greatest speed of any point of bodies (J, BODY) [m/s]."""
-    return float(body[:, FASTEST].max(initial=0.0))
-
-
-def _with_rates(rows: Array) -> Array:
-    """Rows (k, 4) of a motion with the rates at which it leaves each, (k, ROW); it stays at the last."""
-    out, steps = np.zeros((len(rows), ROW)), rows[1:] - rows[:-1]
-    out[:, :4] = rows
-    out[:-1, 4:] = steps[:, 1:] * (1.0 / steps[:, :1])
-    return out
+WALL = 5  # numbers of a wall that moves
 
 
 @inlined
@@ -310,3 +207,38 @@ def traffic_clearance(traffic, x, y, t):  # type: ignore[no-untyped-def]
         if outside_of(traffic, j, ox, oy, x, y) < best:
             best = min(best, clearance_of_body(traffic, j, ox, oy, yaw, x, y))
     return best
+
+
+@kernel
+def moving_walls(traffic, x, y, t, within, out):  # type: ignore[no-untyped-def]
+    """Write the bodies less than so far from (x, y) [m] at t [s] to rows of `out` (J, WALL); returns how many.
+
+    A row is the clearance [m], the unit vector (x, y) away from the nearest point, and the velocity (x, y) that the
+    body has there [m/s]; at a time at which that changes, that from then on.
+    """
+    count = 0
+    for j in range(traffic.J):
+        count = _add_wall(traffic, j, x, y, t, within, out, count)
+    return count
+
+
+@kernel
+def walls_of_some(traffic, listed, many, x, y, t, within, out):  # type: ignore[no-untyped-def]
+    """The same of so many bodies that are `listed` (J,)."""
+    count = 0
+    for k in range(many):
+        count = _add_wall(traffic, listed[k], x, y, t, within, out, count)
+    return count
+
+
+@inlined
+def _add_wall(traffic, j, x, y, t, within, out, count):  # type: ignore[no-untyped-def]
+    """Write body j to a row of `out` if it is so near; how many rows there are then."""
+    ox, oy, yaw, vx, vy, turn, _ = piece_of(traffic, j, t)
+    if outside_of(traffic, j, ox, oy, x, y) < within:
+        d, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, yaw, x, y)
+        if d < within:
+            out[count, 0], out[count, 1], out[count, 2] = d, nx, ny
+            out[count, 3], out[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
+            count += 1
+    return count

@@ -11,22 +11,24 @@ import math
 
 import numpy as np
 
-from pirrht.geometry.listed import listing, surely
-from pirrht.geometry.moving_walls import WALL, moving_walls, walls_of_some
-from pirrht.geometry.traffic import (
+from pirrht.bridge import FAR, LEAST, SIDEWAYS, first_crossing, survival
+from pirrht.jit.jit import inlined
+from pirrht.jit.streams import normals, uniform
+from pirrht.moving.broad_phase_cache import listing, surely
+from pirrht.moving.distances import (
     FASTEST,
     JUMPING,
+    WALL,
     clearance_facing,
     clearance_of_body,
     disc_of,
+    moving_walls,
     of_body,
     outside_of,
     piece_of,
     wall_facing,
+    walls_of_some,
 )
-from pirrht.jit.jit import inlined
-from pirrht.jit.streams import normals, uniform
-from pirrht.rollouts.first_exit import FAR, LEAST, SIDEWAYS, _survival, first_crossing
 
 SKIN = 1.0  # bodies are listed so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met
@@ -199,7 +201,7 @@ def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, 
         if c > 0.0 and d > 0.0 and c + d <= way:
             d = _behind_body(traffic, j, near, x, y, mx, my, dt, c, d, way)
         variance = _towards(near, j, cov)
-        survives = _survival(c, d, variance) if c > 0.0 else 0.0
+        survives = survival(c, d, variance) if c > 0.0 else 0.0
         alive *= survives
         if survives < worst:
             worst, which, from_, to, spread = survives, j, c, d, variance

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from moving import busy
 
-from pirrht.geometry.crowd import MovingObstacles
-from pirrht.geometry.listed import HELD, SEEN, held_of, listing, surely
-from pirrht.geometry.traffic import Traffic
+from pirrht.moving.broad_phase_cache import HELD, SEEN, held_of, listing, surely
+from pirrht.moving.collision import MovingObstacles
+from pirrht.moving.obstacles import Traffic
 
 
 def test_a_list_serves_as_long_as_it_says():
