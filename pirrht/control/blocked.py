@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.planner.reference import Reference
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Along, Batch, LinearFeedback
+from pirrht.proposals.proposal import Batch, LinearFeedback
 
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
 SOON, FINE = 1.0, 0.02  # [s], and the step in which clearance is compared [m]
@@ -146,7 +146,7 @@ def held(times: Array, tape: Array) -> Law:
 
 def known_law(batch: Batch, references: Sequence[Reference]) -> Law | None:
     """Return the law of the cheapest guide or reference, without feedback; None if there is none."""
-    led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, Along | LinearFeedback)]
+    led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
     if led:
         return held(batch.times, min(led, key=lambda guide: guide.priced).tape)
     return held(batch.times, references[0].trajectory.tape(batch.times)) if references else None

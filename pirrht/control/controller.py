@@ -29,8 +29,8 @@ from pirrht.geometry.scene import Scene
 from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, ProposalControl
-from pirrht.proposals.walls import WallDrift
+from pirrht.proposals.proposal import Batch, ProposalControl
+from pirrht.proposals.wall_drift import WallDrift
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology, integers

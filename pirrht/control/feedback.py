@@ -27,7 +27,7 @@ from pirrht.control.proposals import kept
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.weights import normalised
 from pirrht.problem import Problem
-from pirrht.proposals.leads import ProposalControl
+from pirrht.proposals.proposal import ProposalControl
 
 MEMORY = 0.03  # samples of earlier plans fade with this time constant [s]; near walls u_c changes as fast
 STALE = 0.05  # classes without samples for so long are forgotten [s]

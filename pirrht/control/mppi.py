@@ -29,7 +29,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology

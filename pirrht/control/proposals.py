@@ -15,10 +15,10 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.threads import mapped
 from pirrht.planner.reference import Reference
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, Proposal, ProposalControl, Tape, lead_of
-from pirrht.proposals.tracking import FEW
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.proposal import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.tuning import TUNING
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
@@ -53,7 +53,7 @@ class Guides:
     strong: set[Whole] = field(default_factory=set)  # classes that were given all N samples
 
     def improve(
-        self, guidance: Any, x: Array, times: Array, wanted: Sequence[GuideRequest], moment: PlanContext, *,
+        self, guidance: DDPGuidance, x: Array, times: Array, wanted: Sequence[GuideRequest], moment: PlanContext, *,
         samples: int,
         threads: int, **clock: float,
     ) -> tuple[list[Any], list[int]]:  # fmt: skip
@@ -67,7 +67,7 @@ class Guides:
             clock: `time` now, where obstacles move [s].
         """
         pressed = moment.pressed
-        anew = isinstance(guidance, DDPGuidance) and not self.last and not pressed()
+        anew = not self.last and not pressed()
         thorough = {one.whole for one in wanted[:THOROUGH]} if anew else set()
         backwards = moment.reversed() if anew else {}
         elapsed = moment.elapsed
@@ -86,14 +86,14 @@ class Guides:
             rival = guidance.onward(x, times, one.key, rival, elapsed, **clock)
             if _cheaper(rival, guide):
                 guide, rival = rival, guide
-            return guide, guidance.rival(guide, [rival])
+            return guide, guidance.alternative(guide, [rival])
 
         both = mapped(improved, wanted, threads)
         guides = [guide for guide, _ in both]
         self.rivals = {one.whole: rival for one, (_, rival) in zip(wanted, both, strict=True) if rival is not None}
         counts: list[int] = guidance.counts(guides, samples)
         self.last = {one.whole: guide for one, guide in zip(wanted, guides, strict=True) if guide and guide.valid}
-        self.strong = {one.whole for one, count in zip(wanted, counts, strict=True) if count > FEW}
+        self.strong = {one.whole for one, count in zip(wanted, counts, strict=True) if count > TUNING.few}
         return guides, counts
 
     def lines(self, elapsed: float, goal: Array) -> dict[Whole, Array]:
@@ -141,7 +141,7 @@ class ProposalBuilder:
     ) -> None:
         self.problem, self.integral, self.homology, self.mixes = problem, integral, homology, mixes
         sampling = integral.sampling
-        shared = mixes and sampling.allocation == "contribution" and integral.shares
+        shared = mixes and sampling.allocation == "contribution"
         self.allocation = Allocation(sampling.samples) if shared else None
         self.begin()
 
@@ -187,7 +187,7 @@ class ProposalBuilder:
         def beside(k: int) -> ProposalControl | None:
             """Return an alternative optimum of the k-th class, or the way that a point climbs."""
             if (rival := self.guides.rivals.get(classes[k])) is not None:
-                return lead_of(rival, self.problem.dynamics)
+                return LinearFeedback(rival)
             return integral.leading.beside(x, trajectories[k], moment.now)
 
         if self.mixes:
@@ -223,9 +223,8 @@ class ProposalBuilder:
                 threads=integral.threads, **clock,
             )  # fmt: skip
             if shared is not None:  # prices of guides are too inaccurate to allocate by
-                counts = shared.counts(names, [0.0] * len(names), [count > FEW for count in counts])
-            d = self.problem.dynamics
-            led = [one if guide is None else lead_of(guide, d) for one, guide in zip(leads, guides, strict=True)]
+                counts = shared.counts(names, [0.0] * len(names), [count > TUNING.few for count in counts])
+            led = [one if guide is None else LinearFeedback(guide) for one, guide in zip(leads, guides, strict=True)]
             return led, counts
         if shared is None:
             return list(leads), [integral.sampling.samples] * len(leads)

@@ -17,8 +17,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
-from pirrht.proposals.leads import Batch, Proposal, ProposalControl
-from pirrht.proposals.tracking import FEW
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
+from pirrht.proposals.tuning import TUNING
 
 PLANS = 5.0  # contributions are averaged over about so many plans
 LEAST = 0.15  # of N goes to every reference that is worth it, and of a class around and beside its guide
@@ -103,7 +103,7 @@ class DefensiveComponent:
     def split(self, proposals: Sequence[Proposal], beside: Callable[[int], ProposalControl | None]) -> list[Proposal]:
         """Give some samples of the k-th class to the lead `beside(k)`, if that is not None."""
         kept, more = [], []
-        few = min(FEW, max((one.count for one in proposals), default=0) - 1)
+        few = min(TUNING.few, max((one.count for one in proposals), default=0) - 1)
         for k, one in enumerate(proposals):
             other = beside(k) if one.count > few else None  # so few samples can hardly carry weight
             count = 0 if other is None else min(round(self.shares.get(one.name, 0.5) * one.count), one.count - 1)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate, Rollouts
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.leads import Batch
+from pirrht.proposals.proposal import Batch
 
 FILLED = 0.6  # share of the time left that the next round takes, since the pace changes
 FIRST = 0.1  # share of a plan's samples that come first where obstacles move, since the rest of a plan takes time

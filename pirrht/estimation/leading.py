@@ -14,10 +14,11 @@ from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.traffic import Traffic, traffic_clearance
 from pirrht.problem import Problem
-from pirrht.proposals.leads import DesirabilityAscent, ProposalControl, Tape
+from pirrht.proposals.desirability_tube import way_of
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
-from pirrht.proposals.walls import NEAREST, Scales, WallDrift
-from pirrht.proposals.ways import way_of
+from pirrht.proposals.proposal import DesirabilityAscent, ProposalControl, Tape
+from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.wall_drift import Scales, WallDrift
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.records import ProposalTables
@@ -131,7 +132,7 @@ class ProposalFactory:
         if self.steady and leads.reach > 0.0:
             return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
         pushed = push(x)
-        return NearWalls(push=pushed, held_back=push(x, closest=NEAREST) - pushed)
+        return NearWalls(push=pushed, held_back=push(x, closest=TUNING.least_gap) - pushed)
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(

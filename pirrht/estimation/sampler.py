@@ -28,11 +28,10 @@ from pirrht.geometry.traffic import Traffic
 from pirrht.jit.threads import mapped
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, Proposal, Tape
-from pirrht.proposals.tracking import Guidance
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.backend import kernels_for, setup_of
-from pirrht.rollouts.records import Kernels, MovingSetup, Origin, Setup, empty_paths
+from pirrht.rollouts.records import Kernels, MovingSetup, Origin, empty_paths
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
 from pirrht.topology.in_time import TimedHomology
@@ -60,11 +59,8 @@ class PathIntegral:
         found = homology_of(problem, space) if homology is None else homology
         self.homology = found if isinstance(found, TimedHomology) else None
         self.setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
-        self.guidance: Guidance | DDPGuidance | None = None
-        if sampling.guide == "feedback" and not self.moving and Guidance.suits(problem):
-            assert isinstance(self.setup, Setup)
-            self.guidance = Guidance(problem, self.setup, sways=sampling.fitted)
-        elif sampling.guide == "feedback" and (self.moving or DDPGuidance.suits(problem)):
+        self.guidance: DDPGuidance | None = None
+        if sampling.guide == "feedback" and DDPGuidance.suits(problem):
             self.guidance = DDPGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
         self.replay = Replay(self.kernels, self.setup)
         traffic = self.setup.traffic if isinstance(self.setup, MovingSetup) else None
@@ -77,7 +73,7 @@ class PathIntegral:
         assert isinstance(self.setup, MovingSetup)
         self.setup, self.homology = self.setup._replace(traffic=traffic), homology
         self.leading.traffic = traffic
-        if isinstance(self.guidance, DDPGuidance):
+        if self.guidance is not None:
             self.guidance.setup, self.guidance.homology = self.setup, homology
 
     def warm_up(self) -> None:
@@ -124,11 +120,6 @@ class PathIntegral:
     def leads_itself(self) -> bool:
         """Check whether samples follow guides or climbs, so that references need no controls."""
         return self.guidance is not None or self.leading.climbs
-
-    @property
-    def shares(self) -> bool:
-        """Check whether references may have unequal numbers of samples, by contributions in earlier plans."""
-        return self.guidance is None or isinstance(self.guidance, DDPGuidance)
 
     def prepare(self, batch: Batch) -> None:
         """Make the tables of a batch, for any numbers of samples."""

@@ -25,7 +25,7 @@ from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.tables import Tables
 from pirrht.geometry.traffic import Traffic
-from pirrht.proposals.leads import Batch
+from pirrht.proposals.proposal import Batch
 from pirrht.rollouts.records import MovingSetup
 from sim.drive.episode import Tally
 from sim.recording.recorder import Recorder, Sinks

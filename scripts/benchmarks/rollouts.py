@@ -17,7 +17,7 @@ from benchmarks.timing import interleaved, row
 
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.leads import Batch, Proposal
+from pirrht.proposals.proposal import Batch, Proposal
 from sim.scenario import Scenario, prepare
 
 NUMBERS = (600, 6000, 60_000)  # rollouts of all classes together

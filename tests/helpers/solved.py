@@ -14,7 +14,7 @@ from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Obstacle, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, DesirabilityAscent, Proposal, Tape
+from pirrht.proposals.proposal import Batch, DesirabilityAscent, Proposal, Tape
 from pirrht.systems.single_integrator import SingleIntegrator
 
 

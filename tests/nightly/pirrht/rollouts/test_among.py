@@ -18,10 +18,10 @@ from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.listed import held_of, listing
 from pirrht.geometry.traffic import Traffic
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.proposal import Batch, LinearFeedback, Proposal
 from pirrht.rollouts.among import NEVER, met_on_way
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator

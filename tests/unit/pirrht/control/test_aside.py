@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pirrht.estimation.allocation import DefensiveComponent
-from pirrht.proposals.leads import Proposal, Tape
+from pirrht.proposals.proposal import Proposal, Tape
 
 TIMES = np.arange(3.0)
 

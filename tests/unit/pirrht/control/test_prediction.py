@@ -21,7 +21,7 @@ from pirrht.geometry.motion import Motion
 from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HURRIED, HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch
+from pirrht.proposals.proposal import Batch
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator

@@ -9,7 +9,7 @@ import pytest
 
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.leads import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from sim.scenario import Scenario
 
 BESIDE_THE_WALL = np.array([2.3, 2.63])

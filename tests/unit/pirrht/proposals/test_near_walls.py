@@ -16,8 +16,8 @@ from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, Proposal
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans, shortfall, speed_of
+from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.systems.single_integrator import SingleIntegrator
 
 B = 0.2
