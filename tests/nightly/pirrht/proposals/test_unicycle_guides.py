@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from batches import batch_of
-from pirrht.proposals.guide import DDPGuide
 from unit.pirrht.proposals.test_unicycle_guides import WINDING, narrow, setting, tapes
 
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.trajectory import running_cost
 
 

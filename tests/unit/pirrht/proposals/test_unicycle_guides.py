@@ -11,7 +11,6 @@ from functools import cache
 import numpy as np
 import pytest
 from batches import batch_of
-from pirrht.proposals.tuning import TUNING
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
@@ -22,6 +21,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import LinearFeedback
+from pirrht.proposals.tuning import TUNING
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.systems.unicycle import Unicycle
@@ -242,7 +242,7 @@ def test_a_guide_that_is_free_stays_so_whatever_the_walls_cost():
 
 
 def test_the_law_of_a_guide_has_over_its_first_step_the_mean_that_samples_are_compared_with():
-    integral, _, guides = setting()
+    guides = setting()[2]
     guide, x = guides[0], guides[0].states[0] + np.array([0.001, -0.002, 0.01])
     lead = LinearFeedback(guide)
     shares = np.linspace(0.005, 0.995, 100)
