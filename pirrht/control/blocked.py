@@ -12,7 +12,8 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.planner.reference import Reference
 from pirrht.problem import Problem
-from pirrht.proposals.proposal import Batch, LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.proposal import Batch
 
 Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
 SOON, FINE = 1.0, 0.02  # [s], and the step in which clearance is compared [m]

@@ -32,9 +32,8 @@ from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, ProposalControl
 from pirrht.proposals.wall_drift import WallDrift
 from pirrht.steering.in_time import homology_of
-from pirrht.topology.driven import Driven
-from pirrht.topology.homology import Homology, integers
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.homology import Homology
+from pirrht.topology.signature import integers
 
 BETWEEN = ("classes", "hold")
 ELSEWHEN = 0.1  # a drive that begins so much later is another one [s]
@@ -80,7 +79,7 @@ class Controller(Policy):
     def __init__(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
         method: str = "pi-rrht", polished: bool = True, consistency: float = CONSISTENCY, between: str = "classes",
-        homology: Homology | TimedHomology | None = None, predict: Predictor | None = None,
+        homology: Homology | None = None, predict: Predictor | None = None,
         rng: np.random.Generator,
     ) -> None:  # fmt: skip
         if between not in BETWEEN:
@@ -99,7 +98,7 @@ class Controller(Policy):
 
     def _enter(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling,
-        homology: Homology | TimedHomology | None = None,
+        homology: Homology | None = None,
     ) -> None:  # fmt: skip
         """Replace problem, space and tree; nothing is known of earlier plans."""
         if homology is None:
@@ -122,7 +121,7 @@ class Controller(Policy):
         self.around.begin()
         self.brake.begin()
         self._ways = ReferenceCache(polished=self.polished, threads=self.path_integral.threads)
-        self._aim(self.homology.asked(x, time))
+        self._aim(x, time)
         self._way, self._pressed, self._pace = FavouritePath(), pressed_of(None), TimeBudget()
 
     def update(self, scene: Scene, vertices: int | None = None) -> None:
@@ -147,7 +146,6 @@ class Controller(Policy):
         around, pool, homology = self.around, self.pool, self.homology
         self._enter(*new, self.path_integral.sampling)
         path = self.drive.path
-        assert isinstance(path, Driven)
         path.enter(self.space.homology)
         guides = heirs(self.space, path, around.guides.lines(self.drive.since_plan, scene.goal.center))
         classes = guides | heirs(self.space, path, self._ways.lines())
@@ -158,10 +156,11 @@ class Controller(Policy):
         if self.pool is not None and pool is not None:
             self.pool.inherit(pool, names)
 
-    def _aim(self, here: Array) -> None:
+    def _aim(self, x: Array, time: float) -> None:
         """Grow a tree in space and time for a drive that begins elsewhere than it was grown for."""
-        if self.tree is None or not isinstance(self.homology, TimedHomology):
+        if self.tree is None or not self.tree.steering.timed:
             return
+        here = self.tree.at(x, time)
         scene = self.space.scene
         origin = np.array([*scene.start[:2], 0.0]) if self.tree.origin is None else self.tree.origin
         if np.hypot(*(here[:2] - origin[:2])) > scene.robot_radius or abs(here[2] - origin[2]) > ELSEWHEN:
@@ -247,7 +246,7 @@ class Controller(Policy):
 
     def batch(self, x: Array, references: list[Reference]) -> Batch:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
-        backwards = partial(self._ways.reversed, self.tree, self.homology.asked(x, self.now))
+        backwards = partial(self._ways.reversed, self.tree, x, self.now)
         moment = PlanContext(now=self.now, elapsed=self.drive.since_plan, pressed=self._pressed, reversed=backwards)
         batch = self.around.batch(x, references, self._from_start(references), moment)
         return replace(batch, others=self._ways.unseen)
@@ -288,7 +287,7 @@ class Controller(Policy):
         if self.tree is None or self.method.most == 0:
             return []
         found = self._ways.references(
-            self.tree, self.homology, self.homology.asked(x, self.now), self.driven_class(), pressed=self._pressed,
+            self.tree, self.homology, self.tree.at(x, self.now), self.driven_class(), pressed=self._pressed,
             most=most,
         )  # fmt: skip
         kept = [] if self.method.most is not None else self._kept(x, set(self._from_start(found)))
@@ -300,7 +299,7 @@ class Controller(Policy):
         homology = self.homology if self._foreseen is None else self._foreseen.homology
         for whole, rest in self.around.guides.left(self.drive.since_plan, self.space.scene.goal.center):
             winding = integers(np.asarray(whole) - driven)
-            signature = homology.signature(homology.asked(x, self.now), winding)
+            signature = homology.signature(homology.at(x, self.now), winding)
             allowed = self.tree is not None and np.all(np.abs(signature - 1.0) <= self.tree.limit)
             if allowed and whole not in known:
                 named = self.homology.named

@@ -32,7 +32,6 @@ from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 
 HORIZON = 3.0  # [s]
 USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
@@ -57,7 +56,7 @@ class Mppi(Policy):
 
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = HORIZON,
-        beyond: Callable[[Array], Array] | None = None, homology: Homology | TimedHomology | None = None,
+        beyond: Callable[[Array], Array] | None = None, homology: Homology | None = None,
         predict: Predictor | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         if not (np.isfinite(horizon) and horizon > 0):

@@ -18,9 +18,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.topology.driven import DrivenInTime, driven
+from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 
 PRESSED = 0.3  # share of the time for sampling that is left when time is short
 GROWN, FEW = 0.6, 100  # share left when a tree that had to be regrown is kept if it has so many vertices
@@ -69,8 +68,8 @@ class TimeBudget:
 class Drive:
     """A drive so far, from x (n,) at a time [s]: its path, which gives classes their names, and times of plans."""
 
-    def __init__(self, homology: Homology | TimedHomology, x: Array, time: float = 0.0) -> None:
-        self.path = driven(homology, x, time)
+    def __init__(self, homology: Homology, x: Array, time: float = 0.0) -> None:
+        self.path = Driven(homology, x, time)
         self.since_plan = 0.0  # [s]
         self.since_estimate = 0.0  # since the last plan that samples told anything [s]
         self.time = time  # of the drive and of moving obstacles [s]
@@ -108,7 +107,7 @@ class Policy(ABC):
 
     problem: Problem
     space: FreeSpace  # the scene, with its moving obstacles
-    homology: Homology | TimedHomology  # of references and drives
+    homology: Homology  # of references and drives
     tree: HomologyTree | None = None  # None: it needs none
     predict: Predictor | None = None  # None: motions are known
     drive: Drive
@@ -197,7 +196,7 @@ class Policy(ABC):
         before, after = self._foreseen, self.predict.at(x, self.drive.known, enough)
         if after is before:
             return None
-        offset = None
+        offset = np.zeros(0)
         if before is not None:
             path = np.array([[*x[:2], self.drive.time]]) if rest is None else rest
             shown = [one.homology.winding(path - [0.0, 0.0, one.since]) for one in (before, after)]
@@ -205,5 +204,5 @@ class Policy(ABC):
         self._foreseen = after
         foretold = after.space.scene.movers
         self.movers = tuple(replace(m, motion=m.motion.after(-after.since)) for m in foretold)
-        self.drive.path = DrivenInTime(after.homology, x, self.now, offset)
+        self.drive.path = Driven(after.homology, x, self.now, offset)
         return after

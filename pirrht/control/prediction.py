@@ -21,7 +21,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.steering.along_legs import Legs
 from pirrht.steering.in_time import InTime
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.homology import Homology
 
 OFF = 0.005  # an obstacle that is farther from its prediction contradicts it [m]
 SOON = 1.0  # as does one that by its velocity will be ten times as far off after this time [s]
@@ -33,7 +33,7 @@ class Prediction:
     """A prediction, on a clock of its own."""
 
     space: FreeSpace
-    homology: TimedHomology
+    homology: Homology
     tree: HomologyTree | None  # None: none is required
     since: float  # when its clock starts, on that of the drive [s]
 

@@ -15,13 +15,13 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.threads import mapped
 from pirrht.planner.reference import Reference
 from pirrht.problem import Problem
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
-from pirrht.proposals.proposal import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 
 THOROUGH = 4  # cheapest classes for whose first guides all ways to begin are looked at
 
@@ -136,9 +136,7 @@ class ProposalBuilder:
         mixes: whether samples of all classes are weighed together; else nothing is learnt from their weights.
     """
 
-    def __init__(
-        self, problem: Problem, integral: PathIntegral, homology: Homology | TimedHomology, *, mixes: bool
-    ) -> None:
+    def __init__(self, problem: Problem, integral: PathIntegral, homology: Homology, *, mixes: bool) -> None:
         self.problem, self.integral, self.homology, self.mixes = problem, integral, homology, mixes
         sampling = integral.sampling
         shared = mixes and sampling.allocation == "contribution"
@@ -217,7 +215,7 @@ class ProposalBuilder:
         known = None if shared is None or integral.guidance is not None else shared.shortfalls(names)
         leads = integral.leading.leads(x, times, trajectories, known)
         if integral.guidance is not None:
-            clock = {"time": moment.now} if isinstance(self.homology, TimedHomology) else {}
+            clock = {"time": moment.now} if integral.moving else {}
             guides, counts = self.guides.improve(
                 integral.guidance, x, times, wanted, moment, samples=integral.sampling.samples,
                 threads=integral.threads, **clock,

@@ -19,19 +19,19 @@ from pirrht.problem import Problem
 from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import SPACING, Trajectory
 from pirrht.topology.driven import Driven
-from pirrht.topology.homology import Homology, integers
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.homology import Homology
+from pirrht.topology.signature import integers
 
 
 def validate_tree(problem: Problem, tree: HomologyTree) -> None:
     """Raise an OptionError for a tree of another kind of system, or one without times where obstacles move."""
     steering, dynamics = type(tree.steering).__name__, type(problem.dynamics).__name__
-    if problem.scene.movers and not isinstance(tree.homology, TimedHomology):
+    if problem.scene.movers and not tree.steering.timed:
         raise OptionError(
             f"{steering} knows no times, and bodies move in the scene; grow the tree with InTime.of(problem)"
         )
     zero = np.zeros(problem.dynamics.n)
-    if len(tree.steering.vertex_of(tree.homology.asked(zero, 0.0))) != tree.steering.n:
+    if len(tree.steering.vertex_of(tree.at(zero, 0.0))) != tree.steering.n:
         raise OptionError(
             f"{steering} connects states of {tree.steering.n} numbers and {dynamics} has {problem.dynamics.n}; grow "
             f"the tree with a Steering for {dynamics}"
@@ -77,9 +77,9 @@ class ReferenceCache:
         """Rename classes to what they are now; drop the others."""
         self._known = kept(self._known, heirs)
 
-    def reversed(self, tree: HomologyTree | None, x: Array) -> dict[Whole, Trajectory]:
-        """Return paths from x (n,) driven backwards, by winding; none of a system that does not reverse."""
-        turned = None if tree is None else tree.steering.backwards(x)
+    def reversed(self, tree: HomologyTree | None, x: Array, now: float) -> dict[Whole, Trajectory]:
+        """Return paths from x (n,) at a time [s] driven backwards, by winding; none if nothing reverses."""
+        turned = None if tree is None else tree.steering.backwards(tree.at(x, now))
         if tree is None or turned is None:
             return {}
         try:
@@ -89,7 +89,7 @@ class ReferenceCache:
         return {one.winding: tree.steering.reversing(one.trajectory) for one in found}
 
     def references(
-        self, tree: HomologyTree, homology: Homology | TimedHomology, x: Array, driven: Sequence[int], *,
+        self, tree: HomologyTree, homology: Homology, x: Array, driven: Sequence[int], *,
         pressed: Callable[[], bool], most: int | None,
     ) -> list[Reference]:  # fmt: skip
         """Return the references at x (n,), cheapest first.

@@ -15,7 +15,7 @@ from pirrht.estimation.weights import centred, deviation, grouped, heavy, tail_s
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.proposals.near_walls import NearWalls
-from pirrht.rollouts.records import MovingSetup, Origin, Paths, ProposalTables, Setup
+from pirrht.rollouts.records import Origin, Paths, ProposalTables, Setup
 
 OTHER = "other"
 SHOWN, LEAST = 4, 0.005  # number and least weight of classes in one line
@@ -26,11 +26,11 @@ FEW = 10.0  # effective samples that are too few for reliable standard errors
 class Rollouts:
     """S sampled paths from one state; their states are simulated again where needed (`Replay`)."""
 
-    origin: Origin
+    setup: Setup
     leads: ProposalTables
+    origin: Origin
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
-    setup: Setup | MovingSetup | None = None  # of the sampler; None: that of a replay
     rise: Array | None = None  # (H, m) each lead now less its mean over the first step [control]
 
     @property

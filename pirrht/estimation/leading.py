@@ -10,13 +10,15 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance, set_back
-from pirrht.geometry.traffic import Traffic, traffic_clearance
+from pirrht.geometry.world import World
+from pirrht.moving.distances import traffic_clearance
+from pirrht.moving.obstacles import Traffic
 from pirrht.problem import Problem
+from pirrht.proposals.controls import DesirabilityAscent
 from pirrht.proposals.desirability_tube import way_of
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
-from pirrht.proposals.proposal import DesirabilityAscent, ProposalControl, Tape
+from pirrht.proposals.proposal import ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING
 from pirrht.proposals.wall_drift import Scales, WallDrift
 from pirrht.rollouts.backend import kind_of
@@ -42,7 +44,7 @@ class ProposalFactory:
     """
 
     def __init__(
-        self, problem: Problem, space: FreeSpace, sampling: Sampling, arena: Arena, traffic: Traffic | None
+        self, problem: Problem, space: FreeSpace, sampling: Sampling, arena: World, traffic: Traffic | None
     ) -> None:
         self.problem, self.space, self.sampling, self.arena, self.traffic = problem, space, sampling, arena, traffic
         constant = problem.dynamics.constant and not callable(problem.R)
@@ -160,7 +162,7 @@ class ProposalFactory:
         gx, gy = self.arena.goal
         return np.asarray(np.hypot(x[..., 0] - gx, x[..., 1] - gy) - self.arena.radius)
 
-    def _set_back(self, x: Array) -> tuple[float, Arena]:
+    def _set_back(self, x: Array) -> tuple[float, World]:
         """Return how far behind walls psi vanishes where exits are judged at the ends of steps [m], and that arena.
 
         A path judged every dt meets a wall like one judged always meets a wall 0.5826 deviations of a step behind it
@@ -171,7 +173,7 @@ class ProposalFactory:
             return 0.0, arena
         distance = BEHIND * math.sqrt(self.scales(x).noise * self.sampling.dt)
         radius = max(arena.radius - distance, SMALLEST * arena.radius)
-        return distance, Arena(set_back(arena.field, distance), arena.goal, radius)
+        return distance, arena._replace(field=set_back(arena.field, distance), radius=radius)
 
 
 def _bends(line: Array) -> Array:

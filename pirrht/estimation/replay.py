@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.weights import normalised
-from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup
+from pirrht.rollouts.records import Chosen, Kernels
 
 NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to a tape
 
@@ -20,13 +20,12 @@ class Replay(NamedTuple):
     """Makes tapes and paths of the samples of an estimate."""
 
     kernels: Kernels
-    setup: Setup | MovingSetup
 
     def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
         """Return states (c, T+1, n) of chosen samples (c,), and the number of steps of each, (c,)."""
         T = rollouts.leads.control.shape[1]
         states, steps = np.zeros((len(chosen), T + 1, len(rollouts.x0))), np.zeros(len(chosen), np.int64)
-        self.kernels.trace(rollouts.setup or self.setup, rollouts.leads, rollouts.origin, chosen, states, steps)
+        self.kernels.trace(rollouts.setup, rollouts.leads, rollouts.origin, chosen, states, steps)
         return states, steps
 
     def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
@@ -46,7 +45,7 @@ class Replay(NamedTuple):
             group[mask] = g
         number = np.flatnonzero(weight > NEGLIGIBLE)
         chosen = Chosen(number, group[number], weight[number])
-        self.kernels.control(rollouts.setup or self.setup, rollouts.leads, rollouts.origin, chosen, total, alive)
+        self.kernels.control(rollouts.setup, rollouts.leads, rollouts.origin, chosen, total, alive)
         return total, alive, ess
 
     def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:

@@ -6,16 +6,16 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.leading import ProposalFactory
+from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
-from pirrht.proposals.proposal import Batch, LinearFeedback
+from pirrht.proposals.proposal import Batch
 from pirrht.proposals.tuning import TUNING
 from pirrht.proposals.wall_drift import Scales, squeezed, trust, under_way, window
-from pirrht.rollouts.nearby import NO_NEARBY, REACHES, Nearby
-from pirrht.rollouts.records import FINER, MovingSetup, ProposalTables, Setup
+from pirrht.rollouts.records import FINER, ProposalTables, Setup
 from pirrht.rollouts.ways import no_ways
-from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.marks import NO_MARKS, RayTable
+from pirrht.topology.homology import Homology
 
 MOMENTS = np.arange(1, 9) / 8.0  # shares of the window at which a guide's clearance is evaluated
 LEAST = 1.0 / 300.0  # least share of a step that is split near walls and goal
@@ -33,7 +33,7 @@ class Tables:
         self._pushes = leading.climbs or (guidance is not None and guidance.gated)
         self._last: tuple[Batch | None, ProposalTables | None] = None, None
 
-    def of(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> ProposalTables:
+    def of(self, batch: Batch, setup: Setup, homology: Homology) -> ProposalTables:
         """Return the tables of a batch; `homology` is that of paths in space and time, where obstacles move."""
         known, leads = self._last
         first = np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64)
@@ -42,7 +42,7 @@ class Tables:
         self._last = batch, leads
         return leads._replace(first=first)
 
-    def _made(self, batch: Batch, setup: Setup | MovingSetup, homology: TimedHomology | None) -> ProposalTables:
+    def _made(self, batch: Batch, setup: Setup, homology: Homology) -> ProposalTables:
         x, times, m = batch.state, batch.times, self.problem.dynamics.m
         H, T = len(batch.proposals), len(times) - 1
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
@@ -59,7 +59,7 @@ class Tables:
             window=self._window(batch, scales, near) if pointlike else 1,
             mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * FINER, self._width)),
             led=np.zeros(H, np.int64),
-            marks=NO_MARKS if homology is None else RayTable.of(homology, x, times + batch.time),
+            marks=homology.rays(x, times + batch.time),
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
         )  # fmt: skip
         leads = leads._replace(counted=self._counted(batch, leads, scales), nearby=self._nearby(batch, leads, setup))
@@ -103,9 +103,9 @@ class Tables:
         room = [self.leading.room(x, batch.time + t) for x, t in zip(_places(guide, times), times, strict=True)]
         return leads.trust * squeezed(scales.noise, np.array(room), times)
 
-    def _nearby(self, batch: Batch, leads: ProposalTables, setup: Setup | MovingSetup) -> Nearby:
+    def _nearby(self, batch: Batch, leads: ProposalTables, setup: Setup) -> Nearby:
         """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
-        if not isinstance(setup, MovingSetup):
+        if setup.traffic.J == 0:
             return NO_NEARBY
         traffic, field, d, spread = setup.traffic, setup.arena.field, self.problem.dynamics, 0.0
         if d.noisy_position:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.fcl_shapes import ball, capsule, shell_of, solid_of, tree_of
 from pirrht.geometry.flat import CURVED, flat_cells
-from pirrht.geometry.scene import Footprint, Kind, World
+from pirrht.geometry.scene import Footprint, Kind, Workspace
 from pirrht.geometry.shapes import PROBE, Solids, distance_from
 from pirrht.geometry.walls import Answer, Found, asked_points, nearest_walls
 
@@ -33,7 +33,7 @@ SPOTS = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0.1], [-1, -0.1], [0.1
 class Collision:
     """Distances and free paths of a sphere among the obstacles of a world; the border bounds its centre."""
 
-    def __init__(self, world: World, footprint: Footprint) -> None:
+    def __init__(self, world: Workspace, footprint: Footprint) -> None:
         self.world, self.footprint = world, footprint
         self.calls = 0  # FCL queries so far
         self._asking = RLock()  # the probe is one for all, and threads move it

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from pirrht.geometry.field import border, with_slope
-from pirrht.geometry.listed import listing
-from pirrht.geometry.traffic import outside_of, piece_of, wall_of_body
 from pirrht.jit.jit import inlined, kernel
-from pirrht.rollouts.among import met_on_way
+from pirrht.moving.broad_phase_cache import listing
+from pirrht.moving.distances import outside_of, piece_of, wall_of_body
+from pirrht.moving.exits import met_on_way
 
 STATIC = 6  # static walls at one place: two components and four sides of the border
 

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.geometry.listed import held_of
 from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import kernel
+from pirrht.moving.broad_phase_cache import held_of
 from pirrht.proposals.backward_pass import backward_of
 from pirrht.proposals.clearance_cost import touches
 from pirrht.proposals.forward_pass import passes_of
@@ -26,8 +26,8 @@ from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.sweep import sweep_exit, turn_of
-from pirrht.topology.cuts import key_of_segment
-from pirrht.topology.marks import key_of_path
+from pirrht.topology.crossings import key_of_segment
+from pirrht.topology.moving_crossings import key_of_path
 
 
 class Optimiser(NamedTuple):

@@ -21,13 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.arena import Arena
+from pirrht.geometry.field import two_walls
+from pirrht.geometry.world import World
 from pirrht.jit.float32 import HALF, ONE, TWO, ZERO, exponential
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import logarithm
 from pirrht.proposals.cross_sections import sections_of
 from pirrht.proposals.tuning import TUNING
-from pirrht.rollouts.first_exit import two_walls
 from pirrht.rollouts.ways import KNOWN, PLACE
 
 WIDTH = 32  # at least the nodes of a cross-section, and the point on the reference after the last of them
@@ -168,7 +168,7 @@ class DesirabilityTube(NamedTuple):
     log_psi: float  # of the class at the start [nats]
 
 
-def way_of(arena: Arena, line: Array, x: Array, decay: float, nodes: int = TUNING.nodes) -> DesirabilityTube:
+def way_of(arena: World, line: Array, x: Array, decay: float, nodes: int = TUNING.nodes) -> DesirabilityTube:
     """Compute the way of a reference from x (n,) over the corners of a line (k, 2) [m], the goal point as the last.
 
     Args:

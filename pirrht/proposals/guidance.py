@@ -20,7 +20,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
-from pirrht.geometry.traffic import traffic_clearance
+from pirrht.moving.distances import traffic_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.ddp import optimiser
 from pirrht.proposals.guide import Course, DDPGuide, Task
@@ -32,11 +32,11 @@ from pirrht.proposals.wall_drift import Scales
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.kind import is_gated, takes_law
 from pirrht.rollouts.general.law import GATE, GATES
-from pirrht.rollouts.records import FINER, MovingSetup, Setup, law_width
+from pirrht.rollouts.records import FINER, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import no_homing
-from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.marks import NO_MARKS, RayTable
+from pirrht.topology.homology import Homology
+from pirrht.topology.moving_crossings import NO_RAYS
 
 UNIMPROVED: tuple[Stage, ...] = ((1.0, 0),)
 
@@ -44,7 +44,7 @@ UNIMPROVED: tuple[Stage, ...] = ((1.0, 0),)
 class Query(NamedTuple):
     """A class at one state and time."""
 
-    setup: Setup | MovingSetup  # of paths from there
+    setup: Setup  # of paths from there
     clock: Array  # (T+1,) ends of the steps, on the clock of moving obstacles [s]
     x: Array  # (n,)
     times: Array  # (T+1,) ends of the steps, from 0 [s]
@@ -60,7 +60,7 @@ class DDPGuidance:
     """
 
     def __init__(
-        self, problem: Problem, setup: Setup | MovingSetup, *, sways: bool, homology: TimedHomology | None = None,
+        self, problem: Problem, setup: Setup, *, sways: bool, homology: Homology | None = None,
         tuning: ProposalTuning = TUNING,
     ) -> None:  # fmt: skip
         assert self.suits(problem)
@@ -76,7 +76,7 @@ class DDPGuidance:
         self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in tuning.cold}
         hold = tuning.hold * problem.least_rate / self.wall_radius**2
         tracking, window = self.tasks[tuning.cold[0][0]]._replace(hold=hold), None
-        if isinstance(setup, MovingSetup):
+        if setup.traffic.J > 0:
             # A reference passes obstacles in time; tracking it late and avoiding them ends on another side of some.
             tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), tuning.window
         self.starts = Initialisation(
@@ -212,22 +212,22 @@ class DDPGuidance:
         Without noise it is best to pass a closing gap at the last moment. Under much noise no local improvement leads
         from there to passing in good time.
         """
-        if isinstance(self.setup, MovingSetup):
+        if self.setup.traffic.J > 0:
             scales = self.tuning.time_scales[made:]
             yield from (self._begun(query, trajectory.faster(times_as_fast)) for times_as_fast in scales)
 
     def _query(self, x: Array, times: Array, key: int, time: float) -> Query:
         """Prepare for guides of a class from x (n,) at a time [s]."""
-        if not isinstance(self.setup, MovingSetup):
+        if self.setup.traffic.J == 0:
             return Query(self.setup, times, x, times, key)
         clock = np.ascontiguousarray(times + time)
-        rays = NO_MARKS if self.homology is None else RayTable.of(self.homology, x, clock)
+        rays = NO_RAYS if self.homology is None else self.homology.rays(x, clock)
         return Query(self.setup._replace(marks=rays), clock, x, times, key)
 
     def _clearance(self, x: Array, time: float) -> float:
         """Return the clearance of the robot's centre at x (n,) and a time [s], [m]."""
         free = float(clearance(self.setup.arena.field, x[0], x[1]))
-        if isinstance(self.setup, MovingSetup):
+        if self.setup.traffic.J > 0:
             free = min(free, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
         return free
 

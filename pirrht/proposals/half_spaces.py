@@ -13,13 +13,13 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.listed import held_of
-from pirrht.geometry.moving_walls import WALL
+from pirrht.geometry.field import two_walls
 from pirrht.jit.copies import copy_row
 from pirrht.jit.jit import kernel
+from pirrht.moving.broad_phase_cache import held_of
+from pirrht.moving.distances import WALL
+from pirrht.moving.exits import walls_along, with_walls
 from pirrht.proposals.tuning import TUNING
-from pirrht.rollouts.among import walls_along, with_walls
-from pirrht.rollouts.first_exit import two_walls
 from pirrht.rollouts.general.law import GATE, GATES, gate_slope, mills
 
 

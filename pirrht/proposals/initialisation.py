@@ -13,7 +13,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.proposals.guide import Course, DDPGuide, Task, empty_course, remaining
 from pirrht.proposals.tuning import ProposalTuning
-from pirrht.rollouts.records import MovingSetup, Setup
+from pirrht.rollouts.records import Setup
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
@@ -23,7 +23,7 @@ class Initialisation:
     """Initial courses of one system, each with its number of prescribed steps."""
 
     dynamics: Dynamics
-    setup: Setup | MovingSetup
+    setup: Setup
     width: int  # modes of a step
     halts: bool  # whether the system has no homing
     optimise: Any  # kernel (`any_ddp`)

@@ -11,7 +11,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.problem import Problem
 from pirrht.proposals.tuning import ProposalTuning
-from pirrht.rollouts.records import MovingSetup, Setup
+from pirrht.rollouts.records import Setup
 
 
 class Noise(NamedTuple):
@@ -46,7 +46,7 @@ class Noise(NamedTuple):
         return float(np.linalg.eigvalsh(self.spread[:2, :2])[-1])
 
 
-def noise_of(problem: Problem, setup: Setup | MovingSetup, expand: Any, width: int, tuning: ProposalTuning) -> Noise:
+def noise_of(problem: Problem, setup: Setup, expand: Any, width: int, tuning: ProposalTuning) -> Noise:
     """Measure the noise of a problem by the derivatives of its steps (`step_map`), with `width` modes.
 
     Where inputs carry the noise, each in turn is at the strength that costs as much as time. An OptionError is raised

@@ -14,13 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.field import Field
-from pirrht.geometry.traffic import Traffic
+from pirrht.geometry.field import Field, two_walls
 from pirrht.jit.jit import kernel
+from pirrht.moving.exits import walls_among
+from pirrht.moving.obstacles import Traffic
 from pirrht.problem import Problem
 from pirrht.proposals.tuning import TUNING
-from pirrht.rollouts.among import walls_among
-from pirrht.rollouts.first_exit import two_walls, wall_slope
+from pirrht.rollouts.first_exit import wall_slope
 
 
 class Scales(NamedTuple):

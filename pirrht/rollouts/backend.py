@@ -21,7 +21,7 @@ from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.law import straight_home
 from pirrht.rollouts.general.path import Kept, any_path
 from pirrht.rollouts.point.block import control, is_point, sample, trace
-from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup, empty_paths
+from pirrht.rollouts.records import Chosen, Kernels, Setup, empty_paths
 from pirrht.systems.dynamics import no_homing
 
 KEPT: Any = Kept
@@ -137,17 +137,16 @@ def _filling(data: bytes, m: int) -> Callable[..., None]:
     return fill
 
 
-def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup | MovingSetup:
+def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
     """Collect what rollouts need of a problem and its scene, exits judged along the step (`bridge`) or at its end."""
     d = problem.dynamics
     x = np.zeros(d.n)
     constant, told = d.constant, d.constant or d.input_form
-    setup = Setup(
-        arena=space.arena, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
+    return Setup(
+        arena=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
         inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
         gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        pace=problem.least_rate / problem.temperature,
+        pace=problem.least_rate / problem.temperature, traffic=space.traffic,
     )  # fmt: skip
-    return MovingSetup.of(setup, space.traffic) if problem.scene.movers else setup

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.arena import Arena
-from pirrht.geometry.traffic import Traffic
-from pirrht.rollouts.nearby import NO_NEARBY, Nearby
+from pirrht.geometry.world import World
+from pirrht.moving.broad_phase import NO_NEARBY, Nearby
+from pirrht.moving.obstacles import Traffic
 from pirrht.rollouts.ways import DesirabilityTubes
-from pirrht.topology.cuts import Cuts
-from pirrht.topology.marks import NO_MARKS, RayTable
+from pirrht.topology.crossings import Cuts
+from pirrht.topology.moving_crossings import NO_RAYS, RayTable
 
 FINER = 4  # rows of a law per step of the grid
 
@@ -32,7 +32,7 @@ def law_width(n: int, modes: int) -> int:
 class Setup(NamedTuple):
     """Scene and problem as rollouts need them."""
 
-    arena: Arena
+    arena: World  # static obstacles
     cuts: Cuts
     parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1
@@ -40,28 +40,9 @@ class Setup(NamedTuple):
     diffusion: Array  # (rows, m) B_c, if constant
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
-    pace: float = 1.0  # least q / lambda [1/s]
-
-
-class MovingSetup(NamedTuple):
-    """Scene and problem as rollouts need them among moving obstacles."""
-
-    arena: Arena  # of static obstacles
-    cuts: Cuts
-    parameters: Array
-    gain: Array
-    inverse: Array
-    diffusion: Array
-    rate: float
-    bridge: bool
-    pace: float
-    traffic: Traffic
-    marks: RayTable  # of no path; guides are told those of their steps
-
-    @classmethod
-    def of(cls, setup: Setup, traffic: Traffic) -> MovingSetup:
-        """Add moving obstacles to a setup."""
-        return cls(*setup, traffic, NO_MARKS)
+    pace: float  # least q / lambda [1/s]
+    traffic: Traffic  # J moving obstacles, predicted on the clock of plans; kernels for J = 0 never read it
+    marks: RayTable = NO_RAYS  # of the steps of a guide among moving obstacles
 
 
 class ProposalTables(NamedTuple):
@@ -81,7 +62,7 @@ class ProposalTables(NamedTuple):
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
-    marks: RayTable = NO_MARKS  # about which paths are told apart where bodies move
+    marks: RayTable = NO_RAYS  # about which paths are told apart where bodies move
     nearby: Nearby = NO_NEARBY  # which of these may be near
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
     counted: float = 1.0  # share of it that counts as it is at the start in the control now

@@ -12,18 +12,19 @@ import argparse
 from typing import Any
 
 import numpy as np
+from benchmarks.mass_on_line import MassOnLine, mass_on_line
 from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.exact.mass_on_line import MassOnLine, mass_on_line
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.proposal import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator

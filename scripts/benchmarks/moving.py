@@ -24,9 +24,8 @@ from benchmarks.timing import interleaved, row, ticks
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.tables import Tables
-from pirrht.geometry.traffic import Traffic
+from pirrht.moving.obstacles import Traffic
 from pirrht.proposals.proposal import Batch
-from pirrht.rollouts.records import MovingSetup
 from sim.drive.episode import Tally
 from sim.recording.recorder import Recorder, Sinks
 from sim.scenario import Scenario
@@ -74,7 +73,6 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
 def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """Median time [s] and steps per second of a plan's rollouts, and of the first guide's, with bodies and without."""
     batch, among = plan_batch(scenario)
-    assert isinstance(among.setup, MovingSetup)
     alone, nothing = copy(among), Traffic.of(replace(scenario.loaded.scene, movers=()))
     alone.setup, alone.tables = among.setup._replace(traffic=nothing), Tables(among.leading, among.guidance)
     one = replace(batch, proposals=batch.proposals[:1]).counting([1000])
@@ -93,7 +91,7 @@ def plan_batch(scenario: Scenario) -> tuple[Batch, PathIntegral]:
     controller = scenario.controller(scenario.grown_tree())
     assert isinstance(controller, Controller)
     assert controller.tree is not None
-    references = controller.tree.references(controller.homology.asked(scenario.start, 0.0))
+    references = controller.tree.references(controller.tree.at(scenario.start, 0.0))
     return controller.batch(scenario.start, references), controller.path_integral
 
 

@@ -17,7 +17,6 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 from sim.play.world import World
 from sim.scenario import Driver
 
@@ -137,7 +136,7 @@ class Live(Policy):
         return self.built.driver.path_integral
 
     @property
-    def homology(self) -> Homology | TimedHomology:  # type: ignore[override]
+    def homology(self) -> Homology:  # type: ignore[override]
         """Theirs."""
         return self.built.driver.homology
 

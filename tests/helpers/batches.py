@@ -8,8 +8,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guide import DDPGuide
-from pirrht.proposals.proposal import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 
 
 def batch_of(

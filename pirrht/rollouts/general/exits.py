@@ -6,13 +6,14 @@ import math
 from functools import cache
 from typing import Any
 
-from pirrht.geometry.traffic import traffic_clearance
+from pirrht.bridge import FAR
 from pirrht.jit.jit import part
 from pirrht.jit.streams import normals
-from pirrht.rollouts.among import at_moving_wall, look_around, met_on_bridge, met_on_way
+from pirrht.moving.broad_phase import list_around, list_everybody
+from pirrht.moving.distances import traffic_clearance
+from pirrht.moving.exits import at_moving_wall, look_around, met_on_bridge, met_on_way
 from pirrht.rollouts.first_exit import (
     COLLISION,
-    FAR,
     GOAL,
     INSIDE,
     at_crossing,
@@ -23,7 +24,6 @@ from pirrht.rollouts.first_exit import (
     rim_along,
 )
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.nearby import list_around, list_everybody
 from pirrht.rollouts.sweep import sweep_onward
 
 

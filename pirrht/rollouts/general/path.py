@@ -26,22 +26,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arena import at
 from pirrht.jit.addresses import load_float64
 from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import borrowing, part
 from pirrht.jit.linear import solve
 from pirrht.jit.streams import antithetic, stream
-from pirrht.rollouts.among import look_anew
+from pirrht.moving.broad_phase import begin_list
+from pirrht.moving.exits import look_anew
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.general.exits import exits
 from pirrht.rollouts.general.kind import KernelSpec, diffusion_of, is_gated, is_steady, takes_law
 from pirrht.rollouts.general.law import aims, columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST, scratch_for
 from pirrht.rollouts.general.step import NO_WALLS, covariance_of, length_for, motion, noise_for, walls_for
-from pirrht.rollouts.nearby import begin_list
-from pirrht.topology.cuts import key_of_step
-from pirrht.topology.marks import key_among, open_sides
+from pirrht.topology.crossings import key_of_step
+from pirrht.topology.moving_crossings import key_among, open_sides
 
 
 @cache
@@ -214,7 +213,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the log
             probability that no wall was met on the way, where that is weighed.
         """
-        arena, p, times, counted = at(setup.arena, 0.0), setup.parameters, leads.times, leads.counted
+        arena, p, times, counted = setup.arena, setup.parameters, leads.times, leads.counted
         goal, radius, x, moved = arena.goal, arena.radius, scratch.x, scratch.moved
         T, weigh = leads.control.shape[1], keep.ratio.shape[0] > 0
         bent = bending and setup.bridge and leads.least < np.inf
@@ -227,7 +226,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         before, room, rates, now, close = distances(arena, x[0], x[1]), 0.0, covariance(scratch.B), 0.0, 0
         body_key = np.int64(leads.marks.opening if moving else 0)
         for i in range(T):
-            whole, done, arena = times[i + 1] - times[i], 0.0, at(setup.arena, times[i + 1])
+            whole, done = times[i + 1] - times[i], 0.0
             left, exit = whole, INSIDE
             clear(keep, i)
             while left > 0.0 and exit == INSIDE:

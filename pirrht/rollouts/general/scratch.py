@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
-from pirrht.rollouts.among import NEAR
+from pirrht.moving.broad_phase import HELD
+from pirrht.moving.exits import NEAR
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.nearby import HELD
-from pirrht.topology.marks import SPOT
+from pirrht.topology.moving_crossings import SPOT
 
 ABREAST = 8  # steps whose noise is drawn at once
 

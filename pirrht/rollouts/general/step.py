@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.geometry.field import two_walls
 from pirrht.jit.copies import copy_row
 from pirrht.jit.float32 import ONE, ZERO
 from pirrht.jit.jit import part
 from pirrht.jit.streams import fill_normals, normals
-from pirrht.rollouts.among import facing_among, look_around, with_moving
-from pirrht.rollouts.first_exit import GOAL, RIM, facing, fitting, two_walls, wall_slope
+from pirrht.moving.broad_phase import REACHES, list_around, next_jump
+from pirrht.moving.exits import facing_among, look_around, with_moving
+from pirrht.rollouts.first_exit import GOAL, RIM, facing, fitting, wall_slope
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of, takes_law
 from pirrht.rollouts.general.law import columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST
-from pirrht.rollouts.nearby import REACHES, list_around, next_jump
 from pirrht.rollouts.sweep import sweep_exit, turn_of
 
 SOON = 1e-6  # a step is no shorter than this where motions change [s]

@@ -10,7 +10,7 @@ from moving import hall, moved
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.crowd import MovingObstacles
+from pirrht.moving.collision import MovingObstacles
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.valleys import apart_of
 from pirrht.problem import Problem

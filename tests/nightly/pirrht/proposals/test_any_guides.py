@@ -20,9 +20,10 @@ from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.backward_pass import diagonalise, recompose
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import Course, DDPGuide
-from pirrht.proposals.proposal import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator

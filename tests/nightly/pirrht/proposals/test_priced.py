@@ -15,9 +15,9 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
 from pirrht.proposals.clearance_cost import clearance_costs
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, empty_course
-from pirrht.proposals.proposal import LinearFeedback
 from pirrht.rollouts.records import FINER
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator

@@ -10,7 +10,8 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.planner.reference import Reference
-from pirrht.proposals.proposal import Batch, LinearFeedback, Proposal
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.trajectory import running_cost
 
 OPEN = np.array([0.0, 0.0, 2.6])

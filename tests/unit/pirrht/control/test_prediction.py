@@ -25,7 +25,7 @@ from pirrht.proposals.proposal import Batch
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.topology.driven import DrivenInTime
+from pirrht.topology.driven import Driven
 
 START = np.array([1.0, 2.5])
 
@@ -152,14 +152,14 @@ def test_a_class_keeps_its_name_when_something_else_is_foretold():
 
 
 def test_the_driven_class_among_bodies_is_that_of_the_whole_path():
-    """Piece by piece, and with places that were only expected in between; as `TimedHomology.winding` of it all."""
+    """Piece by piece, and with places that were only expected in between; as `Homology.winding` of it all."""
     space = FreeSpace.of(SCENES["pincer"]())
     homology = InTime().homology(space)
     rng = np.random.default_rng(4)
     for _ in range(20):
         times = np.linspace(0.0, 3.0, 13)
         path = np.column_stack([np.linspace(1.0, 4.8, 13), 2.5 + np.cumsum(rng.normal(0.0, 0.35, 13)), times])
-        drive = DrivenInTime(homology, path[0], 0.0)
+        drive = Driven(homology, path[0], 0.0)
         for k in range(1, 13, 3):
             drive.expect(rng.uniform(1.0, 4.0, (2, 2)), float(times[k + 2]))
             drive.observe(path[k : k + 3, :2], float(times[k + 2]))

@@ -24,8 +24,9 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.proposal import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.rollouts.records import FINER
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
@@ -79,9 +80,8 @@ def test_psi_is_the_same_around_guides_with_gates_without_them_and_around_one_cl
         proposals = []
         for proposal in batch.proposals:
             guide = proposal.lead.guide
-            other = (
-                replace(guide, half_spaces=None) if "half_spaces" in change else replace(guide, gains=0.8 * guide.gains)
-            )
+            fewer = {"half_spaces": None} if "half_spaces" in change else {"gains": 0.8 * guide.gains}
+            other = replace(guide, **fewer)
             proposals.append(replace(proposal, lead=LinearFeedback(other)))
         found.append(integral.estimate(integral.rollout(replace(batch, proposals=tuple(proposals)), 2)))
     for one in found[1:]:
@@ -166,9 +166,8 @@ def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
         assert guide.valid
         assert guide.half_spaces is not None
         for i in (0, 3, 6):
-            pushed = guide.input_of(
-                guide.states[i], 0.2 * guide.wall_drift[0][FINER * i]
-            )  # what `WallDrift` adds, b = 0.2
+            # The drift that `WallDrift` adds, b = 0.2.
+            pushed = guide.input_of(guide.states[i], 0.2 * guide.wall_drift[0][FINER * i])
             found = lead(guide.states[i], guide.times[i]) + pushed
             assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
 

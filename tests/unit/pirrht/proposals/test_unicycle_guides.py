@@ -19,8 +19,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guide import DDPGuide
-from pirrht.proposals.proposal import LinearFeedback
 from pirrht.proposals.tuning import TUNING
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.trajectory import Trajectory, running_cost
