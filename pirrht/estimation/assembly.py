@@ -12,8 +12,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.tracking import Guidance
+from pirrht.proposals.guidance import DDPGuidance
 from pirrht.rollouts.backend import Backend
 from pirrht.rollouts.cpu import Cpu, setup_of
 from pirrht.rollouts.tables import PredictedWorld, Snapshot
@@ -37,19 +36,10 @@ def path_integral(
     setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
     world = PredictedWorld(Snapshot(setup, classes))
     threads = sampling.threads or len(os.sched_getaffinity(0))
-    proposals = ProposalFactory(problem, space, sampling, world, _guidance(problem, sampling, world))
+    guided = sampling.guide == "feedback" and DDPGuidance.suits(problem)
+    guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
+    proposals = ProposalFactory(problem, space, sampling, world, guidance)
     return PathIntegral(
         problem, sampling, proposals, Packer(proposals), backend or Cpu.of(problem, threads), threads=threads,
         beyond=beyond,
     )  # fmt: skip
-
-
-def _guidance(problem: Problem, sampling: Sampling, world: PredictedWorld) -> Guidance | DDPGuidance | None:
-    """Choose the guides of a problem; None where samples climb, or follow control sequences."""
-    if sampling.guide != "feedback":
-        return None
-    if not world.moving and Guidance.suits(problem):
-        return Guidance(problem, world.setup, sways=sampling.fitted)
-    if world.moving or DDPGuidance.suits(problem):
-        return DDPGuidance(problem, world, sways=sampling.fitted)
-    return None

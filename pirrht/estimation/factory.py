@@ -15,13 +15,13 @@ from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
 from pirrht.moving.distances import traffic_clearance
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import DesirabilityAscent
+from pirrht.proposals.controls import DesirabilityAscent
+from pirrht.proposals.desirability_tube import way_of
+from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
 from pirrht.proposals.proposal import ProposalControl, Tape
-from pirrht.proposals.tracking import Guidance
-from pirrht.proposals.walls import NEAREST, Scales, WallDrift
-from pirrht.proposals.ways import way_of
+from pirrht.proposals.tuning import TUNING as PROPOSALS
+from pirrht.proposals.wall_drift import Scales, WallDrift
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.tables import PredictedWorld, ProposalTables
@@ -40,7 +40,7 @@ class ProposalFactory:
 
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling, world: PredictedWorld,
-        guidance: Guidance | DDPGuidance | None, tuning: EstimationTuning = TUNING,
+        guidance: DDPGuidance | None, tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
         self.problem, self.space, self.sampling, self.world = problem, space, sampling, world
         self.guidance, self.tuning = guidance, tuning
@@ -75,11 +75,6 @@ class ProposalFactory:
     def closed_loop(self) -> bool:
         """Check whether samples follow feedback, so that references need no controls."""
         return self.guidance is not None or self.climbs
-
-    @property
-    def allocates(self) -> bool:
-        """Check whether references may have unequal numbers of samples, by contributions in earlier plans."""
-        return self.guidance is None or isinstance(self.guidance, DDPGuidance)
 
     def warm_up(self) -> None:
         """Compile the kernels of guides."""
@@ -151,7 +146,7 @@ class ProposalFactory:
         if self.steady and leads.reach > 0.0:
             return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
         pushed = push(x)
-        return NearWalls(push=pushed, held_back=push(x, closest=NEAREST) - pushed)
+        return NearWalls(push=pushed, held_back=push(x, closest=PROPOSALS.least_gap) - pushed)
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(

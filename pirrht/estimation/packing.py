@@ -7,13 +7,12 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.factory import ProposalFactory
 from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch
-from pirrht.proposals.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
-from pirrht.proposals.ways import NODES
-from pirrht.rollouts.tables import FINER, LAW, ProposalTables, Snapshot
+from pirrht.proposals.tuning import TUNING as PROPOSALS
+from pirrht.proposals.wall_drift import Scales, squeezed, trust, under_way, window
+from pirrht.rollouts.tables import FINER, ProposalTables, Snapshot
 from pirrht.rollouts.ways import no_ways
 
 
@@ -23,9 +22,9 @@ class Packer:
     def __init__(self, proposals: ProposalFactory) -> None:
         self.proposals, self.tuning = proposals, proposals.tuning
         self.problem, self.sampling = proposals.problem, proposals.sampling
-        general = proposals.guidance if isinstance(proposals.guidance, DDPGuidance) else None
-        self._finer, self._width = (1, LAW) if general is None else (FINER, general.law_width)  # of laws
-        self._pushes = proposals.climbs or (general is not None and general.gated)
+        guidance = proposals.guidance
+        self._width = 0 if guidance is None else guidance.law_width
+        self._pushes = proposals.climbs or (guidance is not None and guidance.gated)
         self._last: tuple[Snapshot | None, Batch | None, ProposalTables | None] = None, None, None
 
     def __call__(self, batch: Batch) -> ProposalTables:
@@ -49,11 +48,11 @@ class Packer:
         leads = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, NODES, scales.decay), reach=scales.reach if self._pushes else 0.0,
+            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.reach if self._pushes else 0.0,
             beyond=self.proposals.beyond, least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=self._window(batch, scales, near) if pointlike else 1,
-            mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * self._finer, self._width)),
+            mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * FINER, self._width)),
             led=np.zeros(H, np.int64),
             marks=homology.rays(x, times + batch.time), nearby=NO_NEARBY,
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
@@ -75,7 +74,7 @@ class Packer:
 
         Arrived paths apply no control and would bias a mean over all: it ends before they are many.
         """
-        shortest = AMONG if self._moving else AVERAGED
+        shortest = PROPOSALS.averaged_moving if self._moving else PROPOSALS.averaged
         most = window(scales.noise, near, batch.times, self.sampling.window, shortest)
         if not self.proposals.steady:
             return most
