@@ -35,7 +35,6 @@ from pirrht.rollouts.backend import kernels_for, setup_of
 from pirrht.rollouts.records import Kernels, Origin, empty_paths
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 
 TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
 
@@ -51,14 +50,13 @@ class PathIntegral:
 
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling, *,
-        beyond: Callable[[Array], Array] | None = None, homology: Homology | TimedHomology | None = None,
+        beyond: Callable[[Array], Array] | None = None, homology: Homology | None = None,
     ) -> None:  # fmt: skip
         self.problem, self.space, self.sampling, self.beyond = problem, space, sampling, beyond
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
         self.moving = bool(problem.scene.movers)
-        found = homology_of(problem, space) if homology is None else homology
-        self.homology = found if isinstance(found, TimedHomology) else None
+        self.homology = homology_of(problem, space) if homology is None else homology
         self.setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
         self.guidance: Guidance | DDPGuidance | None = None
         if sampling.guide == "feedback" and not self.moving and Guidance.suits(problem):
@@ -71,7 +69,7 @@ class PathIntegral:
         self.tables = Tables(self.leading, self.guidance)
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
-    def foresee(self, traffic: Traffic, homology: TimedHomology) -> None:
+    def foresee(self, traffic: Traffic, homology: Homology) -> None:
         """Replace the prediction of moving obstacles and its homology, on the clock of batches and guides."""
         self.setup, self.homology = self.setup._replace(traffic=traffic), homology
         self.leading.traffic = traffic

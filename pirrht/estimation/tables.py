@@ -16,8 +16,7 @@ from pirrht.proposals.walls import AMONG, AVERAGED, Scales, squeezed, trust, und
 from pirrht.proposals.ways import NODES
 from pirrht.rollouts.records import FINER, LAW, ProposalTables, Setup
 from pirrht.rollouts.ways import no_ways
-from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.marks import NO_MARKS, RayTable
+from pirrht.topology.homology import Homology
 
 MOMENTS = np.arange(1, 9) / 8.0  # shares of the window at which a guide's clearance is evaluated
 LEAST = 1.0 / 300.0  # least share of a step that is split near walls and goal
@@ -36,7 +35,7 @@ class Tables:
         self._pushes = leading.climbs or (general is not None and general.gated)
         self._last: tuple[Batch | None, ProposalTables | None] = None, None
 
-    def of(self, batch: Batch, setup: Setup, homology: TimedHomology | None) -> ProposalTables:
+    def of(self, batch: Batch, setup: Setup, homology: Homology) -> ProposalTables:
         """Return the tables of a batch; `homology` is that of paths in space and time, where obstacles move."""
         known, leads = self._last
         first = np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64)
@@ -45,7 +44,7 @@ class Tables:
         self._last = batch, leads
         return leads._replace(first=first)
 
-    def _made(self, batch: Batch, setup: Setup, homology: TimedHomology | None) -> ProposalTables:
+    def _made(self, batch: Batch, setup: Setup, homology: Homology) -> ProposalTables:
         x, times, m = batch.state, batch.times, self.problem.dynamics.m
         H, T = len(batch.proposals), len(times) - 1
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
@@ -62,7 +61,7 @@ class Tables:
             window=self._window(batch, scales, near) if pointlike else 1,
             mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * self._finer, self._width)),
             led=np.zeros(H, np.int64),
-            marks=NO_MARKS if homology is None else RayTable.of(homology, x, times + batch.time),
+            marks=homology.rays(x, times + batch.time),
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
         )  # fmt: skip
         leads = leads._replace(counted=self._counted(batch, leads, scales), nearby=self._nearby(batch, leads, setup))

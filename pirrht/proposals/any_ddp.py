@@ -26,7 +26,7 @@ from pirrht.proposals.step_map import step_of
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.sweep import sweep_exit, turn_of
-from pirrht.topology.marks import key_of_path
+from pirrht.topology.moving_crossings import key_of_path
 
 
 class Optimiser(NamedTuple):

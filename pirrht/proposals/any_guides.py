@@ -31,8 +31,8 @@ from pirrht.rollouts.general.law import GATE, GATES
 from pirrht.rollouts.records import FINER, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import no_homing
-from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.marks import NO_MARKS, RayTable
+from pirrht.topology.homology import Homology
+from pirrht.topology.moving_crossings import NO_RAYS
 
 COLD = ((100.0, 30), (10.0, 30), (1.0, 60))  # from a reference: so many lambda, and backward passes at most
 WARM = ((1.0, 8),)  # from the last guide
@@ -57,7 +57,7 @@ class DDPGuidance:
         homology: of paths in space and time, where obstacles move.
     """
 
-    def __init__(self, problem: Problem, setup: Setup, *, sways: bool, homology: TimedHomology | None = None) -> None:
+    def __init__(self, problem: Problem, setup: Setup, *, sways: bool, homology: Homology | None = None) -> None:
         assert self.suits(problem)
         d = problem.dynamics
         self.problem, self.setup, self.homology = problem, setup, homology
@@ -211,7 +211,7 @@ class DDPGuidance:
         if self.setup.traffic.J == 0:
             return self.setup, times
         then = np.ascontiguousarray(times + time)
-        marks = NO_MARKS if self.homology is None else RayTable.of(self.homology, x, then)
+        marks = NO_RAYS if self.homology is None else self.homology.rays(x, then)
         return self.setup._replace(marks=marks), then
 
     def _clearance(self, x: Array, time: float) -> float:

@@ -25,7 +25,7 @@ from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.general.law import STEEP, homing
 from pirrht.rollouts.sweep import sweep_exit
 from pirrht.systems.heading import wrapped
-from pirrht.topology.cuts import key_of_segment
+from pirrht.topology.crossings import key_of_segment
 
 ACROSS = 1.0 / math.sqrt(3.0)  # turn of the path by sway, as a share of half a step's turn by as much control
 LEAST_CURVATURE = 0.2  # Q_uu is kept above this share of R dt, so that gains stay finite

@@ -13,8 +13,8 @@ from pirrht.geometry.world import World
 from pirrht.moving.broad_phase import NO_NEARBY, Nearby
 from pirrht.moving.obstacles import Traffic
 from pirrht.rollouts.ways import DesirabilityTubes
-from pirrht.topology.cuts import Cuts
-from pirrht.topology.marks import NO_MARKS, RayTable
+from pirrht.topology.crossings import Cuts
+from pirrht.topology.moving_crossings import NO_RAYS, RayTable
 
 LAW = 15  # numbers of a car's law
 FINER = 4  # rows of the law of any other system per step of the grid
@@ -43,7 +43,7 @@ class Setup(NamedTuple):
     bridge: bool  # exit rule: along the step, or at its end
     pace: float  # least q / lambda [1/s]
     traffic: Traffic  # J moving obstacles, predicted on the clock of plans; kernels for J = 0 never read it
-    marks: RayTable = NO_MARKS  # of the steps of a guide among moving obstacles
+    marks: RayTable = NO_RAYS  # of the steps of a guide among moving obstacles
 
 
 class ProposalTables(NamedTuple):
@@ -64,7 +64,7 @@ class ProposalTables(NamedTuple):
     law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
     # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
-    marks: RayTable = NO_MARKS  # about which paths are told apart where bodies move
+    marks: RayTable = NO_RAYS  # about which paths are told apart where bodies move
     nearby: Nearby = NO_NEARBY  # which of these may be near
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
     counted: float = 1.0  # share of it that counts as it is at the start in the control now

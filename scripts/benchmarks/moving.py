@@ -91,7 +91,7 @@ def plan_batch(scenario: Scenario) -> tuple[Batch, PathIntegral]:
     controller = scenario.controller(scenario.grown_tree())
     assert isinstance(controller, Controller)
     assert controller.tree is not None
-    references = controller.tree.references(controller.homology.asked(scenario.start, 0.0))
+    references = controller.tree.references(controller.tree.at(scenario.start, 0.0))
     return controller.batch(scenario.start, references), controller.path_integral
 
 

@@ -12,7 +12,6 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import FEW, Estimate
 from pirrht.planner.reference import Reference
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 from sim.drawing.colors import title
 from sim.drawing.sides import passing
 from sim.drive import clock
@@ -45,11 +44,9 @@ def scene_table(rows: Sequence[tuple[str, str, float, int, str]], room: int | No
     return "\n".join(told)
 
 
-def class_table(
-    references: Sequence[Reference], room: int | None = None, homology: Homology | TimedHomology | None = None
-) -> str:
+def class_table(references: Sequence[Reference], room: int | None = None, homology: Homology | None = None) -> str:
     """One row per homology class, cheapest first; with a homology in time also how each passes the bodies."""
-    if isinstance(homology, TimedHomology):
+    if homology is not None and homology.J:
         return table(
             ["class", "cost", "length [m]", "bodies"],
             [

@@ -19,7 +19,7 @@ from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.sweep import sweep_exit
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.homology import class_id
+from pirrht.topology.signature import class_id
 
 DRAWN = 40_000
 ASIDE = 12.0  # classes whose cheapest costs so many lambda more than the cheapest count for nothing

@@ -39,8 +39,8 @@ from pirrht.rollouts.general.kind import KernelSpec, diffusion_of, is_car, is_ga
 from pirrht.rollouts.general.law import aims, columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST, scratch_for
 from pirrht.rollouts.general.step import NO_WALLS, covariance_of, length_for, motion, noise_for, walls_for
-from pirrht.topology.cuts import key_of_step
-from pirrht.topology.marks import key_among, open_sides
+from pirrht.topology.crossings import key_of_step
+from pirrht.topology.moving_crossings import key_among, open_sides
 
 
 @cache

@@ -13,7 +13,7 @@ from pirrht.jit.jit import kernel
 from pirrht.moving.broad_phase import HELD
 from pirrht.moving.exits import NEAR
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.topology.marks import SPOT
+from pirrht.topology.moving_crossings import SPOT
 
 ABREAST = 8  # steps whose noise is drawn at once
 

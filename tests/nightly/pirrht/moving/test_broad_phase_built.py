@@ -16,7 +16,7 @@ def test_paths_are_the_same_whether_few_bodies_are_listed_or_all(scene, robot, m
     scenario = prepare(scene, robot=robot, given={"samples": 100, "vertices": 300})
     controller = scenario.controller(scenario.grown_tree())
     integral = controller.path_integral
-    batch = controller.batch(scenario.start, controller.tree.references(controller.homology.asked(scenario.start, 0.0)))
+    batch = controller.batch(scenario.start, controller.tree.references(controller.tree.at(scenario.start, 0.0)))
     few = integral.rollout(batch, 1).paths
     made = Nearby.of
     monkeypatch.setattr(Nearby, "of", lambda traffic, frame, times, _: made(traffic, frame, times, 1e-3))

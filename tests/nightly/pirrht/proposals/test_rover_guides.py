@@ -10,7 +10,7 @@ import pytest
 from discs import disc, scene_of
 
 from pirrht.arrays import Array
-from pirrht.control.feedback import ClassLaw, ClassMixture
+from pirrht.control.mixture import ClassLaw, ClassMixture
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
