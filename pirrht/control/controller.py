@@ -47,6 +47,7 @@ class Controller(Policy):
         run: state of the run under way; nothing else but the tree changes from plan to plan.
 
     Examples:
+        >>> import numpy as np
         >>> from pirrht import *
         >>> goal, start = Goal(center=np.array([3.4, 1.5]), radius=0.3), np.array([0.6, 1.5, 0.0])
         >>> room = {"name": "room", "lower": np.zeros(2), "upper": np.array([4.0, 3.0]), "obstacles": ()}
