@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.leads import Along, LinearFeedback
 from pirrht.proposals.proposal import Batch

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pirrht.planner.reference import Reference
+    from pirrht.planner.references import Reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from pirrht.estimation.allocation import Allocation, DefensiveComponent
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.threads import mapped
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.any_guide import DDPGuide
 from pirrht.proposals.any_guides import DDPGuidance

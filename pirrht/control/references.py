@@ -13,7 +13,7 @@ from pirrht.control.proposals import Whole, kept
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.motion import Motions

@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import FEW, Estimate
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from sim.drawing.colors import title
 from sim.drawing.sides import passing
