@@ -15,17 +15,17 @@ from pirrht.geometry.world import World
 from pirrht.moving.distances import traffic_clearance
 from pirrht.moving.obstacles import Traffic
 from pirrht.problem import Problem
-from pirrht.proposals.leads import DesirabilityAscent
+from pirrht.proposals.controls import DesirabilityAscent
+from pirrht.proposals.desirability_tube import way_of
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
 from pirrht.proposals.proposal import ProposalControl, Tape
-from pirrht.proposals.walls import NEAREST, Scales, WallDrift
-from pirrht.proposals.ways import way_of
+from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.wall_drift import Scales, WallDrift
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.records import ProposalTables
 from pirrht.steering.trajectory import Trajectory
 
-UNSURE = 3.0  # nats by which a shortfall may change before it is updated
 HOPELESS = 16.0  # classes that promise so many nats less than another get only a few samples
 BEHIND = 0.5826  # deviations of a step; minus zeta(1/2) / sqrt(2 pi)
 SMALLEST = 0.2  # share of the goal's radius that is left at least
@@ -69,32 +69,27 @@ class ProposalFactory:
         return self.sampling.guide == "feedback" and d.n == d.m == 2
 
     def leads(
-        self, x: Array, times: Array, trajectories: Sequence[Trajectory], shortfalls: Sequence[float] | None = None
-    ) -> Sequence[ProposalControl]:
-        """Return leads from x (n,): climbs of references' ways if it `climbs`, else tapes over the steps (T+1,) [s].
+        self, x: Array, times: Array, trajectories: Sequence[Trajectory], *, drops: bool
+    ) -> list[ProposalControl]:  # fmt: skip
+        """Return proposal controls from x (n,): the ascent of psi if it `climbs`, else tapes over the steps (T+1,) [s].
 
         Args:
             trajectories: the references, (H,), cheapest first.
-            shortfalls: expected losses of log psi to walls, (H,) [nats]; if given, classes that promise less than
-                exp(-HOPELESS) of another's psi get their tapes.
+            drops: whether classes of less than exp(-HOPELESS) of another's predicted psi get their tapes.
         """
         found: list[ProposalControl] = []
         goal, most = self.space.scene.goal, -math.inf
-        for h, trajectory in enumerate(trajectories):
-            promise, lead, expected = -math.inf, None, math.inf
-            if shortfalls is not None:
-                expected = self.bound(x, trajectory) - max(0.0, shortfalls[h] - UNSURE)
-            if self.climbs and expected >= most - HOPELESS:
+        for trajectory in trajectories:
+            lead: ProposalControl | None = None
+            bound = -self.scales(x).decay * trajectory.length  # log psi without walls
+            if self.climbs and not (drops and bound < most - HOPELESS):
                 lead = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
-                promise = lead.promise
-            hopeless = lead is None or (shortfalls is not None and promise < most - HOPELESS)
-            found.append(Tape(times, trajectory.tape(times), promise) if lead is None or hopeless else lead)
-            most = max(most, promise)
+            predicted = -math.inf if lead is None else lead.promise
+            if lead is None or (drops and predicted < most - HOPELESS):
+                lead = Tape(times, trajectory.tape(times), predicted)
+            found.append(lead)
+            most = max(most, predicted)
         return found
-
-    def bound(self, x: Array, trajectory: Trajectory) -> float:
-        """Return log psi of a reference's class from x (n,) without walls [nats], about an upper bound."""
-        return -self.scales(x).decay * trajectory.length
 
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
         """Return the climb from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
@@ -133,7 +128,7 @@ class ProposalFactory:
         if self.steady and leads.reach > 0.0:
             return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
         pushed = push(x)
-        return NearWalls(push=pushed, held_back=push(x, closest=NEAREST) - pushed)
+        return NearWalls(push=pushed, held_back=push(x, closest=TUNING.least_gap) - pushed)
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
