@@ -26,6 +26,7 @@ from pirrht.topology.signature import Signature
 SIDE, RADIUS = 4.0, 0.4
 START, GOAL = np.array([0.8, 0.8, 2.0]), np.array([0.8, 3.2, 2.0])
 RING = np.array([2.0, 2.0, 2.0])  # centre of a square ring in the plane x = 2
+BEHIND = np.array([3.0, 2.0, 2.0])  # on the other side than start and goal
 HOLE, WIDTH = 0.7, 0.25  # half of its opening, and half of the square of its bars
 
 
@@ -236,9 +237,8 @@ def tree() -> HomologyTree:
 
 
 def test_closed_paths_count_how_often_they_go_through_the_ring() -> None:
-    ring, left, right = Ring(), RING - [1.0, 0.0, 0.0], RING + [1.0, 0.0, 0.0]
-    outside = [RING + [1.0, 0.0, 1.8], RING + [-1.0, 0.0, 1.8]]
-    loop = np.array([left, right, *outside, left])
+    ring, left, right, up = Ring(), RING - (BEHIND - RING), BEHIND, np.array([0.0, 0.0, 1.8])
+    loop = np.array([left, right, right + up, left + up, left])
     assert ring.along(loop).tolist() == [1]
     assert ring.along(loop[::-1]).tolist() == [-1]
     assert ring.along(np.array([left, right, left])).tolist() == [0]
@@ -272,7 +272,7 @@ def test_references_in_space_are_shortened_inside_their_class(tree: HomologyTree
 
 def test_a_limit_below_one_passage_leaves_the_ring_alone() -> None:
     one = HomologyTree(BoxWorld(), StraightInSpace(), limit=0.6, rng=np.random.default_rng(0))  # type: ignore[arg-type]
-    with pytest.raises(NoReference):
-        one.references(RING + [1.0, 1.8, 0.0])
+    with pytest.raises(NoReference):  # from behind the ring, the straight line leads through it
+        one.references(BEHIND)
     one.grow(300)
     assert [reference.winding for reference in one.references(START, polished=False)] == [(0,)]
