@@ -70,7 +70,7 @@ class ProposalBuilder:
             for whole, one in zip(from_start(run, references), references, strict=True)
         ]
         names = [run.homology.name(one.whole) for one in requests]
-        controls = integral.leading.leads(x, times, trajectories, drops=self.allocates and integral.guidance is None)
+        controls = integral.proposals.leads(x, times, trajectories, drops=self.allocates and integral.guidance is None)
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
         counts = [integral.sampling.samples] * len(requests)
         if integral.guidance is not None:
@@ -91,7 +91,7 @@ class ProposalBuilder:
         def second(k: int) -> ProposalControl | None:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point."""
             other = run.memory.alternatives.get(requests[k].whole)
-            return integral.leading.beside(x, trajectories[k], run.now) if other is None else LinearFeedback(other)
+            return integral.proposals.beside(x, trajectories[k], run.now) if other is None else LinearFeedback(other)
 
         if self.settings.use.mixes:
             proposals = run.memory.allocation.split(proposals, second)
@@ -175,7 +175,7 @@ def plan_of(
 ) -> Plan:  # fmt: skip
     """Return the plan that an estimate makes, with feedback until the next one unless controls are held."""
     x, memory = batch.state, run.memory
-    push = integral.leading.push(estimate.rollouts.leads, x, run.now)
+    push = integral.proposals.push(estimate.rollouts.leads, x, run.now)
     if settings.between == "classes":
         followed = controls_followed(batch, estimate)
         memory.mixture = pooled(

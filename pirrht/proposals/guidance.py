@@ -29,14 +29,12 @@ from pirrht.proposals.initialisation import Initialisation
 from pirrht.proposals.noise_scales import Noise, noise_of
 from pirrht.proposals.tuning import TUNING, ProposalTuning, Stage
 from pirrht.proposals.wall_drift import Scales
-from pirrht.rollouts.backend import kind_of
+from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_gated, takes_law
 from pirrht.rollouts.general.law import GATE, GATES
-from pirrht.rollouts.records import FINER, Setup, law_width
+from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import no_homing
-from pirrht.topology.homology import Homology
-from pirrht.topology.moving_crossings import NO_RAYS
 
 UNIMPROVED: tuple[Stage, ...] = ((1.0, 0),)
 
@@ -55,17 +53,16 @@ class DDPGuidance:
     """Makes guides for the references of one problem.
 
     Args:
+        world: the predicted world, shared with the sampler.
         sways: whether controls may rise or fall within a step, as the noise of rollouts does.
-        homology: of paths in space and time, where obstacles move.
     """
 
     def __init__(
-        self, problem: Problem, setup: Setup, *, sways: bool, homology: Homology | None = None,
-        tuning: ProposalTuning = TUNING,
-    ) -> None:  # fmt: skip
+        self, problem: Problem, world: PredictedWorld, *, sways: bool, tuning: ProposalTuning = TUNING
+    ) -> None:
         assert self.suits(problem)
         d = problem.dynamics
-        self.problem, self.setup, self.homology, self.tuning = problem, setup, homology, tuning
+        self.problem, self.world, self.tuning, setup = problem, world, tuning, world.setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         kind = kind_of(problem)
         self.gated = is_gated(kind)
@@ -83,6 +80,11 @@ class DDPGuidance:
             dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.passes.optimise,
             tracking=tracking, window=window, asked=self.tasks[1.0].steep / tuning.steepest, tuning=tuning,
         )  # fmt: skip
+
+    @property
+    def setup(self) -> Setup:
+        """Scene and problem under the current prediction."""
+        return self.world.setup
 
     @property
     def law_width(self) -> int:
@@ -221,8 +223,7 @@ class DDPGuidance:
         if self.setup.traffic.J == 0:
             return Query(self.setup, times, x, times, key)
         clock = np.ascontiguousarray(times + time)
-        rays = NO_RAYS if self.homology is None else self.homology.rays(x, clock)
-        return Query(self.setup._replace(marks=rays), clock, x, times, key)
+        return Query(self.setup._replace(marks=self.world.homology.rays(x, clock)), clock, x, times, key)
 
     def _clearance(self, x: Array, time: float) -> float:
         """Return the clearance of the robot's centre at x (n,) and a time [s], [m]."""
