@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,9 +32,6 @@ from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.signature import class_id, integers
-
-if TYPE_CHECKING:
-    from pirrht.planner.tree import HomologyTree
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,7 +80,7 @@ class _Path(NamedTuple):
 class ReferenceQuery(NamedTuple):
     """One query of a tree as it is now; the fields after it are those of `HomologyTree.references`."""
 
-    tree: HomologyTree
+    tree: Any  # `HomologyTree`
     shortened: bool
     before: Mapping[tuple[int, ...], Motions]
     over_budget: Callable[[], bool]
