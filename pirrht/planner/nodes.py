@@ -33,6 +33,7 @@ class SearchRules(NamedTuple):
 
     limit: float  # H_limit of the allowed set |1 - H_i| <= H_limit, asked at every vertex [turns]
     classes: int  # K: the most classes of a vertex, the cheapest; 0 keeps all
+    bases_allowed: bool  # whether no base breaks the limit: then only obstacles that a class turns around can
     mirrored: bool  # whether every edge may be driven the other way round at the same cost
 
 
@@ -132,9 +133,10 @@ def joined(at, source, slot, edge_marker, edge_turn, first, end):  # type: ignor
 
 
 @kernel
-def admits(straight, M, marker, turn, count, limit):  # type: ignore[no-untyped-def]
+def admits(straight, M, marker, turn, count, rules):  # type: ignore[no-untyped-def]
     """Whether a class is allowed where straight lines have the signature at an address (M,)."""
-    if limit >= 0.5:  # a straight line turns at most half: only what turns more can break the limit
+    limit = rules.limit
+    if rules.bases_allowed:
         for i in range(count):  # noqa: SIM110
             if abs(load_float64(straight, marker[i]) + turn[i]) > limit:
                 return False
@@ -179,8 +181,8 @@ def _insert(at, v, offer, rules):  # type: ignore[no-untyped-def]
         at, offer.source, offer.slot, at.edge_marker, at.edge_turn, load_int64(at.edge_first, e),
         load_int64(at.edge_first, e + 1),
     )  # fmt: skip
-    if rules.limit < 0.5:  # `append` has not asked
-        if not admits(at.straight + 8 * at.M * v, at.M, marker, turn, many, rules.limit):
+    if not rules.bases_allowed:  # `append` has not asked
+        if not admits(at.straight + 8 * at.M * v, at.M, marker, turn, many, rules):
             return STATUS.done
         if _is_outdone(at, v, offer, rules):
             return STATUS.done
@@ -267,7 +269,7 @@ def append(at, v, offer, rules):  # type: ignore[no-untyped-def]
         store_float64(node, g.COST, offer.cost)
         store_int32(node, g.PARENT, offer.edge)
     else:
-        if rules.limit >= 0.5 and (_exceeds(at, v, offer, rules.limit) or _is_outdone(at, v, offer, rules)):
+        if rules.bases_allowed and (_exceeds(at, v, offer, rules.limit) or _is_outdone(at, v, offer, rules)):
             return STATUS.done
         result = _insert(at, v, offer, rules)
         if result != STATUS.new:

@@ -153,7 +153,7 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
                     if cost >= best.cost[row]:
                         continue
                 marker, turn, many = joined(at, h, slot, pair_marker, pair_turn, first, end)
-                if not admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules.limit):
+                if not admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules):
                     continue
                 count = max(count, row + 1)
             elif cost >= best.cost[row]:
@@ -173,6 +173,6 @@ def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
         first, end = turns.first[i], turns.first[i + 1]
         for slot in range(load_int32(g.vertex_at(at, near[i]), g.COUNT)):
             marker, turn, many = joined(at, near[i], slot, pair_marker, pair_turn, first, end)
-            if admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules.limit):
+            if admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules):
                 return True
     return False

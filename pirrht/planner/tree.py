@@ -82,8 +82,9 @@ class HomologyTree:
                 "takes states of 2 numbers or more, x and y first, and roots (k, n)"
             )
         self.space, self.steering, self.rng, self.tuning = space, steering, rng, tuning
-        self.rules = SearchRules(float(limit), int(classes), bool(steering.symmetric))
         self.homology = steering.homology(space)
+        bases_allowed = limit >= self.homology.most_base
+        self.rules = SearchRules(float(limit), int(classes), bases_allowed, bool(steering.symmetric))
         self.checker = EdgeChecker.of(space, steering)
         self.storage = Storage.empty(steering.n, self.homology.M, max(1, classes) if classes else 8)
         self.draws = 0

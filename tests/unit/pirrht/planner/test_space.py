@@ -46,6 +46,7 @@ class Ring(Signature):
     """Linking number with a ring: the base is the straight line to the goal, closed paths count passages."""
 
     M = 1  # type: ignore[assignment]
+    most_base = 1.0
 
     def base(self, x: Array) -> Array:
         return np.array([float(through(x, GOAL, RING, HOLE + WIDTH))])
