@@ -13,7 +13,7 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.jit.pointers import address_of
+from pirrht.jit.jit import address_of
 from pirrht.planner import graph as g
 from pirrht.planner import plot as tree_plot
 from pirrht.planner.around import Neighbourhood

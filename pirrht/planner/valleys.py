@@ -14,8 +14,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.certify import FREE
 from pirrht.jit.addresses import load_float64, load_int32, load_int64
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.planner import graph as g
 from pirrht.steering.along_legs import Legs
 from pirrht.topology.turns import key_of_pairs

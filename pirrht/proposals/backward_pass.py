@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import kernel, part
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.clearance_cost import expand_among, expand_price
 from pirrht.proposals.ddp import LEAST_CURVATURE
 from pirrht.proposals.forward_pass import passes_of

@@ -18,8 +18,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.clearance_cost import price
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.general.law import STEEP, homing

@@ -20,8 +20,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
-from pirrht.jit.copies import copy_row
 from pirrht.jit.jit import kernel
+from pirrht.jit.vectors import copy_row
 from pirrht.problem import Problem
 from pirrht.steering.along_arcs import PricedArcs, price_of, priced, priced_arcs
 from pirrht.steering.dubins import EPS, PoseSteering, _ends, _opposite_turns, _same_turns
