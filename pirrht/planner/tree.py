@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
+from importlib import import_module
 from typing import Any, cast
 
 import numpy as np
@@ -15,7 +16,6 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.jit.jit import address_of
 from pirrht.planner import graph as g
-from pirrht.planner import plot as tree_plot
 from pirrht.planner.around import Neighbourhood
 from pirrht.planner.asking import ReferenceQuery
 from pirrht.planner.extend import Vertices, grow, insert, proposer
@@ -282,7 +282,7 @@ class HomologyTree:
             OptionError: matplotlib is not installed.
             NoReference: no allowed class reaches the goal from x.
         """
-        return tree_plot.draw(self, x, axes)
+        return import_module("sim.plotting.prompt").tree(self, x, axes)
 
     @cached_property
     def passages(self) -> Passages:

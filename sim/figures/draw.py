@@ -22,13 +22,13 @@ from pirrht.geometry.scene import Goal
 from pirrht.planner.convergence import Convergence
 from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting import ground
-from pirrht.plotting.ground import MOVER
 from pirrht.topology.in_time import TimedHomology
 from sim.drawing.colors import ClassColors, rgb, title
 from sim.drawing.sides import NAMED, by_side, called, passed, places_of
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import outlines
+from sim.plotting import ground
+from sim.plotting.ground import MOVER
 from sim.scenario import Scenario
 
 INK = "#222222"
