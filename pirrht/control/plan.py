@@ -12,13 +12,12 @@ import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
+from pirrht.control.methods import TUNING
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.planner.reference import Reference
-
-DECIDED = 0.9  # share of a decision; under the exact law shares are martingales, so 1 in 9 is reversed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +28,7 @@ class Plan:
         state: where it was made, (n,).
         times: ends of the tape's steps, from 0, (T+1,) [s].
         references: best known path of every class, cheapest first; empty for methods that have none.
-        ids: class of each reference, relative to the start of the drive.
+        ids: class of each reference, relative to the start of the run.
         estimate: of psi, v and u by samples; None in a fallback, and for methods without samples.
         fallback: why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not.
         stops: whether the robot can; one that cannot takes the longest free path where it is blocked.
@@ -40,10 +39,10 @@ class Plan:
         shares: weight of every class under the law, from 0 to 1.
         followed: the one class that the control follows; None: all.
         classes: names of the references' classes by additive key.
-        time: of the drive, at which the plan starts [s].
+        time: of the run, at which the plan starts [s].
         exact: v at the state [cost], where it is known without samples.
         space: the free space, for pictures.
-        movers: moving obstacles as predicted, on the drive's clock.
+        movers: moving obstacles as predicted, on the run's clock.
 
     Examples:
         The control now is `plan.control` (m,), a little later it is `plan.at(x, s)`:
@@ -153,11 +152,11 @@ class Plan:
 
     @property
     def decided(self) -> str | None:
-        """The favourite, if it has at least `DECIDED` of the weight or is followed alone; else None."""
+        """The favourite, if it has at least `ControlTuning.decided` of the weight or is followed alone; else None."""
         favourite = self.favourite
         if self.estimate is None or self.followed is not None or favourite is None:
             return favourite
-        return favourite if (self.shares or self.estimate.class_weights)[favourite] >= DECIDED else None
+        return favourite if (self.shares or self.estimate.class_weights)[favourite] >= TUNING.decided else None
 
 
 def shifted(times: Array, tape: Array, then: Array) -> Array:

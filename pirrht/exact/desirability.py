@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any, Protocol, cast
 
@@ -29,8 +29,7 @@ from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from pirrht.topology.homology import class_id
-from pirrht.topology.moving import MovingHomology
+from pirrht.topology.signature import class_id
 
 WALK = 0.01  # steps of paths that are drawn in continuous time [s] ...
 AMONG = 0.005  # ... and among moving bodies, where gaps close while a law is held
@@ -191,14 +190,13 @@ class Desirability:
         )  # fmt: skip
         walk = walker(self.look, d.drift, self.dt is not None)
         walk(self.grid, process, markers, x, seed, turns, outcome)
-        return np.rint(turns - self.space.homology.straight(x[None, :2])[0]).astype(int), outcome
+        return np.rint(turns - self.space.homology.static.base(x)).astype(int), outcome
 
     def _paths(self, x: Array, t: float, samples: int, seed: int) -> tuple[IntArray, IntArray]:
         from pirrht.exact.optimal_paths import classes_of
 
-        scene = self.space.scene
-        homology = MovingHomology.of(scene.movers, scene.footprint, scene.goal.center, best_speed(self.problem))
-        return classes_of(self.grid, self.gain, self.space.homology, homology, x, t, AMONG, samples, seed)
+        homology = replace(self.space.homology, speed=best_speed(self.problem))
+        return classes_of(self.grid, self.gain, homology, x, t, AMONG, samples, seed)
 
     def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
         value, slope = np.empty(len(states)), np.zeros_like(states)

@@ -19,8 +19,9 @@ from pirrht.moving.certify import certify_leg, certify_some, list_passed, note_u
 from pirrht.moving.obstacles import Traffic
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.cuts import Cuts, crossed
-from pirrht.topology.in_time import BaseCache, TimedHomology, row_of, turns_between, whole_turns, write_straight
+from pirrht.topology.crossings import Cuts, crossed
+from pirrht.topology.homology import Homology, write_base
+from pirrht.topology.moving_crossings import BaseCache, crossings_of_leg, row_of, turns_between
 from pirrht.topology.tracks import MarkerTrajectories
 
 
@@ -40,14 +41,14 @@ class TimedSurroundings(NamedTuple):
     bases: BaseCache  # that are kept
 
     @classmethod
-    def of(cls, space: FreeSpace, homology: TimedHomology) -> TimedSurroundings:
+    def of(cls, space: FreeSpace, homology: Homology) -> TimedSurroundings:
         """Take those of an examined scene and its classes."""
-        goal, standing, moving = space.scene.goal, homology.standing, homology.moving
+        goal = space.scene.goal
         x, y, reach = (float(v) for v in (*goal.center, goal.radius))
         return cls(
-            field=space.field, cuts=standing.cuts, markers=standing.markers, weights=homology.hash_weights,
-            goal_x=x, goal_y=y, reach=reach, traffic=space.traffic, tracks=moving.tracks, speed=moving.speed,
-            bases=BaseCache.room(moving.J, 0),
+            field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights,
+            goal_x=x, goal_y=y, reach=reach, traffic=space.traffic, tracks=homology.tracks, speed=homology.speed,
+            bases=BaseCache.room(homology.J, 0),
         )  # fmt: skip
 
 
@@ -162,17 +163,15 @@ def _judge(record, into_goal, around, status, enters):  # type: ignore[no-untype
 def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     path = record.path
     ax, ay, s, bx, by, t = path[i, 0], path[i, 1], path[i, 2], path[i, 3], path[i, 4], path[i, 5]
+    if around.bases.state.shape[0] == 0 or to_goal:
+        leg = (ax, ay, s), (bx, by, t)
+        return crossings_of_leg(around.cuts, around.tracks, around.speed, leg[0], leg[1], to_goal, marker, turn, count)
     count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
-    goal, standing, one, two = (around.goal_x, around.goal_y), around.markers.shape[0], 0, 0
-    kept = around.bases.state.shape[0] > 0 and not to_goal
-    if kept:
-        one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
-        two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
+    goal, standing = (around.goal_x, around.goal_y), around.markers.shape[0]
+    one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
+    two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
     for j in range(around.tracks.J):
-        if kept:
-            whole = turns_between(around.bases, around.tracks, j, one, two)
-        else:
-            whole = whole_turns(around.tracks, j, goal, around.speed, (ax, ay, s), (bx, by, t), to_goal)
+        whole = turns_between(around.bases, around.tracks, j, one, two)
         if whole != 0:
             marker[count], turn[count] = standing + j, whole
             count += 1
@@ -186,7 +185,7 @@ def _most(record):  # type: ignore[no-untyped-def]
 
 @inlined
 def _straight(around, x, out):  # type: ignore[no-untyped-def]
-    write_straight(around.markers, around.tracks, (around.goal_x, around.goal_y), around.speed, x, out)
+    write_base(around.markers, around.tracks, (around.goal_x, around.goal_y), around.speed, x, out)
 
 
 def _record(motions: Legs) -> LegRecord:

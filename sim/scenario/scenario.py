@@ -103,7 +103,7 @@ class Scenario(Task):
             SceneError: none does, and a moving obstacle comes to rest there.
         """
         try:
-            return tree.references(tree.homology.asked(self.start, 0.0), polished=self.settings.polish)
+            return tree.references(tree.at(self.start, 0.0), polished=self.settings.polish)
         except NoReference:
             why = covered(self.loaded.scene)
             if why is None and waits and self.moving:
@@ -249,4 +249,4 @@ class Scenario(Task):
 
 def _reaches(tree: HomologyTree, x: Array) -> bool:
     """Tell whether any class reaches the goal from x (n,)."""
-    return bool(tree.lengths(tree.homology.asked(x, 0.0)))
+    return bool(tree.lengths(tree.at(x, 0.0)))

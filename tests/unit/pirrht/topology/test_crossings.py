@@ -8,9 +8,8 @@ from windings_by_angle import turns_of_curve
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
-from pirrht.topology.cuts import key_of_segment, sector
+from pirrht.topology.crossings import key_of_pairs, key_of_segment, pairs_of_curve, sector, spread, summed
 from pirrht.topology.homology import Homology
-from pirrht.topology.turns import key_of_pairs, pairs_of_curve, spread, summed
 
 GOAL = np.array([20.0, 12.0])
 NUMBERS = [0, 1, 3, 8, 9, 30, 300]
@@ -51,7 +50,7 @@ def dense(homology: Homology, start: Array, curvature: Array, length: Array) -> 
     """Whole turns of a curve (M,) by angles around every marker, and where it ends."""
     swept = np.empty(homology.M)
     end = np.array(turns_of_curve(start, curvature, length, homology.markers, swept))
-    straight = homology.straight(np.array([start[:2], end]))
+    straight = [homology.base(point) for point in (start[:2], end)]
     return np.rint(swept + straight[1] - straight[0]), end
 
 

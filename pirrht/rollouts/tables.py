@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.world import World
-from pirrht.moving.broad_phase import NO_NEARBY, Nearby
-from pirrht.moving.obstacles import Traffic
-from pirrht.rollouts.ways import DesirabilityTubes
-from pirrht.topology.cuts import Cuts
-from pirrht.topology.marks import NO_MARKS, RayTable
 
-LAW = 15  # numbers of a car's law
-FINER = 4  # rows of the law of any other system per step of the grid
+if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
+    from pirrht.geometry.world import World
+    from pirrht.moving.broad_phase import Nearby
+    from pirrht.moving.obstacles import Traffic
+    from pirrht.rollouts.ways import DesirabilityTubes
+    from pirrht.topology.crossings import Cuts
+    from pirrht.topology.homology import Homology
+    from pirrht.topology.moving_crossings import RayTable
+
+FINER = 4  # rows of a law per step of the grid
 
 
 def law_width(n: int, modes: int) -> int:
-    """Numbers per step of the law of a system that is no car, with n states, under noise of so many modes per step.
+    """Numbers per row of the law of a system with n states, under noise of so many modes per step.
 
     In this order: a (modes,), its slopes K' (n, modes), the state (n,) they are for, the deviation L' (modes, modes) of
     the noise as a share of the passive one, its inverse, log det L, the greatest component of a, and weights (n,) of
@@ -43,7 +46,36 @@ class Setup(NamedTuple):
     bridge: bool  # exit rule: along the step, or at its end
     pace: float  # least q / lambda [1/s]
     traffic: Traffic  # J moving obstacles, predicted on the clock of plans; kernels for J = 0 never read it
-    marks: RayTable = NO_MARKS  # of the steps of a guide among moving obstacles
+    marks: RayTable  # of the steps of a guide among moving obstacles
+
+
+class Snapshot(NamedTuple):
+    """The world as a plan takes it: one value, shared by all that plan with it."""
+
+    setup: Setup
+    homology: Homology  # classes of paths, in space and time where obstacles move
+
+
+@dataclass(slots=True)
+class PredictedWorld:
+    """Holder of the snapshot that sampler, proposals and guides share; one assignment replaces it for all of them."""
+
+    snapshot: Snapshot
+
+    @property
+    def setup(self) -> Setup:
+        """Scene and problem as rollouts need them."""
+        return self.snapshot.setup
+
+    @property
+    def homology(self) -> Homology:
+        """Classes of paths, in space and time where obstacles move."""
+        return self.snapshot.homology
+
+    @property
+    def moving(self) -> bool:
+        """Check for moving obstacles, J > 0."""
+        return self.setup.traffic.J > 0
 
 
 class ProposalTables(NamedTuple):
@@ -61,11 +93,10 @@ class ProposalTables(NamedTuple):
     weighed: bool  # samples are weighed by the probability that they meet no wall within a step, not ended by it
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
-    law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
-    # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
+    law: Array  # (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
-    marks: RayTable = NO_MARKS  # about which paths are told apart where bodies move
-    nearby: Nearby = NO_NEARBY  # which of these may be near
+    marks: RayTable  # moving markers by which classes of paths differ
+    nearby: Nearby  # moving obstacles that may be near
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
     counted: float = 1.0  # share of it that counts as it is at the start in the control now
 

@@ -13,7 +13,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
-from pirrht.topology.in_time import BaseCache, TimedHomology, beside, row_of, turns_between, whole_turns
+from pirrht.topology.homology import Homology
+from pirrht.topology.moving_crossings import BaseCache, outside, row_of, turns_between, whole_turns
 from pirrht.topology.tracks import MarkerTrajectories, crossings_of_step, crossings_of_waiting, place_at
 
 STEERING = InTime()
@@ -79,16 +80,17 @@ def test_a_sampled_path_has_the_class_of_its_polyline(seed):
 def test_what_is_beside_a_triangle_all_the_time_is_not_turned_about():
     """The quick test never says so of a marker that an edge turns about."""
     space, rng = FreeSpace.of(busy(0)), np.random.default_rng(1)
-    moving, goal, quick = STEERING.homology(space).moving, (5.5, 2.5), 0
+    moving, goal, quick = STEERING.homology(space), (5.5, 2.5), 0
     for _ in range(400):
         a, b = random_path(rng)[:2]
         for j in range(moving.J):
             away = [np.hypot(5.5 - p[0], 2.5 - p[1]) for p in (a, b)]
             until = max(a[2] + away[0], b[2] + away[1])
-            if beside(moving.tracks, j, *a[:2], *b[:2], *goal, a[2], until):
+            if outside(moving.tracks, j, *a[:2], *b[:2], *goal, a[2], until):
                 quick += 1
-                ends = [moving.base(p[:2], p[2], until)[j] for p in (b, a)]
-                assert round(moving.turns(np.array([a, b]))[j] + ends[0] - ends[1]) == 0
+                closed = moving.turns(np.array([a, b, [*goal, b[2] + away[1]], [*goal, until]]))
+                base = moving.turns(np.array([a, [*goal, a[2] + away[0]], [*goal, until]]))
+                assert round((closed - base)[len(moving.markers) + j]) == 0
                 assert whole_turns(moving.tracks, j, goal, 1.0, tuple(a), tuple(b), False) == 0
     assert quick > 100
 
@@ -96,7 +98,7 @@ def test_what_is_beside_a_triangle_all_the_time_is_not_turned_about():
 def test_an_edge_between_kept_bases_turns_as_one_that_is_looked_at_alone():
     """Also where rows are so few that states take each other's, and where states come again."""
     space, rng = FreeSpace.of(busy(1)), np.random.default_rng(2)
-    moving, goal, turned = STEERING.homology(space).moving, (5.5, 2.5), 0
+    moving, goal, turned = STEERING.homology(space), (5.5, 2.5), 0
     tracks, states = moving.tracks, np.vstack([random_path(rng)[:2] for _ in range(40)])
     for bases in (BaseCache.room(moving.J, 7), BaseCache.room(moving.J)):
         for _ in range(400):
@@ -128,16 +130,16 @@ def test_crossings_of_waiting_are_those_of_steps_that_stay():
 def test_the_signature_of_a_base_is_that_of_no_whole_turn_and_classes_add_to_it():
     space = FreeSpace.of(SCENES["oblique"]())
     homology, start = STEERING.homology(space), np.array([1.0, 2.5, 0.0])
-    assert homology.M == space.homology.M + space.moving.J == 4
+    assert homology.M == 1 + homology.J == 4
     base = homology.signature(start, (0, 0, 0, 0))
-    arrival = homology.moving.arrival(start, 0.0)
-    assert base[1:] == pytest.approx(1.0 + homology.moving.base(start[:2], 0.0, arrival))
-    assert base[:1] == pytest.approx(space.homology.signature(start, (0,)))
+    legs = np.array([start, [*homology.goal, homology.arrival(start)]])
+    assert base[1:] == pytest.approx(1.0 + homology.turns(legs)[1:])
+    assert base[:1] == pytest.approx(space.homology.static.signature(start, (0,)))
     assert homology.signature(start, (1, 0, -2, 0)) == pytest.approx(base + np.array([1, 0, -2, 0]))
 
 
 def test_keys_of_classes_are_sums_over_all_markers():
-    homology: TimedHomology = STEERING.homology(FreeSpace.of(SCENES["oblique"]()))
+    homology: Homology = STEERING.homology(FreeSpace.of(SCENES["oblique"]()))
     one, two = (1, 0, -1, 2), (0, 3, 1, -1)
     assert homology.key(one) != homology.key(two)
     with np.errstate(over="ignore"):
