@@ -17,8 +17,10 @@ from numba.extending import intrinsic
 
 from pirrht.jit.jit import DISABLED
 
-_C = {"f32": ctypes.c_float, "f64": ctypes.c_double, "i8": ctypes.c_int8, "i16": ctypes.c_int16, "i32": ctypes.c_int32,
-      "i64": ctypes.c_int64}  # fmt: skip
+_C: dict[str, Any] = {
+    "f32": ctypes.c_float, "f64": ctypes.c_double,
+    "i8": ctypes.c_int8, "i16": ctypes.c_int16, "i32": ctypes.c_int32, "i64": ctypes.c_int64,
+}  # fmt: skip
 
 
 def _pointer(builder: Any, name: str, address: Any, index: Any) -> Any:

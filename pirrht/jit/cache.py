@@ -44,7 +44,7 @@ class Foreign(OSError):
 
 
 def load(
-    key: str | None, made: Callable[[Any], Any], during: Callable[[str], AbstractContextManager[None]] = nullcontext
+    key: str | None, made: Callable[[Any], Any], during: Callable[[str], AbstractContextManager[Any]] = nullcontext
 ) -> Any:
     """Return `made` of the content that is kept under a name, in a context; None if there is none that is whole."""
     try:

@@ -158,7 +158,8 @@ def _write_clip(to: _Vectors, width: int, x: Any, bound: Any) -> None:
 
 def _view(address: int, *shape: int) -> NDArray[np.float64]:
     """Return memory at an address as an array."""
-    return np.frombuffer((ctypes.c_double * int(np.prod(shape))).from_address(int(address))).reshape(shape)
+    row = (ctypes.c_double * int(np.prod(shape))).from_address(int(address))
+    return np.ctypeslib.as_array(row).reshape(shape)
 
 
 def _plain_axpy(width: int, out: int, x: int, a: float, y: int, b: float) -> None:
