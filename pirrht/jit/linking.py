@@ -71,10 +71,7 @@ if hasattr(os, "register_at_fork"):  # not on Windows, where there is no fork
 
 
 def _remember_types() -> None:
-    """Let numba look up once, not each time, what an operation on numbers, arrays and records is.
-
-    It tries dozens of templates, and the answer depends on the operation and the types alone.
-    """
+    """Let numba search once for the templates of an operation: the answer depends on operation and types alone."""
     known: dict[Any, Any] = {}
     plain = BaseFunction.get_call_type
 
@@ -219,8 +216,7 @@ def _library_of(key: str, state: Any = None) -> PartLibrary | None:
     """Return the IR that is kept under a name, with all parts that it links."""
     if key in _known:
         return _known[key]
-    if state is None:
-        state = cache.load(key, lambda data: data[0], unbroken)
+    state = state or cache.load(key, lambda data: data[0], unbroken)
     if state is None:
         return None
     name, bitcode, below, begin = state
@@ -301,16 +297,13 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
             if self.by_address:
                 ours.create_cfunc_wrapper(library, described, environment, None)
             entry = context.get_executable(library, described, environment)
-        begin = list(library._reload_init)
         return part._replace(
             library=library, fndesc=described, environment=environment, entry_point=entry, type_annotation="",
-            reload_init=begin,
+            reload_init=list(library._reload_init),
         )  # fmt: skip
 
 
-def compiled(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Compile a function that Python and kernels call."""
-    return Entry(function, options)
+compiled = Entry  # as `plain` names it
 
 
 def addressed(function: Callable[..., Any], options: dict[str, Any]) -> Callable[[tuple[Any, ...]], int]:
