@@ -77,4 +77,4 @@ def _rare(scenario: Scenario, tree: HomologyTree, reference: Reference, times: A
     """Do what drives come to now and then: hold the tape of a class without a guide, ask FCL about an edge."""
     reference.trajectory.tape(times)
     motion = tree.around.checker.motion
-    motion.ask(motion.record(reference.path), 0, scenario.space)
+    motion.free(reference.path, 0, scenario.space)

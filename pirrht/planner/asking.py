@@ -90,7 +90,7 @@ class ReferenceQuery:
         Of more than `most` classes those are looked at that seem cheapest, by these and by earlier paths.
         """
         around, nodes = self.around, self.places.graph.nodes
-        edges = around.edges_from(x, self.vertices, around.steering.asked, threads)
+        edges = around.edges_from(x, self.vertices, around.steering.min_neighbours, threads)
         best = Best.room(self.rules.classes or max(1, int(nodes[edges.near[edges.free]].sum())))
         weights = around.homology.hash_weights
         count = best_classes(self.places, around.straight(x), edges, weights, self.rules, best)
@@ -115,7 +115,7 @@ class ReferenceQuery:
         """Shorten some of the paths, in place."""
         around = self.around
         each = [(i, motions) for i in raw for motions in (paths[i].motions, *paths[i].others)]
-        short = mapped(lambda one: polish(one[1], around.steering, around.space), each, threads)
+        short = mapped(lambda one: polish(one[1], around.steering, around.checker), each, threads)
         for i in raw:
             own = [motions for (j, _), motions in zip(each, short, strict=True) if j == i]
             own.sort(key=lambda motions: float(motions.cost.sum()))

@@ -91,7 +91,7 @@ class HomologyTree:
         self.around = Neighbourhood.of(space, steering)
         self.homology = self.around.homology
         self._compiled = steering.compiled
-        self._remembering = steering.remembering(self.around.checker.around)
+        self._remembering = self.around.checker.around.caching()
         self.states = np.zeros((256, steering.n))
         self.in_goal = np.zeros(256, dtype=np.bool_)
         self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, self.homology.M)

@@ -192,7 +192,7 @@ def compile_shortening(dynamics_name: str) -> None:
     start = steering.vertex_of(problem.dynamics.state_of(ROOM.start))
     goal = start.copy()
     goal[:2] = ROOM.goal.center
-    polish(steering.connect(start[None], goal[None]), steering, FreeSpace.of(ROOM))
+    polish(steering.connect(start[None], goal[None]), steering, EdgeChecker.of(FreeSpace.of(ROOM), steering))
 
 
 def _end_with_input() -> None:
