@@ -21,7 +21,7 @@ from pirrht.planner.search import reaches, settle
 from pirrht.planner.status import ASK, DONE
 from pirrht.steering.edges import NO_EDGES, Edges, judge_with
 from pirrht.steering.motion import MotionKernels
-from pirrht.topology.in_time import write_straight
+from pirrht.topology.homology import write_base
 
 RIM = 1e-3  # share of the goal's radius within which FCL and Python say whether a state lies in the disc
 
@@ -130,7 +130,7 @@ def proposer(
             into_goal[:] = root
         tails, heads = (here, others) if forward else (others, here)
         goal = (around.goal_x, around.goal_y)
-        write_straight(around.markers, around.tracks, goal, around.speed, x, straight)
+        write_base(around.markers, around.tracks, goal, around.speed, x, straight)
         return judge(around, connect(tails, heads, numbers), into_goal, near)
 
     return propose

@@ -22,16 +22,16 @@ from pirrht.geometry.field import clearance
 from pirrht.jit.copies import copy_row
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.pointers import as_tuple
-from pirrht.shortening.tuning import ChainTuning, ResumeTuning
+from pirrht.shortening.tuning import RESUME, TUNING, ChainTuning, ResumeTuning
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import MotionKernels, Motions, copied
 from pirrht.steering.steering import CompiledSteering, Steering
-from pirrht.topology.turns import Turns, key_of_pairs
+from pirrht.topology.crossings import Turns, key_of_pairs
 
 Number = Callable[..., float]
 
 
-def cheapest_chain(path: Motions, steering: Steering, checker: EdgeChecker, tuning: ChainTuning = ChainTuning()) -> Any:
+def cheapest_chain(path: Motions, steering: Steering, checker: EdgeChecker, tuning: ChainTuning = TUNING) -> Any:
     """Find a path of consecutive motions into the goal, of one kind and class with `path`, that never costs more."""
     states, motion = np.vstack([path.tails[:1], path.heads]), checker.motion.kernels
     numbers: tuple[float, ...] = ()
@@ -128,7 +128,7 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
                 total[i] = best[i] + charge - inside
                 total[i] += cost_of(stations[i], stations[j], numbers, limit - total[i])
             while True:
-                i = np.argmin(total[:j])
+                i = int(np.argmin(total[:j]))
                 if not total[i] < limit:
                     break
                 leg = connect(stations[i : i + 1], stations[j : j + 1], numbers)
@@ -151,7 +151,7 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
 
     @part
     def move(around, numbers, states, cost, key, i, trial, tuning, scratch):  # type: ignore[no-untyped-def]
-        """Move vertex i to the trial state (1, n) if its legs become admissible and cheaper together; whether it did."""
+        """Move vertex i to the trial state (1, n) if its legs become admissible and cheaper; whether it did."""
         last, tail = i == len(states) - 1, states[i - 1 : i]
         limit, turned, least = cost[i - 1], key[i - 1], 0.0
         if clearance(around.field, trial[0, 0], trial[0, 1]) < LEAST_STEP:
@@ -213,9 +213,7 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
     return found
 
 
-def resumed(
-    x: Array, path: Motions, steering: Steering, checker: EdgeChecker, tuning: ResumeTuning = ResumeTuning()
-) -> Any:
+def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, tuning: ResumeTuning = RESUME) -> Any:
     """Find the cheapest path from x (n,) to one of the next corners of an earlier one and on; None if none is free.
 
     Its class is that of x, the next corner and on, if the motion to that is free; else it may be another.

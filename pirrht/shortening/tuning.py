@@ -31,3 +31,6 @@ class ResumeTuning(NamedTuple):
     corners: int = 6
     # Share of the way from the goal's rim to its centre by which a path that ends on the rim goes on, to surely arrive.
     into_goal: float = 1e-3
+
+
+TUNING, RESUME = ChainTuning(), ResumeTuning()

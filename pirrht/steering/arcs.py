@@ -13,7 +13,7 @@ from pirrht.geometry.certify import certify_curve, surely_free
 from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.turns import pairs_of_curve
+from pirrht.topology.crossings import pairs_of_curve
 
 
 @inlined

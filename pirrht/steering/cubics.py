@@ -25,7 +25,7 @@ from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
 from pirrht.steering.tuning import TUNING
-from pirrht.topology.cuts import crossed
+from pirrht.topology.crossings import crossed
 
 
 class Cubics(NamedTuple):

@@ -31,7 +31,6 @@ from pirrht.steering.useful import drawn, offered
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
 
@@ -92,6 +91,7 @@ class InTime(CompiledSteering):
 
     n = 3
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
+    timed = True
     motion = LEGS
     cost = _cost
     optimum = _connect
@@ -145,9 +145,13 @@ class InTime(CompiledSteering):
         """Return q, r, the limit of speeds and the best speed."""
         return self.q, self.r, self.limit, self.pace
 
-    def homology(self, space: FreeSpace) -> TimedHomology:
+    def homology(self, space: FreeSpace) -> Homology:
         """Classes among static and moving obstacles; bases go at the best speed."""
-        return TimedHomology(standing=space.homology, moving=replace(space.moving, speed=self.pace))
+        return replace(space.homology, speed=self.pace)
+
+    def at(self, x: Array, time: float) -> Array:
+        """Place and time (3,) [m, m, s] of a system's state x (n,) at a time [s]."""
+        return np.array([x[0], x[1], time])
 
     def vertex_of(self, x: Array) -> Array:
         """Place and time, (..., 3) [m, m, s], of states that begin with them; OptionError if a state has no time."""
@@ -207,7 +211,7 @@ def _last(movers: tuple[Mover, ...]) -> float:
     return max(0.0, *(float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), 0.0)
 
 
-def homology_of(problem: Problem, space: FreeSpace) -> Homology | TimedHomology:
+def homology_of(problem: Problem, space: FreeSpace) -> Homology:
     """Choose the classes of a problem's paths: those in space and time among moving obstacles.
 
     Bases go at the best speed; if the cost tells none, controls are taken for velocities.

@@ -10,13 +10,13 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.geometry.certify import BLOCKED, FREE
-from pirrht.geometry.sweeps import certify_leg, certify_some, certify_way, list_passed, note_unsure
+from pirrht.geometry.certify import BLOCKED, FREE, certify_segment
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.certify import certify_leg, certify_some, list_passed, note_unsure
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.cuts import crossed
-from pirrht.topology.in_time import row_of, turns_between, whole_turns
+from pirrht.topology.crossings import crossed
+from pirrht.topology.moving_crossings import crossings_of_leg, row_of, turns_between
 
 
 class Legs(NamedTuple):
@@ -74,7 +74,7 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @kernel
 def free_leg(around, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """Judge the leg from (ax, ay) [m] at s [s] to (bx, by) at t: FREE, BLOCKED or UNSURE."""
-    static = certify_way(around.field, ax, ay, bx, by)
+    static = certify_segment(around.field, ax, ay, bx, by)
     return static if static == BLOCKED else min(static, certify_leg(around.traffic, ax, ay, s, bx, by, t))
 
 
@@ -114,7 +114,7 @@ def _near_all(motions, around):  # type: ignore[no-untyped-def]
 @inlined
 def _certify(motions, i, around, prepared):  # type: ignore[no-untyped-def]
     (listed, count), (ax, ay, s, bx, by, t) = prepared, _ends(motions, i)
-    static = certify_way(around.field, ax, ay, bx, by)
+    static = certify_segment(around.field, ax, ay, bx, by)
     if static == BLOCKED:
         return BLOCKED
     return min(static, certify_some(around.traffic, listed, count, ax, ay, s, bx, by, t))
@@ -129,17 +129,15 @@ def _sure(motions, i, around):  # type: ignore[no-untyped-def]
 @kernel
 def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     ax, ay, s, bx, by, t = _ends(motions, i)
+    if around.bases.state.shape[0] == 0 or to_goal:
+        tail, head = (ax, ay, s), (bx, by, t)
+        return crossings_of_leg(around.cuts, around.tracks, around.speed, tail, head, to_goal, marker, turn, count)
     count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
-    goal, static, one, two = (around.goal_x, around.goal_y), around.markers.shape[0], 0, 0
-    kept = around.bases.state.shape[0] > 0 and not to_goal
-    if kept:
-        one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
-        two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
+    goal, static = (around.goal_x, around.goal_y), around.markers.shape[0]
+    one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
+    two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
     for j in range(around.tracks.J):
-        if kept:
-            whole = turns_between(around.bases, around.tracks, j, one, two)
-        else:
-            whole = whole_turns(around.tracks, j, goal, around.speed, (ax, ay, s), (bx, by, t), to_goal)
+        whole = turns_between(around.bases, around.tracks, j, one, two)
         if whole != 0:
             marker[count], turn[count] = static + j, whole
             count += 1
@@ -162,7 +160,7 @@ def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
     """Sweep capsules where that is not certain: one among static obstacles, others in the frame of each moving one."""
     ax, ay, s, bx, by, t = motions.path[i].tolist()
     a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.traffic.J, dtype=np.bool_)
-    if certify_way(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
+    if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
         return False
     note_unsure(space.traffic, ax, ay, s, bx, by, t, unsure)
     return not (unsure.any() and space.crowd.meets(a, s, b, t, unsure))

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import Field
-from pirrht.geometry.traffic import Traffic
 from pirrht.jit.jit import inlined
+from pirrht.moving.obstacles import Traffic
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.cuts import Cuts
-from pirrht.topology.in_time import BaseCache
+from pirrht.topology.crossings import Cuts
+from pirrht.topology.homology import Homology
+from pirrht.topology.moving_crossings import BaseCache
 from pirrht.topology.tracks import MarkerTrajectories
 
 
@@ -35,16 +36,13 @@ class Surroundings(NamedTuple):
     bases: BaseCache  # kept ones
 
     @classmethod
-    def of(cls, space: FreeSpace, homology: Any = None) -> Surroundings:
-        """Take an examined scene and the classes of paths in it; without `homology` nothing moves."""
-        (x, y), static = space.scene.goal.center.tolist(), space.homology
-        tracks, speed, weights = MarkerTrajectories.of((), (), space.scene.goal.center), 1.0, static.hash_weights
-        if homology is not None and homology is not static:
-            tracks, speed, weights = homology.moving.tracks, homology.moving.speed, homology.hash_weights
+    def of(cls, space: FreeSpace, homology: Homology) -> Surroundings:
+        """Take an examined scene and the classes of paths in it."""
+        x, y = space.scene.goal.center.tolist()
         return cls(
-            field=space.field, cuts=static.cuts, markers=static.markers, weights=weights, goal_x=x, goal_y=y,
-            reach=float(space.scene.goal.radius), traffic=space.traffic, tracks=tracks, speed=speed,
-            bases=BaseCache.room(tracks.J, 0),
+            field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
+            goal_y=y, reach=float(space.scene.goal.radius), traffic=space.traffic, tracks=homology.tracks,
+            speed=homology.speed, bases=BaseCache.room(homology.J, 0),
         )  # fmt: skip
 
     def caching(self) -> Surroundings:

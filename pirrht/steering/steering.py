@@ -48,6 +48,7 @@ class Steering(ABC):
     symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
     drives: bool = True  # whether references come with the controls that drive them; else proposals must find those
     min_neighbours: int = 0  # least number of vertices to which a reference is looked for
+    timed: bool = False  # whether vertices have a time, so that its paths may go among moving obstacles
     motion: Motion = ARCS  # kind of what `connect` makes
     # (x (n,), move, step, numbers, out (n,)): write the state after one of `moves` of a pattern search over vertices
     shift: ClassVar[Callable[..., None]] = along_axes
@@ -74,8 +75,12 @@ class Steering(ABC):
         """Return the states (k, n) at the goal point (2,) [m] that the tree starts from."""
 
     def homology(self, space: FreeSpace) -> Any:
-        """Return the classes of paths in an examined scene (`Homology`)."""
-        return space.homology
+        """Signature of its paths in an examined scene (`Signature`); here about static obstacles only."""
+        return space.homology.static
+
+    def at(self, x: Array, time: float) -> Array:
+        """Return the state to query a tree at, for a system's state x (n,) at a time [s]; here without the time."""
+        return x
 
     def vertex_of(self, x: Array) -> Array:
         """Take the part of a system's state (..., n) that a vertex of the tree has; here all of it."""

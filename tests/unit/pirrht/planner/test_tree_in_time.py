@@ -12,7 +12,7 @@ from moving import SCENES, hall, moved
 
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.crowd import MovingObstacles
+from pirrht.moving.collision import MovingObstacles
 from pirrht.planner.around import SHARED
 from pirrht.planner.extend import Vertices
 from pirrht.planner.file import load, save
@@ -218,7 +218,7 @@ def test_a_class_whose_earlier_path_is_short_is_looked_at_whatever_the_tree_make
 def test_edges_that_are_judged_in_parts_are_those_that_are_judged_at_once():
     tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 500)
     vertices = Vertices(tree.states[: tree.size], tree.in_goal[: tree.size])
-    once, parts = (tree.around.edges_from(START, vertices, tree.steering.asked, threads) for threads in (1, 3))
+    once, parts = (tree.around.edges_from(START, vertices, tree.steering.min_neighbours, threads) for threads in (1, 3))
     assert len(once.near) > 2 * SHARED
     for one, other in zip([*once[:3], *once.turns], [*parts[:3], *parts.turns], strict=True):
         assert np.array_equal(one, other)
