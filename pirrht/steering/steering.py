@@ -170,7 +170,7 @@ class CompiledSteering(Steering):
 
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost of the obstacle-blind optimum, tails to heads, (..., n) x 2 -> (...,) [cost]."""
-        tails, heads = np.broadcast_arrays(tails, heads)
+        tails, heads = (np.array(states, dtype=float) for states in np.broadcast_arrays(tails, heads))
         out = np.empty(tails.shape[:-1])
         _costs_with(type(self).cost, self.n)(rows(tails, self.n), rows(heads, self.n), self.numbers, out.reshape(-1))
         return out
