@@ -249,7 +249,7 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
     assert isinstance(car, Dubins)
     saved = []
     for raw in grown.references(grown.space.scene.start, polished=False):
-        path = polish(raw.path, car, grown.around.checker)
+        path = polish(raw.path, car, grown.checker)
         assert path.length.sum() <= raw.path.length.sum()
         saved.append(1.0 - path.length.sum() / raw.path.length.sum())
         assert np.abs(path.curvature).max() * car.radius <= 1 + 1e-9
@@ -259,9 +259,9 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
         np.testing.assert_allclose(wrapped(finish[:-1, 2] - path.start[1:, 2]), 0.0, atol=1e-8)
         assert np.hypot(*(finish[-1, :2] - goal.center)) == pytest.approx(goal.radius, abs=1e-8)
         assert homology.winding(np.vstack(path.points(0.005))) == raw.winding
-        assert np.all(grown.around.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
-        np.testing.assert_array_equal(polish(raw.path, car, grown.around.checker).length, path.length)
-        more = cheapest_chain(path, car, grown.around.checker, ChainTuning(stations=(30, 40)))
+        assert np.all(grown.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
+        np.testing.assert_array_equal(polish(raw.path, car, grown.checker).length, path.length)
+        more = cheapest_chain(path, car, grown.checker, ChainTuning(stations=(30, 40)))
         assert more.length.sum() > 0.9 * path.length.sum()
     assert len(saved) >= 6
     assert np.mean(saved) > 0.01
