@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.jit import vectors
 from pirrht.jit.addresses import load_float64
 from pirrht.jit.jit import inlined, jitable, part
-from pirrht.jit.vectors import bounded, mixed, product, summed
 from pirrht.rollouts.general.kind import KernelSpec, is_gated, takes_law
 from pirrht.rollouts.tables import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
@@ -124,10 +124,10 @@ def nearest_of(n: int, angles: int) -> Any:
 @cache
 def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
     """Build kernels for rows of m or of `most` modes, at addresses; their last argument tells which."""
-    affine_few, affine_many = summed(n, m), summed(n, most)
-    clip_few, clip_many = bounded(m), bounded(most)
-    matvec_few, matvec_many = product(m, m), product(most, most)
-    axpy_few, axpy_many = mixed(m), mixed(most)
+    affine_few, affine_many = vectors.affine(n, m), vectors.affine(n, most)
+    clip_few, clip_many = vectors.clip(m), vectors.clip(most)
+    matvec_few, matvec_many = vectors.matvec(m, m), vectors.matvec(most, most)
+    axpy_few, axpy_many = vectors.axpy(m), vectors.axpy(most)
 
     @part
     def affine(out, row, beside, modes):  # type: ignore[no-untyped-def]

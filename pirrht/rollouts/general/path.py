@@ -27,10 +27,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.addresses import load_float64
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import borrowing, part
-from pirrht.jit.linear import solve
 from pirrht.jit.streams import antithetic, stream
+from pirrht.jit.vectors import copy_row, copy_rows, solve
 from pirrht.moving.broad_phase import begin_list
 from pirrht.moving.exits import look_anew
 from pirrht.rollouts.first_exit import INSIDE, distances
@@ -87,13 +86,8 @@ def recorder(kind: KernelSpec) -> Any:
     Where walls push, the lead over a step is the mean of both ends, to second order: the next step adds the second half
     (`owed`). Among moving obstacles a share `counted` of a point's law is taken, of a steady one of what walls push.
     """
-    m, noisy_position, gaining, gated, steady = (
-        kind.m,
-        kind.noisy_position,
-        kind.gaining,
-        is_gated(kind),
-        is_steady(kind),
-    )
+    m, noisy_position, gaining = kind.m, kind.noisy_position, kind.gaining
+    gated, steady = is_gated(kind), is_steady(kind)
 
     @part
     def to_controls(scratch, inverse):  # type: ignore[no-untyped-def]
