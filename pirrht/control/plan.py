@@ -17,10 +17,8 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
-from pirrht.outcome import Outcome
 from pirrht.planner.reference import Reference
-from pirrht.plotting import axes as axes_of
-from pirrht.plotting import ground, lines
+from pirrht.plotting import plans
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,34 +109,9 @@ class Plan:
         """
         if self.space is None:
             raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
-        axes = axes_of.on(axes, "plan.plot")
-        ground.draw(axes, self.space.scene, self.time)
-        ground.foreseen(axes, self.movers, self.time)
-        self._plot_samples(axes, samples)
-        by = self._weights()
-        labels = [f"{shown.turns(id)}: {shown.share(by[id]) if id in by else '-'}" for id in self.ids]
-        drawn = list(zip(self.references, labels, strict=False))
-        lines.classes(axes, [one.trajectory.points for one, _ in drawn], [label for _, label in drawn], "class: weight")
-        lines.dot(axes, self.state)
-        if len(self.control) == 2:
-            lines.arrow(axes, self.state[:2], self.state[:2] + 0.5 * self.control)  # where it leads to in 0.5 s
-        axes.set_title(f"{self.space.scene.name} at {self.time:.2f} s", fontsize=10)
-        return axes
-
-    def _plot_samples(self, axes: Any, count: int) -> None:
-        """Draw the heaviest samples, stronger the more they weigh, then as many of those that died."""
-        if self.estimate is None or self.replay is None or count < 1:
-            return
-        rollouts, weight = self.estimate.rollouts, self.estimate.weight
-        arrived = np.flatnonzero(rollouts.paths.outcome == Outcome.GOAL)
-        died = np.flatnonzero(rollouts.paths.outcome == Outcome.COLLISION)[:count]
-        best = arrived[np.argsort(-weight[arrived], kind="stable")[:count]]
-        share = weight[best] / max(float(weight[best].max(initial=0.0)), 1e-300)
-        for chosen, opacity in ((died, 0.08), (best, 0.08 + 0.52 * share)):
-            if len(chosen):
-                states, steps = self.replay.trace(rollouts, chosen)
-                paths = [path[: int(count) + 1, :2] for path, count in zip(states, steps, strict=True)]
-                lines.many(axes, paths, lines.SAMPLE, width=0.7, opacity=opacity, zorder=2)
+        weights = self._weights()
+        labels = [f"{shown.turns(id)}: {shown.share(weights[id]) if id in weights else '-'}" for id in self.ids]
+        return plans.draw(self, labels[: len(self.references)], samples, axes)
 
     @property
     def tape(self) -> Array:
@@ -189,10 +162,3 @@ class Plan:
         if self.estimate is None or self.followed is not None or favourite is None:
             return favourite
         return favourite if (self.shares or self.estimate.class_weights)[favourite] >= TUNING.decided else None
-
-
-def shifted(times: Array, tape: Array, then: Array) -> Array:
-    """Means (T, m) of a tape (k, m) with step ends `times` (k+1,) over the steps that end at `then` (T+1,) [s]."""
-    whole = np.vstack([np.zeros(tape.shape[1]), np.cumsum(tape * np.diff(times)[:, None], axis=0)])
-    at = np.column_stack([np.interp(then, times, column) for column in whole.T])
-    return np.asarray(np.diff(at, axis=0) / np.diff(then)[:, None])

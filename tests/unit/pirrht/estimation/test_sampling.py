@@ -14,7 +14,7 @@ from batches import batch_of
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.control.plan import shifted
+from pirrht.control.mppi import shifted
 from pirrht.estimation.allocation import RENEWED, Allocation
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
